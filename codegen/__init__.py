@@ -1,0 +1,6 @@
+"""Mathematics to code: the operation graph, its layout, one printer a language, one small description a target.
+
+Start at :func:`codegen.generate.generate`, the pipeline from a drive to a folder of files.
+"""
+
+__version__ = "0.1.0"

@@ -1,0 +1,72 @@
+"""Samples of the operating box: random states, covariances, inputs and measurements of a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from model.drive import Drive
+from model.quantities import Constants
+from model.machines import MACHINES
+from model.machines.base import Parameters
+from model.state_space import StateSpaceModel
+
+
+@dataclass(frozen=True)
+class BoxSamples:
+    """Arrays with a trailing sample axis B: x (n, B), P (n(n+1)/2, B) packed, u (2, B) in V, y (2, B) in A."""
+
+    x: np.ndarray
+    P: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+
+
+def sample_box(drive: Drive, model: StateSpaceModel, count: int, seed: int = 1) -> BoxSamples:
+    """Draw ``count`` situations, values rounded to float32 so that both precisions start from the same numbers.
+
+    Currents, speed and voltage are uniform in the declared box (currents within 70 % of it, so that a
+    measurement inside the box can be drawn), the angle is uniform over the circle. One sigma of each state is
+    log-uniform between that of one step's process noise and twice that of P_0, the correlation is random.
+    The measurement belongs to a true state drawn from the covariance, and carries the measurement noise.
+    """
+    rng = np.random.default_rng(seed)
+    n = len(model.states)
+    x = _states(drive, rng, count)
+    P = _covariances(drive, rng, count, n)
+    voltage = drive.operating_box.voltage
+    u = rng.uniform(-voltage, voltage, (2, count))
+    root = np.linalg.cholesky(P)
+    truth = x + np.einsum("bij,jb->ib", root, rng.uniform(-1.5, 1.5, (n, count)))
+    step = ca.Function("step", [model.x, model.u], [model.numeric(model.f)]).map(count)
+    observe = ca.Function("observe", [model.x], [model.numeric(model.h)]).map(count)
+    y = np.array(observe(step(truth, u)))
+    y += np.sqrt(drive.filter.measurement_noise)[:, None] * rng.uniform(-1.5, 1.5, (2, count))
+    y = np.clip(y, -drive.operating_box.current, drive.operating_box.current)
+    packed = np.array([P[:, i, j] for i in range(n) for j in range(i + 1)])
+    return BoxSamples(*(array.astype(np.float32).astype(float) for array in (x, packed, u, y)))
+
+
+def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
+    box = drive.operating_box
+    i = rng.uniform(-0.7 * box.current, 0.7 * box.current, (2, count))
+    omega = rng.uniform(-box.speed, box.speed, count)
+    theta = rng.uniform(-np.pi, np.pi, count) * (1 - 1e-6)
+    machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
+    current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
+    z = machine.electrical_state((current[0], current[1]), angle)
+    electrical = ca.Function("electrical", [current, angle], [ca.vertcat(*z)]).map(count)
+    return np.vstack([np.array(electrical(i, theta[None, :])), omega, theta])
+
+
+def _covariances(drive: Drive, rng: np.random.Generator, count: int, n: int) -> np.ndarray:
+    low = np.sqrt(drive.filter.process_noise)
+    high = 2 * np.sqrt(drive.filter.initial_covariance)
+    sigma = np.exp(rng.uniform(np.log(np.minimum(low, high)), np.log(np.maximum(low, high)), (count, n)))
+    factor = rng.uniform(-1, 1, (count, n, n + 2))
+    P = factor @ factor.transpose(0, 2, 1)
+    norm = np.sqrt(np.einsum("bii->bi", P))
+    scale = sigma / norm
+    return np.asarray(P * scale[:, :, None] * scale[:, None, :])

@@ -1,0 +1,160 @@
+"""The operation graph: what CasADi's instruction tape says, every operation once.
+
+Nodes are hash-consed, so common subexpressions are shared by construction; addition and multiplication
+are matched in either order (both give the same bits), and printed in the order first met.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+COMMUTATIVE = frozenset({"add", "mul"})
+
+
+@dataclass(frozen=True)
+class Node:
+    """One operation. ``name`` is set for inputs and named constants, ``value`` for constants."""
+
+    op: str
+    args: tuple[int, ...] = ()
+    name: str = ""
+    value: float = 0.0
+
+
+class Graph:
+    """A growing list of nodes; a node's index is its identity.
+
+    >>> g = Graph()
+    >>> a, b = g.input("a"), g.input("b")
+    >>> g.op("add", a, b) == g.op("add", b, a)
+    True
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._index: dict[tuple[Any, ...], int] = {}
+
+    def __getitem__(self, index: int) -> Node:
+        return self.nodes[index]
+
+    def _add(self, node: Node, key: tuple[Any, ...]) -> int:
+        if key not in self._index:
+            self._index[key] = len(self.nodes)
+            self.nodes.append(node)
+        return self._index[key]
+
+    def input(self, name: str) -> int:
+        """A scalar that enters the block."""
+        return self._add(Node("input", name=name), ("input", name))
+
+    def const(self, value: float, name: str = "") -> int:
+        """A number; one with a name keeps it in print."""
+        return self._add(Node("const", name=name, value=value), ("const", name, repr(value)))
+
+    def op(self, op: str, *args: int) -> int:
+        """An operation; the few rewrites here change no bit of its result."""
+        simplified = self._exact_rewrite(op, args)
+        if simplified is not None:
+            return simplified
+        key = (op, *(sorted(args) if op in COMMUTATIVE else args))
+        return self._add(Node(op, tuple(args)), key)
+
+    def _exact_rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
+        constants = [self.nodes[arg].value if self.nodes[arg].op == "const" else None for arg in args]
+        if op == "mul" and 1.0 in constants:
+            return args[1 - constants.index(1.0)]
+        if op == "div" and constants[1] is not None and math.frexp(constants[1])[0] == 0.5:
+            return self.op("mul", args[0], self.const(1.0 / constants[1]))  # a power of two: exact either way
+        if op == "neg" and constants[0] is not None:
+            return self.const(-constants[0])
+        return None
+
+    def reachable(self, roots: Iterable[int]) -> list[int]:
+        """All nodes the roots depend on, arguments before users."""
+        seen: dict[int, None] = {}
+        stack = [(root, False) for root in reversed(list(roots))]
+        while stack:
+            index, expanded = stack.pop()
+            if index in seen:
+                continue
+            if expanded:
+                seen[index] = None
+                continue
+            stack.append((index, True))
+            stack.extend((arg, False) for arg in reversed(self.nodes[index].args))
+        return list(seen)
+
+
+_BINARY = {
+    ca.OP_ADD: "add",
+    ca.OP_SUB: "sub",
+    ca.OP_MUL: "mul",
+    ca.OP_DIV: "div",
+}
+_UNARY = {
+    ca.OP_NEG: "neg",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+}
+
+
+class UnsupportedOperationError(ValueError):
+    """The tape holds an operation no printer knows; the message names it."""
+
+
+def read_tape(graph: Graph, function: Any, inputs: list[list[int]]) -> list[list[int]]:
+    """Replay a CasADi SX Function into ``graph``.
+
+    Parameters
+    ----------
+    graph : Graph
+    function : casadi.Function
+        An SX function; every output dense or sparse, read by nonzero.
+    inputs : list of list of int
+        For each input of the function, the graph node of each of its entries.
+
+    Returns
+    -------
+    list of list of int
+        For each output, the node of each nonzero.
+    """
+    work: dict[int, int] = {}
+    outputs = [[0] * function.nnz_out(k) for k in range(function.n_out())]
+    for k in range(function.n_instructions()):
+        op = function.instruction_id(k)
+        source, target = function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_INPUT:
+            work[target[0]] = inputs[source[0]][source[1]]
+        elif op == ca.OP_OUTPUT:
+            outputs[target[0]][target[1]] = work[source[0]]
+        elif op == ca.OP_CONST:
+            work[target[0]] = graph.const(float(function.instruction_constant(k)))
+        else:
+            work[target[0]] = _replay(graph, op, [work[s] for s in source])
+    return outputs
+
+
+def _replay(graph: Graph, op: int, args: list[int]) -> int:
+    if op in _BINARY:
+        return graph.op(_BINARY[op], args[0], args[1])
+    if op in _UNARY:
+        return graph.op(_UNARY[op], args[0])
+    if op == ca.OP_SQ:
+        return graph.op("mul", args[0], args[0])
+    if op == ca.OP_TWICE:
+        return graph.op("mul", graph.const(2.0), args[0])
+    if op == ca.OP_INV:
+        return graph.op("div", graph.const(1.0), args[0])
+    if op == ca.OP_REMAINDER and graph[args[1]].op == "const" and abs(graph[args[1]].value - 2 * math.pi) < 1e-12:
+        return graph.op("wrap", args[0])
+    names = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
+    raise UnsupportedOperationError(
+        f"no printer for CasADi operation {names.get(op, op)}; "
+        "known: + - * / sqrt sin cos, x**2, and remainder(x, 2 pi) for wrapping an angle"
+    )

@@ -1,0 +1,179 @@
+"""From a block to an ordered, named listing: what the printers print, still without a language.
+
+An operation gets a local of its own if a stage names it or if it is used more than once; everything else
+is written where it is used. Sections follow the paper's equation numbers.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from codegen.graph import Graph, read_tape
+from model.quantities import Block, Constant, Stage
+
+
+@dataclass(frozen=True)
+class Statement:
+    """``name = expression of node``; for op ``sincos`` the names of sine and cosine and the angle's node."""
+
+    node: int
+    name: str
+    pair: tuple[str, str] | None = None
+
+
+@dataclass
+class Section:
+    """Statements that serve one equation."""
+
+    equation: str
+    title: str
+    statements: list[Statement] = field(default_factory=list)
+
+
+@dataclass
+class Listing:
+    """A block, ready to print."""
+
+    block: Block
+    graph: Graph
+    names: dict[int, str]
+    sections: list[Section]
+    outputs: dict[str, list[int]]
+    stages: dict[str, list[int]]
+    live: frozenset[int]
+
+    @property
+    def used_inputs(self) -> dict[str, list[tuple[int, str]]]:
+        """For each input port, the (position, name) of the scalars the block really reads."""
+        live_names = {self.graph[node].name for node in self.live if self.graph[node].op == "input"}
+        return {
+            port.name: [(k, name) for k, name in enumerate(port.names) if name in live_names] for port in self.block.inputs
+        }
+
+    def operations(self) -> Counter[str]:
+        """Operations of one run: add (with sub and neg), mul, div, sqrt, sincos, wrap."""
+        count: Counter[str] = Counter()
+        angles = set()
+        for index in self.live:
+            node = self.graph[index]
+            if node.op in {"sin", "cos"}:
+                angles.add(node.args[0])
+            elif node.op in {"add", "sub", "neg"}:
+                count["add"] += 1
+            elif node.op not in {"input", "const"}:
+                count[node.op] += 1
+        count["sincos"] += len(angles)
+        return count
+
+
+def lay_out(block: Block, constants: list[Constant]) -> Listing:
+    """Read a block's tape, name its operations and order them."""
+    graph, outputs, stages = _to_graph(block, constants)
+    roots = [node for nodes in outputs.values() for node in nodes]
+    live = frozenset(graph.reachable(roots))
+    names = _name(block, graph, stages, live)
+    sections = _order(block, graph, names, stages, live, roots)
+    return Listing(block, graph, names, sections, outputs, stages, live)
+
+
+def _to_graph(block: Block, constants: list[Constant]) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
+    graph = Graph()
+    ports = [ca.vertcat(*port.entries) for port in block.inputs]
+    results = [ca.vertcat(*(ca.SX(entry) for entry in item)) for item in _results(block)]
+    symbols = [ca.vertcat(*(constant.symbol for constant in constants))] if constants else []
+    function = ca.Function(block.name, [*ports, *symbols], [ca.densify(result) for result in results])
+    inputs = [[graph.input(name) for name in port.names] for port in block.inputs]
+    if constants:
+        inputs.append([graph.const(constant.value, constant.name) for constant in constants])
+    nodes = read_tape(graph, function, inputs)
+    stage_nodes = dict(zip((stage.name for stage in block.stages), nodes, strict=False))
+    assert len(stage_nodes) == len(block.stages), "stage names must differ within a block"
+    output_nodes = dict(zip((port.name for port in block.outputs), nodes[len(block.stages) :], strict=True))
+    return graph, output_nodes, stage_nodes
+
+
+def _results(block: Block) -> list[tuple[object, ...]]:
+    return [stage.entries for stage in block.stages] + [port.entries for port in block.outputs]
+
+
+def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozenset[int]) -> dict[int, str]:
+    """Every node that gets a name: inputs, named constants, stage entries, sines and cosines, shared work."""
+    names = {k: node.name for k, node in enumerate(graph.nodes) if node.name}
+    taken = set(names.values())
+    for stage in block.stages:
+        for node, name in zip(stages[stage.name], stage.names, strict=True):
+            if node in live and node not in names and graph[node].op != "const":
+                names[node] = _fresh(name, taken)
+    uses = Counter(arg for index in live for arg in graph[index].args)
+    for index in sorted(live):
+        node = graph[index]
+        if node.op in {"sin", "cos"}:
+            angle = names.setdefault(node.args[0], _fresh("angle", taken))
+            names[index] = _fresh(f"{node.op}_{angle}", taken)
+        elif index not in names and uses[index] > 1 and node.op not in {"const", "neg"}:
+            names[index] = _fresh(_describe(graph, index, names), taken)
+    return names
+
+
+def _describe(graph: Graph, index: int, names: dict[int, str]) -> str:
+    """A name for work that is shared but that no stage names: what it is made of."""
+    node = graph[index]
+    parts = [names.get(arg, "").lower() if graph[arg].op == "const" else names.get(arg, "") for arg in node.args]
+    if not all(parts):
+        return "shared"
+    if node.op == "mul" and parts[0] == parts[1]:
+        return f"{parts[0]}_sq"
+    return f"_{ {'add': 'plus', 'sub': 'minus', 'mul': 'times', 'div': 'per'}.get(node.op, node.op)}_".join(parts)
+
+
+def _fresh(name: str, taken: set[str]) -> str:
+    unique, k = name, 2
+    while unique in taken:
+        unique, k = f"{name}_{k}", k + 1
+    taken.add(unique)
+    return unique
+
+
+def _order(
+    block: Block, graph: Graph, names: dict[int, str], stages: dict[str, list[int]], live: frozenset[int], roots: list[int]
+) -> list[Section]:
+    sections: list[Section] = []
+    done: set[int] = set()
+    for equation, title, nodes in [*_by_equation(block.stages, stages), ("", "", roots)]:
+        section = Section(equation, title)
+        for index in graph.reachable(node for node in nodes if node in live):
+            if index in done:
+                continue
+            done.add(index)
+            node = graph[index]
+            if node.op in {"sin", "cos"}:
+                done |= _pair(graph, names, node.args[0], section, done)
+            elif index in names and node.op not in {"input", "const"}:
+                section.statements.append(Statement(index, names[index]))
+        if section.statements:
+            sections.append(section)
+    return sections
+
+
+def _pair(graph: Graph, names: dict[int, str], angle: int, section: Section, done: set[int]) -> set[int]:
+    """Sine and cosine of an angle come from one call; returns the nodes it settles."""
+    sin, cos = graph.op("sin", angle), graph.op("cos", angle)
+    statement = Statement(angle, f"sincos_{names[angle]}", (names.get(sin, ""), names.get(cos, "")))
+    if not any(known.name == statement.name for known in section.statements):
+        section.statements.append(statement)
+    return {sin, cos}
+
+
+def _by_equation(stages: tuple[Stage, ...], nodes: dict[str, list[int]]) -> list[tuple[str, str, list[int]]]:
+    """Neighbouring stages of one equation share a section."""
+    groups: list[tuple[str, list[str], list[int]]] = []
+    for stage in stages:
+        if not groups or groups[-1][0] != stage.equation:
+            groups.append((stage.equation, [], []))
+        if stage.meaning:
+            groups[-1][1].append(stage.meaning)
+        groups[-1][2].extend(nodes[stage.name])
+    return [(equation, "; ".join(titles), members) for equation, titles, members in groups]

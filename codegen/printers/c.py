@@ -1,0 +1,150 @@
+"""C89: blocks become static functions of const locals, the step becomes calls, one loop and one branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from codegen.layout import Listing, Statement
+from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
+from codegen.targets import Target
+from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
+from model.quantities import Block
+
+INDENT = "    "
+
+
+class CPrinter(ExpressionPrinter):
+    """Prints listings for one target.
+
+    >>> from codegen.targets import F28335
+    >>> CPrinter(F28335).format_literal(0.1)
+    '0.1f'
+    """
+
+    def __init__(self, target: Target) -> None:
+        self.target = target
+
+    # --- expressions
+
+    def format_literal(self, value: float) -> str:
+        """Shortest decimal that reads back to the same bits in the target's format."""
+        rounded = np.float32(value) if self.target.suffix else np.float64(value)
+        text = str(rounded)
+        if not any(mark in text for mark in ".e"):
+            text += ".0"
+        return text + self.target.suffix
+
+    def format_sqrt(self, argument: str) -> str:
+        return f"{self.target.sqrt}({argument})"
+
+    def format_wrap(self, argument: str) -> str:
+        return f"wrap_angle({argument})"
+
+    def format_select(self, left: str, comparison: str, right: str) -> str:
+        return f"({left} {comparison} {right}) ? {left} : {right}"
+
+    # --- statements
+
+    def format_statement(self, listing: Listing, statement: Statement) -> list[str]:
+        """One declaration, or the three that sine and cosine take."""
+        if statement.pair is None:
+            return [self._declaration(statement.name, self.expression(listing, statement.node))]
+        angle = listing.names[statement.node]
+        lines = [f"{INDENT}const sin_cos_pair {statement.name} = sin_cos({angle});"]
+        for name, member in zip(statement.pair, ("sine", "cosine"), strict=True):
+            if name:
+                lines.append(self._declaration(name, f"{statement.name}.{member}"))
+        return lines
+
+    def _declaration(self, name: str, expression: str) -> str:
+        return wrap_line(f"const {self.target.real} {name} = {expression};", INDENT, INDENT)
+
+    def format_body(self, listing: Listing) -> list[str]:
+        """Sections with their headings."""
+        lines: list[str] = []
+        for section in listing.sections:
+            heading = ": ".join(part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part)
+            if heading:
+                lines += ["", wrap_line(f"/* --- {heading} */", INDENT, "   ")]
+            for statement in section.statements:
+                lines += self.format_statement(listing, statement)
+        return lines
+
+    # --- functions
+
+    def format_block(self, listing: Listing) -> str:
+        """A block as a static function: inputs read first, outputs written last, so they may alias."""
+        lines = [f"/* {listing.block.title} */", *self._signature(listing.block), "{"]
+        for port, used in listing.used_inputs.items():
+            lines += [f"{INDENT}const {self.target.real} {name} = {port}[{k}];" for k, name in used]
+        lines += [*self.format_body(listing), ""]
+        for port, nodes in listing.outputs.items():
+            lines += [
+                wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT) for k, node in enumerate(nodes)
+            ]
+        return "\n".join([*lines, "}"])
+
+    def _signature(self, block: Block) -> list[str]:
+        real = self.target.real
+        args = [unbroken(f"const {real} {port.name}[{len(port.entries)}]") for port in block.inputs]
+        args += [unbroken(f"{real} {port.name}_out[{len(port.entries)}]") for port in block.outputs]
+        return wrap_line(f"static void {block.name}({', '.join(args)})", "", INDENT).split("\n")
+
+    def format_helper(self, listing: Listing) -> str:
+        """The generated sin_cos (returns a pair) or wrap_angle (returns the angle)."""
+        lines = [line for line in self.format_body(listing) if line]
+        results = {key: self.expression(listing, nodes[0]) for key, nodes in listing.outputs.items()}
+        if len(results) == 1:
+            (expression,) = results.values()
+            lines.append(f"{INDENT}return {expression};")
+        else:
+            lines.insert(0, f"{INDENT}sin_cos_pair result;")
+            lines += [wrap_line(f"result.{key} = {text};", INDENT, INDENT) for key, text in results.items()]
+            lines.append(f"{INDENT}return result;")
+        returned = self.target.real if len(results) == 1 else "sin_cos_pair"
+        return "\n".join([f"static {returned} {listing.block.name}({self.target.real} x)", "{", *lines, "}"])
+
+    # --- the step
+
+    def format_program(self, body: tuple[Node, ...], depth: int = 1) -> list[str]:
+        """The control flow of a step; state arrays live in the struct ``f``, the others on the stack."""
+        lines: list[str] = []
+        for node in body:
+            lines += self._format_node(node, depth)
+        return lines
+
+    def _format_node(self, node: Node, depth: int) -> list[str]:
+        pad = INDENT * depth
+        if isinstance(node, Call):
+            return [wrap_line(_call(node.block), pad, INDENT)]
+        if isinstance(node, Copy):
+            return [f"{pad}copy({node.target}, {node.source}, N_STATES);"]
+        if isinstance(node, Repeat):
+            return [
+                f"{pad}iterations = 0;",
+                f"{pad}do {{",
+                *self.format_program(node.body, depth + 1),
+                f"{pad}{INDENT}iterations++;",
+                f"{pad}{INDENT}moving = !({node.change}[0] <= f->tolerance * f->tolerance); /* eq. 33 */",
+                f"{pad}}} while (moving && iterations < f->max_iterations);",
+                f"{pad}if (moving) {{",
+                f"{pad}{INDENT}status |= PMSM_NOT_CONVERGED;",
+                f"{pad}}}",
+            ]
+        assert isinstance(node, IfAccepted)
+        return [
+            f"{pad}if (accepted) {{",
+            *self.format_program(node.then, depth + 1),
+            f"{pad}}} else {{",
+            *self.format_program(node.otherwise, depth + 1),
+            f"{pad}}}",
+        ]
+
+
+#: Arrays that live in the struct, and the field behind a block's argument.
+STRUCT_FIELDS = {"x": "f->x", "P": "f->P", "Q": "f->Q", "R": "f->R", "u": "f->u_held"}
+
+
+def _call(block: Block) -> str:
+    args = [STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs)]
+    return f"{block.name}({', '.join(args)});"

@@ -1,0 +1,156 @@
+"""Python: the same listings as straight-line NumPy, working on scalars and on arrays with a trailing batch axis."""
+
+from __future__ import annotations
+
+from codegen.layout import Listing, Statement
+from codegen.printers.expression import ExpressionPrinter, wrap_line
+from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
+from model.quantities import Block
+
+INDENT = "    "
+
+
+class PythonPrinter(ExpressionPrinter):
+    """Prints listings as NumPy functions.
+
+    A literal is written as the double it is. NumPy rounds it to float32 when it meets a float32 array, which
+    is the value the C printer writes with an f suffix: one text serves both precisions.
+    """
+
+    def format_literal(self, value: float) -> str:
+        return repr(float(value))
+
+    def format_sqrt(self, argument: str) -> str:
+        return f"np.sqrt({argument})"
+
+    def format_wrap(self, argument: str) -> str:
+        return f"math.wrap({argument})"
+
+    def format_select(self, left: str, comparison: str, right: str) -> str:
+        return f"np.where({left} {comparison} {right}, {left}, {right})[()]"
+
+    # --- statements
+
+    def format_statement(self, listing: Listing, statement: Statement) -> str:
+        if statement.pair is None:
+            return _assignment(statement.name, self.expression(listing, statement.node))
+        names = ", ".join(name or "_" for name in statement.pair)
+        return f"{INDENT}{names} = math.sin_cos({listing.names[statement.node]})"
+
+    def format_body(self, listing: Listing) -> list[str]:
+        lines: list[str] = []
+        for section in listing.sections:
+            heading = ": ".join(part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part)
+            if heading:
+                lines += ["", wrap_line(f"# --- {heading}", INDENT, "# ")]
+            lines += [self.format_statement(listing, statement) for statement in section.statements]
+        return lines
+
+    # --- functions
+
+    def format_block(self, listing: Listing) -> str:
+        """A block as a function of sequences of scalars (or of arrays, one lane each)."""
+        block = listing.block
+        arguments = ", ".join([*(port.name for port in block.inputs), "math", "stages=None"])
+        lines = [f"def {block.name}({arguments}):", f'{INDENT}"""{block.title}."""']
+        for port in block.inputs:
+            lines += self._format_input(port.name, len(port.entries), listing.used_inputs[port.name])
+        lines += [*self.format_body(listing), ""]
+        if listing.stages:
+            lines += self._format_stages(listing)
+        results = [self._tuple(listing, nodes) for nodes in listing.outputs.values()]
+        if len(results) == 1:
+            lines.append(wrap_line(f"return {results[0]}", INDENT, INDENT))
+        else:
+            lines += [f"{INDENT}return (", *(wrap_line(f"{text},", INDENT * 2, INDENT) for text in results), f"{INDENT})"]
+        return "\n".join(lines)
+
+    @staticmethod
+    def _format_input(port: str, length: int, used: list[tuple[int, str]]) -> list[str]:
+        if len(used) == length and length > 1:
+            return [wrap_line(f"({', '.join(name for _, name in used)}) = {port}", INDENT, INDENT)]
+        return [f"{INDENT}{name} = {port}[{k}]" for k, name in used]
+
+    def _format_stages(self, listing: Listing) -> list[str]:
+        lines = [f"{INDENT}if stages is not None:"]
+        for stage in listing.block.stages:
+            if stage.scale != "none":
+                text = f'stages["{stage.name}"] = {self._tuple(listing, listing.stages[stage.name])}'
+                lines.append(wrap_line(text, INDENT * 2, INDENT))
+        return lines
+
+    def _tuple(self, listing: Listing, nodes: list[int]) -> str:
+        return f"({', '.join(self.reference(listing, node) for node in nodes)},)"
+
+    def format_helper(self, listing: Listing, suffix: str) -> str:
+        """sin_cos or wrap_angle for one precision."""
+        results = ", ".join(self.expression(listing, nodes[0]) for nodes in listing.outputs.values())
+        constants = [node for node in listing.graph.nodes if node.op == "const" and node.name]
+        body = [_assignment(node.name, self.format_literal(node.value)) for node in constants]
+        body += [line for line in self.format_body(listing) if line]
+        return "\n".join([f"def _{listing.block.name}_{suffix}(x):", *body, wrap_line(f"return {results}", INDENT, INDENT)])
+
+    # --- the step
+
+    def format_program(self, body: tuple[Node, ...]) -> list[str]:
+        lines: list[str] = []
+        for node in body:
+            lines += self._format_node(node)
+        return lines
+
+    def _format_node(self, node: Node) -> list[str]:
+        if isinstance(node, Call):
+            return [f"{INDENT}{_call(node.block)}"]
+        if isinstance(node, Copy):
+            return [f"{INDENT}{node.target} = {node.source}"]
+        if isinstance(node, Repeat):
+            return self._format_repeat(node)
+        assert isinstance(node, IfAccepted)
+        return self._format_branch(node)
+
+    def _format_repeat(self, node: Repeat) -> list[str]:
+        """A lane that has converged is frozen, so every lane sees the scalar loop's bits."""
+        (call,) = node.body
+        outputs = [port.name for port in call.block.outputs]
+        kept = [name for name in outputs if name != node.change]
+        pad = INDENT * 2
+        return [
+            f"{INDENT}moving = accepted",
+            f"{INDENT}for j in range(max(1, int(f.max_iterations))):",
+            f"{pad}iterate = None if stages is None else {{}}",
+            pad + _call(call.block, stages="iterate", prefix="new_"),
+            *(f"{pad}{name} = new_{name} if j == 0 else _select(moving, new_{name}, {name})" for name in kept),
+            f"{pad}if stages is not None:",
+            f'{pad}{INDENT}stages.setdefault("iterates", []).append(iterate)',
+            f"{pad}iterations = iterations + np.where(moving, 1, 0)",
+            f"{pad}moving = moving & ~(new_{node.change}[0] <= f.tolerance * f.tolerance)",
+            f"{pad}if not np.any(moving):",
+            f"{pad}{INDENT}break",
+            f"{INDENT}status = status | np.where(moving, NOT_CONVERGED, 0)",
+        ]
+
+    def _format_branch(self, node: IfAccepted) -> list[str]:
+        (otherwise,) = node.otherwise
+        assert isinstance(otherwise, Call)
+        return [
+            *self.format_program(node.then),
+            f"{INDENT}if not np.all(accepted):",
+            f"{INDENT}{INDENT}{_call(otherwise.block, prefix='coast_')}",
+            f"{INDENT}{INDENT}x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)",
+        ]
+
+
+def _assignment(name: str, expression: str) -> str:
+    line = f"{INDENT}{name} = {expression}"
+    wrapped = wrap_line(f"{name} = ({expression})", INDENT, INDENT)
+    return line if len(line) <= 110 else wrapped
+
+
+#: Where a block's argument comes from: the filter's tuning, or a local of the step.
+_ARGUMENTS = {"Q": "f.Q", "R": "f.R", "u": "u_held"}
+
+
+def _call(block: Block, stages: str = "stages", prefix: str = "") -> str:
+    args = [_ARGUMENTS.get(port.name, port.name) for port in block.inputs]
+    results = ", ".join(prefix + port.name for port in block.outputs)
+    return f"{results} = {block.name}({', '.join([*args, 'math', stages])})"

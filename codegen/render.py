@@ -1,0 +1,235 @@
+"""Templates filled in: one C pair a filter and target, one Python module a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from codegen import __version__
+from codegen.certificate import Certificate
+from codegen.cost import CYCLES_PER_OPERATION, Cost
+from codegen.layout import Listing
+from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
+from codegen.printers.python import PythonPrinter
+from codegen.targets import Target
+from codegen.trig import DOUBLE, SINGLE, sin_cos_bound, sin_cos_listing, wrap_listing
+from model.drive import Drive
+from model.filters import FilterStep
+from model.filters.program import Copy, IfAccepted, Node, Repeat
+from model.state_space import StateSpaceModel
+
+_ENVIRONMENT = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+    undefined=jinja2.StrictUndefined,
+)
+
+FILTER_TITLES = {"ckf": "cubature Kalman filter", "ickf": "iterated cubature Kalman filter"}
+MACHINE_TITLES = {"surface": "surface PMSM, current states", "salient_flux": "salient PMSM, flux-linkage states"}
+
+
+@dataclass(frozen=True)
+class Description:
+    """What every template wants to say about a drive."""
+
+    drive: Drive
+    model: StateSpaceModel
+    initial_state: tuple[float, ...]
+
+    @property
+    def machine(self) -> str:
+        return MACHINE_TITLES.get(self.drive.model.machine, self.drive.model.machine)
+
+    @property
+    def sample_time(self) -> str:
+        return f"T = {self.drive.model.sample_time * 1e6:g} us"
+
+    def title(self, kind: str) -> str:
+        return f"{FILTER_TITLES[kind]}, {self.machine}, {len(self.model.states)} states, {self.sample_time}"
+
+
+def render(template: str, **context: Any) -> str:
+    """Fill a template of this package; an unknown name in it is an error."""
+    return _ENVIRONMENT.get_template(template).render(version=__version__, **context)
+
+
+def render_port() -> str:
+    return render("port.h.j2")
+
+
+def render_filter(
+    about: Description, step: FilterStep, listings: dict[str, Listing], target: Target, cost: Cost, certificate: Certificate
+) -> tuple[str, str]:
+    """Header and source of one filter for one target."""
+    drive, model = about.drive, about.model
+    printer = CPrinter(target)
+    n = len(model.states)
+    looped = _repeats(step.body)
+    pair = any(listings[block.name].operations()["sincos"] for block in step.blocks)
+    common = {
+        "p": f"{drive.name}_{step.kind}{target.tag}",
+        "title": about.title(step.kind),
+        "drive": drive.name,
+        "sha": drive.sha256,
+        "real": target.real,
+        "n": n,
+        "packed": n * (n + 1) // 2,
+        "libm": target.sqrt if target.generated_trig else f"{target.sqrt}, sin and cos",
+    }
+    header = render(
+        "filter.h.j2",
+        **common,
+        states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
+        unused="" if looped else "; unused here: " + ("iterating is idle" if step.iteration_proof else "no iteration"),
+    )
+    source = render(
+        "filter.c.j2",
+        **common,
+        generated_trig=target.generated_trig,
+        notes=_notes(step, target, cost, certificate, about),
+        prototypes=_prototypes(target),
+        constants=_constants(about, step, listings, printer),
+        round=printer.format_literal(target.precision.rounding),
+        below_pi=printer.format_literal(target.precision.below_pi),
+        pair=pair,
+        trig_note=_trig_note(target),
+        sin_cos=_sin_cos(printer),
+        wrap_angle=printer.format_helper(wrap_listing(target.precision)),
+        copies=looped,
+        blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
+        defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer)],
+        zero=printer.format_literal(0.0),
+        locals=_locals(step, target),
+        program="\n".join(printer.format_program(step.body)),
+    )
+    return header, source
+
+
+def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificate, about: Description) -> list[str]:
+    ops = cost.operations
+    worst = ", ".join(f"{state.name} {e:.1e} {state.unit}" for state, e in zip(about.model.states, certificate.x, strict=True))
+    notes = [
+        f"For {target.purpose}.",
+        f"Cost at most: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
+        f"  estimated {cost.cycles} cycles on C28x + FPU32 (published cycles, k = {CYCLES_PER_OPERATION}; not measured), "
+        f"{cost.words} words of state.",
+    ]
+    if step.kind == "ickf":
+        iteration = "one pass: H is constant, iterating is provably idle" if step.iteration_proof else "loop over one update, at most N_max"
+        notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")
+    if target.generated_trig:
+        notes += [
+            f"float32 against float64, one step, worst of {certificate.samples} draws from the operating box:",
+            f"  {worst}, P {certificate.P:.1e} relative.",
+        ]
+    return notes
+
+
+def _prototypes(target: Target) -> list[str]:
+    c_type = "float" if target.suffix else "double"
+    names = [target.sqrt] if target.generated_trig else [target.sqrt, "sin", "cos"]
+    return [f"{c_type} {name}({c_type} x)" for name in names]
+
+
+def _trig_note(target: Target) -> list[str]:
+    if not target.generated_trig:
+        return ["Sine and cosine of the platform."]
+    bound = sin_cos_bound()
+    return [
+        "Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.",
+        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, worst of {bound.samples} arguments {bound.seen:.1e}.",
+    ]
+
+
+def _sin_cos(printer: CPrinter) -> str:
+    if printer.target.generated_trig:
+        return printer.format_helper(sin_cos_listing())
+    lines = ["static sin_cos_pair sin_cos(float64 x)", "{", f"{INDENT}sin_cos_pair result;"]
+    return "\n".join([*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"])
+
+
+def _constants(about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter) -> list[dict[str, str]]:
+    """The named constants this filter uses."""
+    used = set()
+    for block in step.blocks:
+        listing = listings[block.name]
+        used |= {listing.graph[node].name for node in listing.live if listing.graph[node].op == "const"}
+    return [
+        {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
+        for c in about.model.constants
+        if c.name in used
+    ]
+
+
+def _tuning(about: Description) -> dict[str, Any]:
+    drive = about.drive
+    return {
+        "Q": tuple(drive.filter.process_noise),
+        "R": tuple(drive.filter.measurement_noise),
+        "x_0": about.initial_state,
+        "P_0": tuple(drive.filter.initial_covariance),
+        "u_max": drive.operating_box.voltage,
+        "y_max": drive.operating_box.current,
+        "tolerance": drive.filter.tolerance,
+        "max_iterations": drive.filter.max_iterations,
+    }
+
+
+def _c_defaults(about: Description, printer: CPrinter) -> list[tuple[str, str]]:
+    lines: list[tuple[str, str]] = []
+    for name, value in _tuning(about).items():
+        if isinstance(value, tuple):
+            lines += [(f"{name}[{k}]", printer.format_literal(item)) for k, item in enumerate(value)]
+        else:
+            lines.append((name, str(value) if isinstance(value, int) else printer.format_literal(value)))
+    return lines
+
+
+def _locals(step: FilterStep, target: Target) -> list[str]:
+    """Arrays of the step that do not live in the struct."""
+    sizes: dict[str, int] = {}
+    for block in step.blocks:
+        sizes |= {port.name: len(port.entries) for port in block.outputs if port.name not in STRUCT_FIELDS}
+    return [f"{target.real} {name}[{size}];" for name, size in sizes.items()]
+
+
+def _repeats(body: tuple[Node, ...]) -> bool:
+    return any(isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and _repeats(node.then)) for node in body)
+
+
+def render_module(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> str:
+    """The Python module of a drive, all its kinds."""
+    drive, model = about.drive, about.model
+    printer = PythonPrinter()
+    helpers = [
+        printer.format_helper(sin_cos_listing(), "f32"),
+        printer.format_helper(wrap_listing(SINGLE), "f32"),
+        printer.format_helper(wrap_listing(DOUBLE), "f64"),
+    ]
+    return render(
+        "module.py.j2",
+        title=f"{drive.name}: {', '.join(steps)} of a {about.machine}, {len(model.states)} states, {about.sample_time}",
+        drive=drive.name,
+        sha=drive.sha256,
+        states=tuple(state.name for state in model.states),
+        units=tuple(state.unit for state in model.states),
+        angle=model.angle,
+        kinds=tuple(steps),
+        gain=drive.filter.gain,
+        sample_time=repr(drive.model.sample_time),
+        defaults={key: repr(value) for key, value in _tuning(about).items()},
+        constants=[{"name": c.name, "value": repr(c.value), "formula": c.formula} for c in model.constants],
+        helpers=helpers,
+        blocks=[printer.format_block(listing) for listing in listings.values()],
+        steps=[
+            {"kind": kind, "loops": _repeats(step.body), "program": "\n".join(printer.format_program(step.body))}
+            for kind, step in steps.items()
+        ],
+    )
+
+

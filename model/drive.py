@@ -1,0 +1,238 @@
+"""Drive files: one TOML file states a motor, its discrete model and the filter's tuning.
+
+>>> drive = load_drive("paper_spmsm")
+>>> drive.motor.pole_pairs, drive.model.sample_time
+(4, 2e-05)
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+DRIVES = Path(__file__).parent / "drives"
+
+
+class DriveError(ValueError):
+    """A drive file that cannot be used; the message is one line and says what, where and what would be right."""
+
+
+class Unit:
+    """Annotation of a physical key: its unit, used in error messages and tables."""
+
+    def __init__(self, symbol: str) -> None:
+        self.symbol = symbol
+
+
+def _quantity(unit: str, low: float, high: float) -> Any:
+    return Annotated[float, Field(ge=low, le=high), Unit(unit)]
+
+
+Positive = Annotated[float, Field(gt=0, le=1e12)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
+
+
+class Motor(_Section):
+    """Motor data, SI, amplitude-invariant, d axis on the magnet flux."""
+
+    stator_resistance: _quantity("ohm", 1e-4, 1e3)
+    inductance_d: _quantity("H", 1e-6, 0.5)
+    inductance_q: _quantity("H", 1e-6, 0.5)
+    magnet_flux: _quantity("Wb", 1e-4, 10.0)
+    pole_pairs: Annotated[int, Field(ge=1, le=100, strict=True)]
+    inertia: _quantity("kg m^2", 1e-8, 1e3)
+    friction: _quantity("N m s / rad", 0.0, 10.0)
+
+
+class Model(_Section):
+    """Which equations, and how they are sampled."""
+
+    machine: Literal["surface", "salient_flux"]
+    mechanics: Literal["constant_speed"] = "constant_speed"
+    discretization: Literal["euler", "exact"]
+    sample_time: _quantity("s", 1e-6, 1e-2)
+    adaptive: Annotated[list[str], Field(max_length=0)] = []
+
+
+class Filter(_Section):
+    """Kinds to generate and their tuning; every number here stays data in the generated struct."""
+
+    kinds: Annotated[list[Literal["ckf", "ickf"]], Field(min_length=1)]
+    gain: Literal["cubature", "jacobian"] = "cubature"
+    max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
+    tolerance: Annotated[float, Field(gt=0, le=1.0)] = 1e-6
+    initial_state: list[Annotated[float, Field(ge=-1e6, le=1e6)]] | None = None
+    initial_covariance: list[Positive]
+    process_noise: list[Positive]
+    measurement_noise: Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+class OperatingBox(_Section):
+    """Declared range: the certificate holds inside it, inputs beyond it are rejected by the step.
+
+    Speed is mechanical. A drive that declares no box gets a wide one.
+    """
+
+    current: _quantity("A", 1e-3, 1e5) = 1000.0
+    voltage: _quantity("V", 1e-1, 1e5) = 2000.0
+    speed: _quantity("rad/s", 1.0, 1e4) = 500.0
+
+
+class Drive(_Section):
+    """A validated drive file. ``sha256`` is the hash of the file's text; it goes into the generated header."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+    motor: Motor
+    model: Model
+    filter: Filter
+    operating_box: OperatingBox = OperatingBox()
+    sha256: str = ""
+
+    @model_validator(mode="after")
+    def _machine_fits_motor(self) -> Drive:
+        motor = self.motor
+        if self.model.machine == "surface" and motor.inductance_d != motor.inductance_q:
+            raise ValueError(
+                f"motor.inductance_q = {motor.inductance_q:g} H differs from inductance_d = {motor.inductance_d:g} H; "
+                "machine 'surface' needs them equal. Did you mean machine = 'salient_flux'?"
+            )
+        return self
+
+
+def shipped_drives() -> list[str]:
+    """Names of the drives that come with the project, sorted."""
+    return sorted(path.stem for path in DRIVES.glob("*.toml"))
+
+
+def drive_path(drive: str | Path) -> Path:
+    """The file behind a shipped name or a TOML path.
+
+    Raises
+    ------
+    DriveError
+        If there is neither a shipped drive nor a file of that name.
+    """
+    if str(drive) in shipped_drives():
+        return DRIVES / f"{drive}.toml"
+    path = Path(drive)
+    if path.suffix == ".toml" and path.is_file():
+        return path
+    close = difflib.get_close_matches(str(drive), shipped_drives(), n=1)
+    hint = f" Did you mean '{close[0]}'?" if close else ""
+    raise DriveError(f"no drive '{drive}': neither a shipped one ({', '.join(shipped_drives())}) nor a TOML file.{hint}")
+
+
+def load_drive(drive: str | Path) -> Drive:
+    """Read and validate a drive file.
+
+    Parameters
+    ----------
+    drive : str or Path
+        A shipped name (``"paper_spmsm"``) or the path of a TOML file.
+
+    Raises
+    ------
+    DriveError
+        With one line naming file, key, unit and range.
+    """
+    path = drive_path(drive)
+    try:
+        raw = path.read_bytes()
+        data = tomllib.loads(raw.decode("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DriveError(f"drive '{path.name}': cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise DriveError(f"drive '{path.name}': not valid TOML: {error}") from None
+    # A check-out that turned \n into \r\n must not change the hash in the generated header.
+    digest = hashlib.sha256(raw.replace(b"\r\n", b"\n")).hexdigest()
+    return parse_drive(data, path.name, digest)
+
+
+def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
+    """Validate the parsed TOML ``data``; ``where`` names the source in errors."""
+    if "sha256" in data:
+        raise DriveError(f"drive '{where}': unknown key sha256.")
+    try:
+        drive = Drive.model_validate({**data, "sha256": sha256})
+    except ValidationError as error:
+        problems = error.errors()
+        more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
+        raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
+    _check_lengths(drive, where)
+    return drive
+
+
+def _check_lengths(drive: Drive, where: str) -> None:
+    from model.machines import MACHINES
+
+    states = [quantity.name for quantity in MACHINES[drive.model.machine].states] + ["omega", "theta"]
+    for key in ("initial_state", "initial_covariance", "process_noise"):
+        values = getattr(drive.filter, key)
+        if values is not None and len(values) != len(states):
+            raise DriveError(
+                f"drive '{where}': filter.{key} has {len(values)} entries; "
+                f"this model has {len(states)} states: {', '.join(states)}."
+            )
+
+
+_SECTIONS: dict[str, type[_Section]] = {
+    "motor": Motor,
+    "model": Model,
+    "filter": Filter,
+    "operating_box": OperatingBox,
+}
+
+
+def _explain(problem: Any) -> str:
+    """One pydantic problem as a sentence a motor engineer can act on."""
+    location = [str(part) for part in problem["loc"]]
+    key = re.sub(r"\.(\d+)$", r"[\1]", ".".join(location))
+    kind, value, limits = problem["type"], problem["input"], problem.get("ctx", {})
+    section = _SECTIONS.get(location[0], Drive) if len(location) > 1 else Drive
+    if kind == "extra_forbidden":
+        close = difflib.get_close_matches(location[-1], list(section.model_fields), n=1)
+        return f"unknown key {key}." + (f" Did you mean '{close[0]}'?" if close else "")
+    unit, low, high = _range(section, location[1] if len(location) > 1 else location[0])
+    allowed = f" ({low:g} .. {high:g}{unit})" if low is not None and high is not None else ""
+    if kind == "missing":
+        return f"{key} is missing{allowed}."
+    if kind in {"greater_than_equal", "less_than_equal"} and low is not None and high is not None:
+        return f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"
+    if kind == "greater_than":
+        what = "variances and tolerances must be positive" if "filter" in location else "must be positive"
+        return f"{key} = {value} is not positive: {what}."
+    if kind == "literal_error":
+        return f"{key} = {value!r} is none of {limits.get('expected', '')}."
+    if kind == "value_error":
+        return str(limits.get("error", problem["msg"]))
+    return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
+
+
+def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
+    """Unit (with a leading blank) and closed range of a key, as annotated."""
+    field = section.model_fields.get(key)
+    if field is None:
+        return "", None, None
+    unit, low, high = "", None, None
+    for item in field.metadata:
+        unit = f" {item.symbol}" if isinstance(item, Unit) else unit
+        low = getattr(item, "ge", low)
+        high = getattr(item, "le", high)
+    return unit, low, high
+
+
+def _scale_hint(value: Any, unit: str, low: float, high: float) -> str:
+    """The usual slip is a unit scale: 0.8 for 0.8 mH, 20 for 20 us."""
+    for prefix, factor in (("m", 1e-3), ("u", 1e-6)):
+        if isinstance(value, int | float) and unit and " " not in unit and low <= value * factor <= high:
+            return f" Did you mean {value:g} {prefix}{unit} = {value * factor:g}?"
+    return ""

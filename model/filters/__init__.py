@@ -1,0 +1,24 @@
+"""Filters: one function each, from a state-space model to a symbolic step with named stages.
+
+A step is a short program (:mod:`model.filters.program`) over blocks; a block is a list of stages, each
+carrying the paper's equation number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from model.filters.ckf import ckf
+from model.filters.ickf import ickf
+from model.filters.program import FilterStep
+from model.state_space import StateSpaceModel
+
+FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {"ckf": ckf, "ickf": ickf}
+
+
+def build_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
+    """The symbolic step of a filter ``kind`` (``ckf``, ``ickf``); ``gain`` matters to the ICKF only."""
+    return FILTERS[kind](model, gain)
+
+
+__all__ = ["FILTERS", "FilterStep", "build_filter"]

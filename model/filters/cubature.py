@@ -1,0 +1,178 @@
+"""The cubature rule and the pieces every filter here is made of, eq. 11-26."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+
+from model.filters.program import BlockBuilder
+from model.quantities import Block
+from model.state_space import INPUTS, StateSpaceModel
+
+Vector = list[Any]
+Matrix = list[list[Any]]
+
+TWO_PI = 2 * math.pi
+
+
+def packed_names(name: str, n: int) -> list[str]:
+    """Names of a packed lower triangle, row by row: P_00, P_10, P_11, ..."""
+    return [f"{name}_{i}{j}" for i in range(n) for j in range(i + 1)]
+
+
+def unpack(packed: Vector, n: int) -> Matrix:
+    """Symmetric matrix from its packed lower triangle."""
+    return [[packed[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(n)] for i in range(n)]
+
+
+def pack(matrix: Matrix) -> Vector:
+    """Lower triangle, row by row."""
+    return [matrix[i][j] for i in range(len(matrix)) for j in range(i + 1)]
+
+
+def suffixes(n: int) -> list[str]:
+    """The 2n points' names: column of S and side, eq. 11 with its I block first."""
+    return [f"{c}p" for c in range(n)] + [f"{c}m" for c in range(n)]
+
+
+def cholesky(P: Matrix) -> Matrix:
+    """Lower S with S S^T = P, eq. 13 and 18."""
+    n = len(P)
+    S: Matrix = [[ca.SX(0)] * n for _ in range(n)]
+    for j in range(n):
+        S[j][j] = ca.sqrt(P[j][j] - sum(S[j][k] * S[j][k] for k in range(j)))
+        for i in range(j + 1, n):
+            S[i][j] = (P[i][j] - sum(S[i][k] * S[j][k] for k in range(j))) / S[j][j]
+    return S
+
+
+def points(b: BlockBuilder, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str) -> list[Vector]:
+    """The 2n points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names."""
+    n = len(centre)
+    root_n = math.sqrt(n)
+    rows = [(i, c) for i in range(n) for c in range(i + 1)]
+    step = {(i, c): root_n * S[i][c] for i, c in rows}
+    b.stage(f"d{tag}", equation, "sqrt(n) S", [step[k] for k in rows], [f"d{tag}_{states[i]}_{c}" for i, c in rows], scale="none")
+    plus = [[centre[i] + step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
+    minus = [[centre[i] - step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
+    return plus + minus
+
+
+def record_points(b: BlockBuilder, name: str, equation: str, meaning: str, pts: list[Vector], names: list[str], kind: str) -> None:
+    """Record points as a stage, row-major (one row a state or output, one column a point)."""
+    sides = suffixes(len(pts) // 2)
+    entries = [pts[k][i] for i in range(len(names)) for k in range(len(pts))]
+    labels = [f"{names[i]}_{sides[k]}" for i in range(len(names)) for k in range(len(pts))]
+    b.stage(name, equation, meaning, entries, labels, scale=kind, columns=len(pts))
+
+
+def mean(pts: list[Vector]) -> Vector:
+    """Equal weights 1/m, eq. 12, 16 and 21."""
+    weight = 1.0 / len(pts)
+    return [weight * _sum([point[i] for point in pts]) for i in range(len(pts[0]))]
+
+
+def _sum(terms: Vector) -> Any:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def spread(a: list[Vector], b: list[Vector]) -> Matrix:
+    """Mean of a_i b_i^T over deviations: the centred form of eq. 17, 22, 23.
+
+    As printed, sum XX^T/m - x x^T, these equations cancel in float32 once theta or a current is large.
+    """
+    weight = 1.0 / len(a)
+    return [
+        [weight * _sum([p[i] * q[j] for p, q in zip(a, b, strict=True)]) for j in range(len(b[0]))] for i in range(len(a[0]))
+    ]
+
+
+def deviations(b: BlockBuilder, equation: str, pts: list[Vector], centre: Vector, names: list[str]) -> list[Vector]:
+    """Points minus their mean, named ``dev_<name>_<point>``."""
+    sides = suffixes(len(pts) // 2)
+    dev = [[value - m for value, m in zip(point, centre, strict=True)] for point in pts]
+    for side, point in zip(sides, dev, strict=True):
+        labels = [f"dev_{name}_{side}" for name in names]
+        b.stage(labels[0], equation, "", point, labels, scale="none")
+    return dev
+
+
+def time_update(model: StateSpaceModel) -> Block:
+    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred."""
+    states = [state.name for state in model.states]
+    n = len(states)
+    b = BlockBuilder("time_update", "Time update, eq. 13-17")
+    x = b.input("x", states)
+    P = unpack(b.input("P", packed_names("P", n)), n)
+    Q = b.input("Q", [f"Q_{i}" for i in range(n)])
+    u = b.input("u", [quantity.name for quantity in INPUTS])
+
+    S = b.lower("S", "13", "S = chol(P)", cholesky(P))
+    X = points(b, "14", S, x, states, "")
+    record_points(b, "X", "14", "X_i = x +- sqrt(n) S_i", X, states, "state")
+    X_prop = []
+    for side, point in zip(suffixes(n), X, strict=True):
+        value, named = model.propagate(point, u)
+        b.working("15", named, side)
+        X_prop.append(value)
+    record_points(b, "X_prop", "15", "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
+    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i'", mean(X_prop), [f"{s}_pred" for s in states], scale="state")
+    dev = deviations(b, "17", X_prop, x_pred, states)
+    P_pred = spread(dev, dev)
+    for i in range(n):
+        P_pred[i][i] = P_pred[i][i] + Q[i]
+    b.lower("P_pred", "17", "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P_pred)
+    b.output("x_pred", x_pred)
+    b.output("P_pred", pack(P_pred))
+    return b.build()
+
+
+def coast(model: StateSpaceModel) -> Block:
+    """A rejected measurement: the prediction becomes the estimate."""
+    states = [state.name for state in model.states]
+    n = len(states)
+    b = BlockBuilder("coast", "No measurement: the prediction is the estimate")
+    x_pred = b.input("x_pred", [f"{s}_pred" for s in states])
+    P_pred = b.input("P_pred", packed_names("P_pred", n))
+    b.output("x", wrapped(x_pred, model))
+    b.output("P", P_pred)
+    return b.build()
+
+
+def wrapped(x: Vector, model: StateSpaceModel) -> Vector:
+    """The state with theta in [-pi, pi): float32 loses digits of an angle that is let grow."""
+    return [ca.remainder(value, TWO_PI) if i == model.angle else value for i, value in enumerate(x)]
+
+
+def measured_points(b: BlockBuilder, model: StateSpaceModel, equation: str, pts: list[Vector], tag: str) -> list[Vector]:
+    """h at every point, eq. 20, its intermediates named."""
+    Y = []
+    for side, point in zip(suffixes(len(pts) // 2), pts, strict=True):
+        value, named = model.measure(point)
+        b.working(equation, named, f"{tag}{side}")
+        Y.append(value)
+    return Y
+
+
+def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
+    """K = Pxy Pyy^-1 with the 2x2 inverse in closed form, eq. 24."""
+    det = b.stage("det_Pyy", equation, "det Pyy", [Pyy[0][0] * Pyy[1][1] - Pyy[1][0] * Pyy[1][0]], ["det_Pyy"], scale="none")[0]
+    W_00, W_10, W_11 = Pyy[1][1] / det, -Pyy[1][0] / det, Pyy[0][0] / det
+    b.stage("Pyy_inv", equation, "Pyy^-1", [W_00, W_10, W_11], ["Pyy_inv_00", "Pyy_inv_10", "Pyy_inv_11"], scale="none")
+    K = [[row[0] * W_00 + row[1] * W_10, row[0] * W_10 + row[1] * W_11] for row in Pxy]
+    return b.matrix("K", equation, "K = Pxy Pyy^-1", K)
+
+
+def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> Matrix:
+    """P = P_pred - K Pyy K^T, eq. 26 and 32."""
+    n = len(P_pred)
+    KPyy = [[row[0] * Pyy[0][0] + row[1] * Pyy[1][0], row[0] * Pyy[1][0] + row[1] * Pyy[1][1]] for row in K]
+    labels = [f"KPyy_{i}{j}" for i in range(n) for j in range(2)]
+    b.stage("KPyy", equation, "K Pyy", [entry for row in KPyy for entry in row], labels, scale="none")
+    P = [[P_pred[i][j] - (KPyy[i][0] * K[j][0] + KPyy[i][1] * K[j][1]) for j in range(n)] for i in range(n)]
+    return b.lower("P", equation, "P = P_pred - K Pyy K^T", P)

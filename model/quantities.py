@@ -1,0 +1,105 @@
+"""Named quantities and stages: what gives the generated code its words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One scalar the field has a name for.
+
+    ``name`` becomes the identifier in C and Python, ``symbol`` the LaTeX, ``unit`` the comment.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number folded at generation that keeps its name: ``value`` of ``formula``, standing for ``symbol``."""
+
+    name: str
+    value: float
+    formula: str
+    symbol: Any
+
+
+class Constants:
+    """Collects the folded constants of a model, so that the generated code can name them.
+
+    With ``named=True`` an expression sees the constant as one symbol (CasADi would otherwise fold it into
+    its neighbours and the name would be lost); with ``named=False`` it sees the formula itself.
+
+    >>> constants = Constants(named=True)
+    >>> constants("DECAY", ca.SX(0.5), "1 - T R / L")
+    SX(DECAY)
+    >>> constants.items["DECAY"].value
+    0.5
+    """
+
+    def __init__(self, named: bool) -> None:
+        self._named = named
+        self.items: dict[str, Constant] = {}
+
+    def __call__(self, name: str, value: Any, formula: str) -> Any:
+        if not self._named:
+            return value
+        if name not in self.items:
+            number = float(self.numeric(ca.SX(value)))
+            if number in (0.0, 1.0):  # nothing worth a name: let CasADi drop the operation
+                return ca.SX(number)
+            self.items[name] = Constant(name, number, formula, ca.SX.sym(name))
+        return self.items[name].symbol
+
+    def numeric(self, expression: Any) -> Any:
+        """``expression`` with every constant's symbol replaced by its number."""
+        known = list(self.items.values())
+        if not known:
+            return expression
+        return ca.substitute(expression, ca.vertcat(*(c.symbol for c in known)), ca.vertcat(*(c.value for c in known)))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A quantity of the paper inside a filter step: its name, equation, entries and their names.
+
+    ``rows`` says, entry by entry, which row the entry belongs to: errors are judged on the row's scale.
+    ``scale`` names how: ``"state"`` rows are states (scale: the larger of |value| and one sigma),
+    ``"output"`` rows are measurements (the larger of |value| and the measurement's sigma), ``"row"``
+    the row's largest entry.
+    """
+
+    name: str
+    equation: str
+    meaning: str
+    entries: tuple[Any, ...]
+    names: tuple[str, ...]
+    rows: tuple[int, ...]
+    scale: str
+
+
+@dataclass(frozen=True)
+class Port:
+    """An array that enters or leaves a block: its name, length, and the scalars in it."""
+
+    name: str
+    entries: tuple[Any, ...]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A pure function of arrays, printed as one C and one Python function."""
+
+    name: str
+    title: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    stages: tuple[Stage, ...]

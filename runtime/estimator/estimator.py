@@ -1,0 +1,234 @@
+"""The estimator: one face over the NumPy and the C form of a generated filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.errors import UserError
+from runtime.estimator.folder import GeneratedFolder, find_folder
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a run leaves: x (N, n), P (N, n, n), iterations (N,), status (N,); a batch adds a last axis B.
+
+    ``status`` is 0 where all is well, else bits: 1 input rejected, 2 not converged.
+    """
+
+    x: Array
+    P: Array
+    iterations: Array
+    status: Array
+
+
+class Backend(Protocol):
+    """What executes the steps. Lanes are the last axis; P is packed, lower triangle row by row."""
+
+    iterations: Array
+    status: Array
+
+    def reset(self, x0: Array, P0: Array) -> None:
+        """Start from x0 (n, B), P0 (n(n+1)/2, B), or without B for a single filter."""
+
+    def state(self) -> tuple[Array, Array]:
+        """x and packed P, copies."""
+
+    def step(self, u: Array, y: Array) -> None:
+        """One step of every lane."""
+
+    def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), packed P, iterations, status."""
+
+
+class Estimator:
+    """A generated filter, ready to run; made by :func:`load`.
+
+    >>> import runtime
+    >>> f = runtime.load("paper_spmsm", filter="ckf")
+    >>> f.step([0.0, 0.0], [0.0, 0.0]).round(6) + 0.0
+    array([0., 0., 0., 0.])
+    """
+
+    def __init__(self, folder: GeneratedFolder, kind: str, backend: Backend, dtype: str) -> None:
+        module = folder.module
+        self.drive = folder.drive
+        self.filter = kind
+        self.dtype = dtype
+        self.state_names: tuple[str, ...] = module.STATES
+        self.state_units: tuple[str, ...] = module.UNITS
+        self.sample_time: float = module.SAMPLE_TIME
+        self.tuning: dict[str, Any] = dict(module.DEFAULTS)
+        self._backend = backend
+        self._batch: int | None = None
+        n = len(self.state_names)
+        self._lower = np.tril_indices(n)
+        self.reset()
+
+    @property
+    def x(self) -> Array:
+        """The estimate, (n,) or (n, B)."""
+        return self._backend.state()[0]
+
+    @property
+    def P(self) -> Array:
+        """Its covariance, (n, n) or (n, n, B)."""
+        return self._unpack(self._backend.state()[1], axis=0)
+
+    @property
+    def status(self) -> Array:
+        """Status of the last step: 0 or bits, one a lane."""
+        return self._backend.status
+
+    @property
+    def iterations(self) -> Array:
+        """Measurement updates made in the last step, one number a lane."""
+        return self._backend.iterations
+
+    def reset(self, x0: ArrayLike | None = None, P0: ArrayLike | None = None) -> None:
+        """Start over.
+
+        Parameters
+        ----------
+        x0 : array_like, (n,) or (n, B), optional
+            Default: the drive's x_0. A batch axis starts B filters.
+        P0 : array_like, (n,) variances, (n, n) or (n, n, B), optional
+            Default: the drive's P_0.
+
+        Raises
+        ------
+        UserError
+            On a wrong shape or a covariance that is not positive definite.
+        """
+        n = len(self.state_names)
+        x = np.array(self.tuning["x_0"] if x0 is None else x0, dtype=self.dtype)
+        P = np.asarray(self.tuning["P_0"] if P0 is None else P0, dtype=float)
+        if x.ndim not in {1, 2} or x.shape[0] != n:
+            raise UserError(f"x0 has shape {x.shape}; this drive needs ({n},) or ({n}, B): {', '.join(self.state_names)}.")
+        if P.shape == (n,):
+            P = np.diag(P)
+        if P.shape[:2] != (n, n) or P.ndim not in {2, 3}:
+            raise UserError(f"P0 has shape {P.shape}; this drive needs ({n},), ({n}, {n}) or ({n}, {n}, B).")
+        matrices = P[None] if P.ndim == 2 else np.moveaxis(P, 2, 0)
+        if not np.all(np.isfinite(P)) or np.min(np.linalg.eigvalsh((matrices + matrices.swapaxes(1, 2)) / 2)) <= 0:
+            raise UserError("P0 is not positive definite.")
+        lanes = {a.shape[-1] for a, batched in ((x, x.ndim == 2), (P, P.ndim == 3)) if batched}
+        if len(lanes) > 1:
+            raise UserError(f"x0 has {x.shape[-1]} lanes, P0 has {P.shape[-1]}.")
+        packed = P[self._lower].astype(self.dtype)
+        self._start(x, packed, lanes.pop() if lanes else None)
+
+    def step(self, u: ArrayLike, y: ArrayLike) -> Array:
+        """One time update with u, then one measurement update with y.
+
+        Parameters
+        ----------
+        u : array_like, (2,) or (2, B)
+            v_alpha, v_beta in V, mean over the interval ending now.
+        y : array_like, (2,) or (2, B)
+            i_alpha, i_beta in A, now.
+
+        Returns
+        -------
+        numpy.ndarray, (n,) or (n, B)
+            The new estimate (a copy).
+        """
+        u, y = np.asarray(u, dtype=self.dtype), np.asarray(y, dtype=self.dtype)
+        if u.shape != y.shape or u.shape[:1] != (2,) or u.ndim > 2:
+            raise UserError(f"u has shape {u.shape}, y {y.shape}; step needs (2,) or (2, B) for both.")
+        if (u.shape[1] if u.ndim == 2 else None) != self._batch:
+            self._broadcast(u.shape[1:])
+        self._backend.step(u, y)
+        return self._backend.state()[0]
+
+    def run(self, u: ArrayLike, y: ArrayLike) -> Trace:
+        """All steps of a trajectory.
+
+        Parameters
+        ----------
+        u, y : array_like, (N, 2) or (N, 2, B)
+
+        Returns
+        -------
+        Trace
+        """
+        u, y = np.asarray(u, dtype=self.dtype), np.asarray(y, dtype=self.dtype)
+        if u.shape != y.shape or u.ndim not in {2, 3} or u.shape[1] != 2:
+            raise UserError(f"u has shape {u.shape}, y {y.shape}; run needs (N, 2) or (N, 2, B) for both.")
+        if (u.shape[2] if u.ndim == 3 else None) != self._batch:
+            self._broadcast(u.shape[2:])
+        x, P, iterations, status = self._backend.run(u, y)
+        return Trace(x, self._unpack(P, axis=1), iterations, status)
+
+    def _start(self, x: Array, P: Array, batch: int | None) -> None:
+        self._batch = batch
+        if batch is not None:
+            x = np.broadcast_to(x if x.ndim == 2 else x[:, None], (x.shape[0], batch))
+            P = np.broadcast_to(P if P.ndim == 2 else P[:, None], (P.shape[0], batch))
+        self._backend.reset(np.ascontiguousarray(x), np.ascontiguousarray(P))
+
+    def _broadcast(self, lanes: tuple[int, ...]) -> None:
+        """A single filter met a batch: every lane goes on from its state."""
+        if self._batch is not None:
+            given = f"{lanes[0]} lanes" if lanes else "no batch axis"
+            raise UserError(f"this estimator runs {self._batch} lanes; the input has {given}. Call reset() first.")
+        x, P = self._backend.state()
+        self._start(x, P, lanes[0])
+
+    def _unpack(self, packed: Array, axis: int) -> Array:
+        """Packed lower triangle on ``axis`` -> two axes (n, n), symmetric."""
+        n = len(self.state_names)
+        rows, columns = np.indices((n, n))
+        high, low = np.maximum(rows, columns), np.minimum(rows, columns)
+        index = high * (high + 1) // 2 + low
+        return np.take(packed, index, axis=axis)
+
+
+def load(drive: str | Path, filter: str | None = None, backend: str = "numpy", dtype: str = "float64") -> Estimator:
+    """Load a generated filter.
+
+    Parameters
+    ----------
+    drive : str or Path
+        A shipped name (``"paper_spmsm"``), or the path of a generated folder.
+    filter : str, optional
+        A kind the drive was generated for; default its ``ickf``, else its first.
+    backend : {"numpy", "c"}
+        ``"c"`` compiles the generated C with the system's compiler (once; cached by content).
+    dtype : {"float64", "float32"}
+        float32 computes the bits of the firmware, on both back ends.
+
+    Raises
+    ------
+    UserError
+        With one line: unknown drive or filter, a folder edited by hand, no C compiler.
+    """
+    return load_folder(find_folder(drive), filter, backend, dtype)
+
+
+def load_folder(folder: GeneratedFolder, kind: str | None, backend: str, dtype: str) -> Estimator:
+    """:func:`load` for a folder already found."""
+    kind = kind or ("ickf" if "ickf" in folder.kinds else folder.kinds[0])
+    if kind not in folder.kinds:
+        raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+    if dtype not in {"float32", "float64"}:
+        raise UserError(f"dtype '{dtype}' is not float32 or float64.")
+    return Estimator(folder, kind, _backend(folder, kind, backend, dtype), dtype)
+
+
+def _backend(folder: GeneratedFolder, kind: str, backend: str, dtype: str) -> Backend:
+    if backend == "numpy":
+        from runtime.estimator.numpy_backend import NumpyBackend
+
+        return NumpyBackend(folder.module, kind, dtype)
+    if backend == "c":
+        from runtime.estimator.c_backend import CBackend
+
+        return CBackend(folder, kind, dtype)
+    raise UserError(f"backend '{backend}' is not numpy or c.")

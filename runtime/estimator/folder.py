@@ -1,0 +1,87 @@
+"""Find a generated folder and read its files, checked against its manifest."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from runtime.errors import UserError
+
+#: The generated drives that come with the project lie beside its packages.
+GENERATED = Path(__file__).parents[2] / "generated"
+
+
+@dataclass(frozen=True)
+class GeneratedFolder:
+    """A folder written by ``pmsm-ickf generate``. With ``checked`` a file that was edited by hand is refused."""
+
+    path: Path
+    checked: bool = True
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        try:
+            manifest: dict[str, Any] = json.loads((self.path / "manifest.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise UserError(f"'{self.path}' is not a generated folder: manifest.json cannot be read ({error}).") from None
+        return manifest
+
+    @property
+    def drive(self) -> str:
+        return str(self.manifest["drive"])
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return tuple(self.manifest["filters"])
+
+    def text(self, name: str) -> str:
+        """A file's text.
+
+        Raises
+        ------
+        UserError
+            If it is missing, or differs from what was generated.
+        """
+        try:
+            raw = (self.path / name).read_bytes()
+        except OSError as error:
+            raise UserError(f"'{self.path / name}' cannot be read: {error.strerror}. Regenerate the folder.") from None
+        if self.checked and hashlib.sha256(raw).hexdigest() != self.manifest["files"].get(name, {}).get("sha256"):
+            raise UserError(
+                f"'{self.path / name}' was edited by hand (it differs from manifest.json). "
+                "Put the change into the drive file and run: pmsm-ickf generate."
+            )
+        return raw.decode("utf-8")
+
+    @cached_property
+    def module(self) -> ModuleType:
+        """The generated Python module, executed from the checked text."""
+        name = f"{self.drive}.py"
+        module = ModuleType(f"generated_{self.drive}")
+        exec(compile(self.text(name), str(self.path / name), "exec"), module.__dict__)
+        return module
+
+
+def find_folder(name: str | Path, checked: bool = True) -> GeneratedFolder:
+    """A shipped drive's folder by name, or any generated folder by path.
+
+    Raises
+    ------
+    UserError
+        If there is neither.
+    """
+    for path in (GENERATED / str(name), Path(name)):
+        if (path / "manifest.json").is_file():
+            return GeneratedFolder(path, checked)
+    if Path(name).is_dir():
+        raise UserError(f"'{name}' is not a generated folder: no manifest.json in it.")
+    known = sorted(path.parent.name for path in GENERATED.glob("*/manifest.json"))
+    close = difflib.get_close_matches(str(name), known, n=1)
+    hint = f" Did you mean '{close[0]}'?" if close else ""
+    raise UserError(f"no generated drive '{name}': neither a shipped one ({', '.join(known) or 'none'}) nor a folder.{hint}")

@@ -1,0 +1,54 @@
+"""Executes the generated Python: straight-line NumPy, on scalars or on arrays of lanes."""
+
+from __future__ import annotations
+
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+class NumpyBackend:
+    """One generated filter in NumPy; see :class:`runtime.estimator.estimator.Backend`."""
+
+    def __init__(self, module: ModuleType, kind: str, dtype: str) -> None:
+        self._step = module.STEPS[kind]
+        self.math = module.MATH[dtype]
+        self.filter = SimpleNamespace(**{name: self._cast(value) for name, value in module.DEFAULTS.items()})
+
+    def _cast(self, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(self.math.dtype(item) for item in value)
+        return value if isinstance(value, int) else self.math.dtype(value)
+
+    def reset(self, x0: Array, P0: Array) -> None:
+        self.filter.x, self.filter.P = tuple(x0), tuple(P0)
+        self.filter.u_held = tuple(np.zeros((2, *x0.shape[1:]), dtype=self.math.dtype))
+        self.filter.iterations = np.zeros(x0.shape[1:], dtype=int)
+        self.status: Array = np.zeros(x0.shape[1:], dtype=int)
+
+    @property
+    def iterations(self) -> Array:
+        return np.asarray(self.filter.iterations)
+
+    def state(self) -> tuple[Array, Array]:
+        return np.array(self.filter.x, dtype=self.math.dtype), np.array(self.filter.P, dtype=self.math.dtype)
+
+    def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
+        # A diverging filter shows in its numbers and its status, not in warnings from inside generated code.
+        with np.errstate(all="ignore"):
+            self.status = np.asarray(self._step(self.filter, tuple(u), tuple(y), self.math, stages))
+
+    def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        steps, lanes = u.shape[0], u.shape[2:]
+        x = np.empty((steps, len(self.filter.x), *lanes), dtype=self.math.dtype)
+        P = np.empty((steps, len(self.filter.P), *lanes), dtype=self.math.dtype)
+        iterations, status = np.empty((2, steps, *lanes), dtype=np.int32)
+        for k in range(steps):
+            self.step(u[k], y[k])
+            x[k], P[k] = self.filter.x, self.filter.P
+            iterations[k], status[k] = self.filter.iterations, self.status
+        return x, P, iterations, status
