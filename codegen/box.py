@@ -63,7 +63,7 @@ def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
 
 def _covariances(drive: Drive, rng: np.random.Generator, count: int, n: int) -> np.ndarray:
     low = np.sqrt(drive.filter.process_noise)
-    high = 2 * np.sqrt(drive.filter.initial_covariance)
+    high = np.sqrt(drive.filter.initial_covariance)
     sigma = np.exp(rng.uniform(np.log(np.minimum(low, high)), np.log(np.maximum(low, high)), (count, n)))
     factor = rng.uniform(-1, 1, (count, n, n + 2))
     P = factor @ factor.transpose(0, 2, 1)

@@ -1,48 +1,88 @@
-"""A drive's equations in letters: f, h and their Jacobians as SymPy matrices and as LaTeX."""
+"""A drive's equations in letters: for the second derivation in full, for people with named intermediates."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import sympy as sp
 
 from model.drive import Drive
 from model.machines.base import Parameters
-from model.state_space import INPUTS, StateSpaceModel, build
-from model.to_sympy import to_sympy
-
-_PARAMETER_LATEX = {"psi_m": r"\psi_m", "L_d": "L_d", "L_q": "L_q"}
+from model.quantities import Constant
+from model.state_space import INPUTS, OUTPUTS, StateSpaceModel, build
+from model.to_sympy import to_sympy, to_sympy_lines
 
 
 @dataclass(frozen=True)
 class Equations:
-    """x' = f(x, u), y = h(x), F = df/dx, H = dh/dx, with motor data as symbols."""
+    """x' = f(x, u), y = h(x), F = df/dx, H = dh/dx, motor data as symbols."""
 
     f: sp.Matrix
     h: sp.Matrix
     F: sp.Matrix
     H: sp.Matrix
-    symbols: dict[sp.Symbol, str]
-
-    def latex(self, expression: Any) -> str:
-        """LaTeX, the states in the field's letters."""
-        text: str = sp.latex(expression, symbol_names=self.symbols)
-        return re.sub(r"\\operatorname\{(\w+)\}", r"\\mathrm{\1}", text)
 
 
 def equations(drive: Drive) -> Equations:
     """Derive a drive's discrete model with letters for its motor data."""
     model = build(drive, Parameters.symbolic())
-    named = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS)}
-    symbols = {sp.Symbol(name, real=True): latex for name, latex in {**named, **_PARAMETER_LATEX}.items()}
-    matrices = (to_sympy(expression) for expression in (model.f, model.h, model.F, model.H))
-    return Equations(*matrices, symbols)
+    return Equations(*(to_sympy(expression) for expression in (model.f, model.h, model.F, model.H)))
+
+
+@dataclass(frozen=True)
+class Readable:
+    """The model as one would write it down, each line a (left side, right side).
+
+    Constants keep the names they have in the generated code. ``symbols`` holds LaTeX for names that need it.
+    """
+
+    f: list[tuple[sp.Symbol, sp.Expr]]
+    h: list[tuple[sp.Symbol, sp.Expr]]
+    H: sp.Matrix
+    constants: list[Constant]
+    symbols: dict[sp.Symbol, str]
+
+    def latex(self, expression: Any) -> str:
+        text: str = sp.latex(expression, symbol_names=self.symbols, mat_delim="[")
+        return text
+
+
+def readable(drive: Drive) -> Readable:
+    """f and h line by line through their named intermediates; H in terms of those of h."""
+    model = build(drive)
+    f = _lines(model.propagate, model, [f"{state.name}_next" for state in model.states], with_input=True)
+    h = _lines(model.measure, model, [f"y_{quantity.name}" for quantity in OUTPUTS], with_input=False)
+    H = to_sympy(model.H)
+    for symbol, expression in reversed(h[:-2]):
+        H = H.subs(_in_full(expression, h), symbol)
+    return Readable(f, h, H, model.constants, _latex_names(model))
+
+
+def _lines(function: Callable[..., Any], model: StateSpaceModel, names: list[str], with_input: bool) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """Definitions of a function's named intermediates, then its rows in terms of them."""
+    point = ca.vertsplit(model.x)
+    values, named = function(point, ca.vertsplit(model.u)) if with_input else function(point)
+    return to_sympy_lines(dict(named), dict(zip(names, values, strict=True)))
+
+
+def _in_full(expression: sp.Expr, lines: list[tuple[sp.Symbol, sp.Expr]]) -> sp.Expr:
+    """An expression with the names of earlier lines written out."""
+    for symbol, definition in reversed(lines):
+        expression = expression.subs(symbol, definition)
+    return expression
+
+
+def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
+    names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS)}
+    names |= {f"{state.name}_next": f"{state.symbol}'" for state in model.states}
+    names |= {f"y_{quantity.name}": f"y_{k + 1}" for k, quantity in enumerate(OUTPUTS)}
+    names |= {constant.name: rf"\mathtt{{{constant.name}}}".replace("_", r"\_") for constant in model.constants}
+    return {sp.Symbol(name, real=True): latex for name, latex in names.items()}
 
 
 def sparsity(model: StateSpaceModel) -> dict[str, str]:
     """Structural non-zeros of F and H, as 'k of n'."""
-    return {
-        name: f"{matrix.nnz()} of {matrix.numel()}" for name, matrix in (("F", model.F), ("H", model.H))
-    }
+    return {name: f"{matrix.nnz()} of {matrix.numel()}" for name, matrix in (("F", model.F), ("H", model.H))}

@@ -125,5 +125,6 @@ def _facts(
 def _rounded(certificate: dict[str, Any]) -> dict[str, Any]:
     """Two digits: what a certificate claims, and the same on every machine."""
     certificate["x"] = [float(f"{value:.1e}") for value in certificate["x"]]
-    certificate["P"] = float(f"{certificate['P']:.1e}")
+    for name in ("P", "P_99"):
+        certificate[name] = float(f"{certificate[name]:.1e}")
     return certificate

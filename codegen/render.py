@@ -125,7 +125,7 @@ def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificat
     if target.generated_trig:
         notes += [
             f"float32 against float64, one step, worst of {certificate.samples} draws from the operating box:",
-            f"  {worst}, P {certificate.P:.1e} relative.",
+            f"  {worst}, P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e}).",
         ]
     return notes
 

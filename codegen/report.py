@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from codegen.certificate import Certificate
 from codegen.cost import CYCLES, CYCLES_PER_OPERATION, Cost
-from codegen.equations import equations, sparsity
+from codegen.equations import readable, sparsity
 from codegen.render import FILTER_TITLES, Description, render
 from codegen.trig import sin_cos_bound
 from model.filters import FilterStep
@@ -15,7 +15,7 @@ def render_report(
 ) -> str:
     """The readable side of the manifest."""
     drive, model = about.drive, about.model
-    eq = equations(drive)
+    eq = readable(drive)
     return render(
         "report.md.j2",
         about=about,
@@ -27,10 +27,10 @@ def render_report(
             )
         ],
         discretization=model.exact_meaning if drive.model.discretization == "exact" else "forward Euler (eq. 7)",
-        f=[(state.symbol, eq.latex(row)) for state, row in zip(model.states, eq.f, strict=True)],
-        h=[eq.latex(row) for row in eq.h],
-        F=eq.latex(eq.F) if drive.model.machine == "surface" else "",
+        f=[(eq.latex(left), eq.latex(right)) for left, right in eq.f],
+        h=[(eq.latex(left), eq.latex(right)) for left, right in eq.h],
         H=eq.latex(eq.H),
+        constants=eq.constants,
         sparsity=sparsity(model),
         steps=steps,
         costs=costs,

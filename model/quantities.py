@@ -70,10 +70,11 @@ class Constants:
 class Stage:
     """A quantity of the paper inside a filter step: its name, equation, entries and their names.
 
-    ``rows`` says, entry by entry, which row the entry belongs to: errors are judged on the row's scale.
-    ``scale`` names how: ``"state"`` rows are states (scale: the larger of |value| and one sigma),
-    ``"output"`` rows are measurements (the larger of |value| and the measurement's sigma), ``"row"``
-    the row's largest entry.
+    ``rows`` says, entry by entry, which row the entry belongs to: the proof judges an error on its row's
+    scale, which is the row's largest entry or, where that may vanish, what ``scale`` names: ``"state"`` one
+    sigma of the state, ``"output"`` one sigma of the measurement noise, ``"cross"`` and ``"gain"`` the size
+    a cross covariance and a gain have by their sigmas, ``"row"`` nothing more. ``"none"``: a working
+    quantity that is named but not compared.
     """
 
     name: str

@@ -31,24 +31,46 @@ def to_sympy(expression: Any) -> sp.Matrix:
     expression : casadi.SX
         Over + - * / sqrt sin cos exp.
     """
-    symbols = ca.symvar(expression)
-    function = ca.Function("expression", symbols, [ca.densify(expression)])
-    names = [sp.Symbol(str(symbol), real=True) for symbol in symbols]
+    function = _function(ca.symvar(expression), [ca.densify(expression)])
+    values = _replay(function, [])[0]
+    rows, columns = expression.shape
+    return sp.Matrix(rows, columns, lambda i, j: values[i + j * rows])
+
+
+def to_sympy_lines(named: dict[str, Any], rows: dict[str, Any]) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """Scalars as a list of definitions: each of ``named`` once, and from then on by its name; then the ``rows``."""
+    everything = {**named, **rows}
+    values = [ca.SX(value) for value in everything.values()]
+    function = _function(ca.symvar(ca.vertcat(*values)), values)
+    results = _replay(function, list(named))
+    return [(sp.Symbol(name, real=True), result[0]) for name, result in zip(everything, results, strict=True)]
+
+
+def _function(symbols: list[Any], outputs: list[Any]) -> Any:
+    """An SX function whose inputs are called like their symbols."""
+    inputs = [str(symbol) for symbol in symbols]
+    return ca.Function("expression", symbols, outputs, inputs, [f"out{k}" for k in range(len(outputs))])
+
+
+def _replay(function: Any, cut: list[str]) -> list[dict[int, Any]]:
+    """Walk a tape; the first outputs, as many as ``cut`` has names, are symbols to all that comes after them."""
+    names = [sp.Symbol(str(function.name_in(k)), real=True) for k in range(function.n_in())]
     work: dict[int, Any] = {}
-    values: dict[int, Any] = {}
+    outputs: list[dict[int, Any]] = [{} for _ in range(function.n_out())]
     for k in range(function.n_instructions()):
         op = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_INPUT:
             work[target[0]] = names[source[0]]
         elif op == ca.OP_OUTPUT:
-            values[target[1]] = work[source[0]]
+            outputs[target[0]][target[1]] = work[source[0]]
+            if target[0] < len(cut):
+                work[source[0]] = sp.Symbol(cut[target[0]], real=True)
         elif op == ca.OP_CONST:
             work[target[0]] = sp.nsimplify(function.instruction_constant(k), rational=True)
         else:
             work[target[0]] = _APPLY[op](*(work[s] for s in source[: _arity(op)]))
-    rows, columns = expression.shape
-    return sp.Matrix(rows, columns, lambda i, j: values[i + j * rows])
+    return outputs
 
 
 def _arity(op: int) -> int:

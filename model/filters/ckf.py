@@ -46,13 +46,13 @@ def measurement_update(model: StateSpaceModel) -> Block:
     record_points(b, "X_pred", "19", "X_i = x_pred +- sqrt(n) S_i", X, [f"{s}_pred" for s in states], "state")
     Y = measured_points(b, model, "20", X, "pred_")
     record_points(b, "Y", "20", "Y_i = h(X_i)", Y, [f"y_{name}" for name in outputs], "output")
-    y_pred = b.stage("y_pred", "21", "y_pred = mean Y_i", mean(Y), [f"y_{name}_pred" for name in outputs], scale="output")
+    y_pred = b.stage("y_pred", "21", "y_pred = mean Y_i, about the first point", mean(Y), [f"y_{name}_pred" for name in outputs], scale="output")
     dev_y = deviations(b, "22", Y, y_pred, [f"y_{name}" for name in outputs])
     Pyy = spread(dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
     b.lower("Pyy", "22", "Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R", Pyy)
     dev_x = deviations(b, "23", X, x_pred, [f"{s}_pred" for s in states])
-    Pxy = b.matrix("Pxy", "23", "Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T", spread(dev_x, dev_y))
+    Pxy = b.matrix("Pxy", "23", "Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T", spread(dev_x, dev_y), scale="cross")
     K = gain(b, "24", Pxy, Pyy)
     innovation = [y[k] - y_pred[k] for k in range(2)]
     b.stage("innovation", "25", "y - y_pred", innovation, [f"innovation_{name}" for name in outputs], scale="output")

@@ -69,9 +69,12 @@ def record_points(b: BlockBuilder, name: str, equation: str, meaning: str, pts: 
 
 
 def mean(pts: list[Vector]) -> Vector:
-    """Equal weights 1/m, eq. 12, 16 and 21."""
+    """Equal weights 1/m, eq. 12, 16 and 21, taken about the first point.
+
+    The plain sum of 2n angles is some 25 rad, whose float32 spacing alone is 2e-6 rad.
+    """
     weight = 1.0 / len(pts)
-    return [weight * _sum([point[i] for point in pts]) for i in range(len(pts[0]))]
+    return [pts[0][i] + weight * _sum([point[i] - pts[0][i] for point in pts[1:]]) for i in range(len(pts[0]))]
 
 
 def _sum(terms: Vector) -> Any:
@@ -121,7 +124,7 @@ def time_update(model: StateSpaceModel) -> Block:
         b.working("15", named, side)
         X_prop.append(value)
     record_points(b, "X_prop", "15", "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
-    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i'", mean(X_prop), [f"{s}_pred" for s in states], scale="state")
+    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i', about the first point", mean(X_prop), [f"{s}_pred" for s in states], scale="state")
     dev = deviations(b, "17", X_prop, x_pred, states)
     P_pred = spread(dev, dev)
     for i in range(n):
@@ -165,7 +168,7 @@ def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
     W_00, W_10, W_11 = Pyy[1][1] / det, -Pyy[1][0] / det, Pyy[0][0] / det
     b.stage("Pyy_inv", equation, "Pyy^-1", [W_00, W_10, W_11], ["Pyy_inv_00", "Pyy_inv_10", "Pyy_inv_11"], scale="none")
     K = [[row[0] * W_00 + row[1] * W_10, row[0] * W_10 + row[1] * W_11] for row in Pxy]
-    return b.matrix("K", equation, "K = Pxy Pyy^-1", K)
+    return b.matrix("K", equation, "K = Pxy Pyy^-1", K, scale="gain")
 
 
 def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> Matrix:

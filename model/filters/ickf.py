@@ -145,7 +145,7 @@ def _jacobian_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: M
     """Eq. 29 and 30."""
     n = len(x_j)
     Pxy = [[_dot(P_pred[i], H[k]) for k in range(2)] for i in range(n)]
-    b.matrix("Pxy", "30", "Pxy^j = P_pred H^jT", Pxy)
+    b.matrix("Pxy", "30", "Pxy^j = P_pred H^jT", Pxy, scale="cross")
     Pyy = [[_dot(H[k], [Pxy[i][m] for i in range(n)]) for m in range(2)] for k in range(2)]
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
     b.lower("Pyy", "29", "Pyy^j = H^j P_pred H^jT + R", Pyy)
@@ -161,13 +161,13 @@ def _cubature_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: M
     record_points(b, "X_j", "19", "X_i = x^j +- sqrt(n) S_i", X, [f"{s}_j" for s in states], "state")
     Y = measured_points(b, model, "20", X, "j_")
     record_points(b, "Y_j", "20", "Y_i = h(X_i)", Y, outputs, "output")
-    y_mean = b.stage("y_mean", "21", "mean Y_i", mean(Y), [f"{name}_mean" for name in outputs], scale="output")
+    y_mean = b.stage("y_mean", "21", "mean Y_i, about the first point", mean(Y), [f"{name}_mean" for name in outputs], scale="output")
     dev_y = deviations(b, "22", Y, y_mean, outputs)
     Pyy = spread(dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
     b.lower("Pyy", "22", "Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R", Pyy)
     dev_x = deviations(b, "23", X, x_j, [f"{s}_j" for s in states])
-    Pxy = b.matrix("Pxy", "23", "Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T", spread(dev_x, dev_y))
+    Pxy = b.matrix("Pxy", "23", "Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T", spread(dev_x, dev_y), scale="cross")
     return Pyy, Pxy
 
 

@@ -114,12 +114,12 @@ class BlockBuilder:
         self._stages.append(Stage(name, equation, meaning, entries, names, tuple(i for i, _ in index), "row"))
         return matrix
 
-    def matrix(self, name: str, equation: str, meaning: str, matrix: list[list[Any]]) -> list[list[Any]]:
+    def matrix(self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row") -> list[list[Any]]:
         """Record a full matrix, its entries named ``name_ij``."""
         width = len(matrix[0])
         entries = [entry for row in matrix for entry in row]
         names = [f"{name}_{i}{j}" for i in range(len(matrix)) for j in range(width)]
-        self.stage(name, equation, meaning, entries, names, columns=width)
+        self.stage(name, equation, meaning, entries, names, scale=scale, columns=width)
         return matrix
 
     def working(self, equation: str, named: dict[str, Any], suffix: str) -> None:

@@ -56,6 +56,7 @@ class SurfacePMSM(Machine):
     def _advance(z: Pair, v: Pair, omega_e: Any, theta: Any, c: tuple[Any, Any, Any]) -> tuple[Pair, Named]:
         decay, emf, gain = c
         emf_step = emf * omega_e  # back-EMF's share of the current's change, A
-        i_alpha = decay * z[0] + emf_step * ca.sin(theta) + gain * v[0]
-        i_beta = decay * z[1] - emf_step * ca.cos(theta) + gain * v[1]
-        return (i_alpha, i_beta), {"emf_step": emf_step, "drive_alpha": gain * v[0], "drive_beta": gain * v[1]}
+        drive_alpha, drive_beta = gain * v[0], gain * v[1]  # the voltage's share, A
+        i_alpha = decay * z[0] + emf_step * ca.sin(theta) + drive_alpha
+        i_beta = decay * z[1] - emf_step * ca.cos(theta) + drive_beta
+        return (i_alpha, i_beta), {"emf_step": emf_step, "drive_alpha": drive_alpha, "drive_beta": drive_beta}

@@ -1,0 +1,145 @@
+"""pmsm-ickf: the command line. Words and exit codes only; the work is in :mod:`runtime.tasks`.
+
+Exit codes: 0 good, 1 a check failed, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from codegen import __version__
+from codegen.folder import FolderError
+from model.drive import DriveError
+from runtime.errors import UserError
+from runtime.tasks import Progress, Written, generate_drives, run_all, verify_drives
+
+app = typer.Typer(
+    name="pmsm-ickf",
+    help="Write the motor once, as mathematics; get firmware, a Python runtime, and the proof that they are the same filter.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+console = Console()
+
+Drives = Annotated[
+    list[str] | None, typer.Argument(metavar="[DRIVE]...", help="A shipped name or the path of a TOML file. Default: every shipped drive.")
+]
+
+
+@contextmanager
+def working() -> Iterator[Progress]:
+    """A spinner that says what is going on; plain lines where there is no terminal."""
+    if console.is_terminal:
+        with console.status("") as status:
+            yield lambda text: status.update(escape(text))
+    else:
+        yield lambda text: console.print(f"[dim]{escape(text)}[/dim]", highlight=False)
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False) -> None:
+    if version:
+        console.print(__version__, highlight=False)
+        raise typer.Exit
+
+
+@app.command()
+def run(
+    drives: Drives = None,
+    build: Annotated[Path, typer.Option("--build", metavar="DIR", help="Where the report page goes.")] = Path("build"),
+) -> None:
+    """Everything: regenerate, verify, and write build/report/index.html."""
+    with working() as progress:
+        written, proofs, page = run_all(drives or [], build, progress)
+    _show_written(written)
+    for proof in proofs:
+        _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
+    console.print(f"Report: {page}", highlight=False, soft_wrap=True)
+    if not all(proof.passed for proof in proofs):
+        raise typer.Exit(1)
+
+
+@app.command()
+def generate(
+    drives: Drives = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files."
+        ),
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit 1 with a diff if a folder is stale.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a folder that was edited by hand.")] = False,
+) -> None:
+    """Generate C for the F28335, host C and Python from drive files."""
+    with working() as progress:
+        written = generate_drives(drives or [], out, check, force, progress)
+    if check:
+        for item in written:
+            if item.diff:
+                console.print(item.diff, markup=False, highlight=False, soft_wrap=True)
+    _show_written(written)
+    if any(item.state == "stale" for item in written):
+        raise typer.Exit(1)
+
+
+@app.command()
+def verify(
+    drives: Drives = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+) -> None:
+    """Prove that reference, generated Python and generated C are the same filter, by equation number."""
+    from runtime.report.tables import proof_tables
+
+    with working() as progress:
+        results = verify_drives(drives or [], json, progress)
+    for proof, _ in results:
+        console.rule(f"[bold]{proof.drive}[/bold]", align="left")
+        console.print(proof_tables(proof))
+        _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
+    if not all(proof.passed for proof, _ in results):
+        raise typer.Exit(1)
+
+
+def _show_written(written: list[Written]) -> None:
+    table = Table(show_edge=False, pad_edge=False, header_style="")
+    for column in ("drive", "files", "folder", ""):
+        table.add_column(column, overflow="fold")
+    for item in written:
+        style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
+        table.add_row(item.drive, str(item.files), str(item.folder), f"[{style}]{item.state}[/{style}]")
+    console.print(table)
+
+
+def _show_summary(drive: str, passed: bool, compared: int, failures: list[str]) -> None:
+    for line in failures:
+        console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
+    verdict = f"[green]proved[/green], {compared:,} numbers compared" if passed else "[bold red]NOT proved[/bold red]"
+    console.print(f"{drive}: {verdict}", highlight=False)
+
+
+def main() -> None:
+    """Entry point: what the user can mend becomes one line on stderr and exit code 2."""
+    try:
+        app()
+    except (UserError, DriveError, FolderError) as error:
+        print(f"pmsm-ickf: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("pmsm-ickf: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""Compare a stage of two computations on the scale of its rows, many steps at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.quantities import Stage
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """What a step's errors are measured by, each with a leading step axis N.
+
+    ``state`` (N, n): sqrt diag P_pred. ``innovation`` (N, 2): sqrt diag Pyy. ``noise`` (2,): sqrt R.
+    """
+
+    state: Array
+    innovation: Array
+    noise: Array
+
+
+def entries_of(stage: Stage, values: Array) -> Array:
+    """Reference arrays (N, rows[, columns]) -> (N, entries) in the stage's order."""
+    n = values.shape[1]
+    if values.ndim == 3 and len(stage.entries) == n * (n + 1) // 2 and values.shape[2] == n:
+        rows, columns = np.tril_indices(n)
+        return values[:, rows, columns]
+    return values.reshape(values.shape[0], -1)
+
+
+def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
+    """(N, entries): for each entry its row's largest magnitude, or the row's natural size if that is larger."""
+    full = np.abs(values.reshape(*values.shape[:2], -1)).max(axis=2)
+    low, high = sigmas.innovation.min(axis=1, keepdims=True), sigmas.innovation.max(axis=1, keepdims=True)
+    natural = {
+        "state": sigmas.state,
+        "output": np.broadcast_to(sigmas.noise, (values.shape[0], 2)),
+        "cross": sigmas.state * low,
+        "gain": sigmas.state / high,
+        "row": np.zeros_like(full),
+    }[stage.scale]
+    return np.maximum(full, natural)[:, list(stage.rows)]
+
+
+def relative_error(stage: Stage, expected: Array, found: Array, sigmas: Sigmas, angle: int) -> Array:
+    """(N, entries) of |found - expected| over the row's scale; a missing number counts as infinite.
+
+    Parameters
+    ----------
+    stage : Stage
+        Tells rows and scale.
+    expected : array, (N, rows[, columns])
+        The reference.
+    found : array, (N, entries)
+        What the generated code computed.
+    angle : int
+        Row whose values live on a circle (in stages of states).
+    """
+    difference = found - entries_of(stage, expected)
+    if stage.scale == "state":
+        turning = np.array(stage.rows) == angle
+        difference[:, turning] = np.remainder(difference[:, turning] + np.pi, 2 * np.pi) - np.pi
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.abs(difference) / row_scale(stage, expected, sigmas)
+    error[difference == 0] = 0.0
+    error[np.isnan(error)] = np.inf
+    return error

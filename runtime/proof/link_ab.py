@@ -1,0 +1,171 @@
+"""Link A-B: the hand-written reference against the generated float64 step, every stage and every iterate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.filters.program import FilterStep
+from model.quantities import Stage
+from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.proof.compare import Sigmas, entries_of, relative_error
+from runtime.proof.reference import make_reference
+from runtime.proof.result import Divergence, Link, Row
+
+Array = NDArray[Any]
+
+#: |A - B| relative to the row's scale. Both are float64 and differ in the order of operations only: some
+#: hundred roundings of 1e-16 each, times what the step amplifies them by (the condition of Pyy and of the
+#: Cholesky factors, below 1e4 inside the box).
+ALLOWED = 1e-10
+
+
+@dataclass(frozen=True)
+class Situations:
+    """Steps to take: before each, x (N, n) and P (N, n, n); inputs u (N, 2) V, y (N, 2) A; A's stages."""
+
+    name: str
+    x: Array
+    P: Array
+    u: Array
+    y: Array
+    stages: dict[str, Array]
+    iterates: list[dict[str, Array]]
+    counts: Array
+
+
+def reference_run(
+    name: str, parameters: Mapping[str, Any], step: FilterStep, start: Array, u: Array, y: Array, covariances: Array | None = None
+) -> Situations:
+    """Run the reference: along a trajectory from ``start`` (n,), or from each state of ``start`` (N, n) anew.
+
+    Where iterating is proved idle the reference iterates N_max times regardless of (33), to show it.
+    """
+    reference = make_reference(parameters, step.kind, step.gain, start if start.ndim == 1 else start[0])
+    if step.iteration_proof:
+        reference.eps = -1.0
+    before_x, before_P, records = [], [], []
+    for k in range(len(u)):
+        if covariances is not None:
+            reference.x, reference.P = start[k].copy(), covariances[k].copy()
+        before_x.append(reference.x.copy())
+        before_P.append(reference.P.copy())
+        records.append(reference.step(u[k], y[k]))
+    iterates, counts = _stack_iterates(records)
+    stages = {key: np.array([r[key] for r in records]) for key in records[0] if key != "iterates"}
+    return Situations(name, np.array(before_x), np.array(before_P), u, y, stages, iterates, counts)
+
+
+def _stack_iterates(records: list[dict[str, Any]]) -> tuple[list[dict[str, Array]], Array]:
+    """Iterate by iterate; a step that ended earlier repeats its last one, and ``counts`` says how many are real."""
+    counts = np.array([len(r.get("iterates", ())) for r in records])
+    stacked = []
+    for j in range(int(counts.max(initial=0))):
+        chosen = [r["iterates"][min(j, len(r["iterates"]) - 1)] for r in records]
+        stacked.append({key: np.array([item[key] for item in chosen]) for key in chosen[0]})
+    return stacked, counts
+
+
+def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situations, R: Array) -> Link:
+    """Evaluate the generated step on every situation at once and compare stage by stage."""
+    found, iterates, counts = _evaluate(module, step.kind, situations)
+    sigmas = _sigmas(situations, R)
+    comparisons = [*_pairs(step, situations, found, iterates)]
+    rows, first = [], None
+    for equation, label, stage, expected, values, lanes in comparisons:
+        error = relative_error(stage, expected[lanes], values[lanes], _take(sigmas, lanes), module.ANGLE)
+        worst = float(error.max(initial=0.0))
+        rows.append(Row(equation, label, stage.meaning, worst, ALLOWED, int(error.size)))
+        if worst > ALLOWED:
+            candidate = _first(equation, label, stage, error, lanes, expected, values)
+            first = candidate if first is None or candidate.step < first.step else first
+    if not step.iteration_proof and step.kind == "ickf":
+        rows.append(Row("33", "iterates taken", "the two loops stop alike", float(np.abs(counts - situations.counts).max()), 0.0, len(counts)))
+    return Link("A-B", "reference = generated float64", drive, step.kind, step.gain, situations.name, tuple(rows), first)
+
+
+def _evaluate(module: ModuleType, kind: str, s: Situations) -> tuple[dict[str, Array], list[dict[str, Array]], Array]:
+    """The generated step with one lane a situation; stages as (N, entries)."""
+    backend = NumpyBackend(module, kind, "float64")
+    rows, columns = np.tril_indices(s.x.shape[1])
+    backend.reset(s.x.T.copy(), s.P[:, rows, columns].T.copy())
+    stages: dict[str, Any] = {}
+    backend.step(s.u.T.copy(), s.y.T.copy(), stages)
+    lanes = len(s.u)
+    iterates = [{key: _lanes(values, lanes) for key, values in item.items()} for item in stages.pop("iterates", [])]
+    return {key: _lanes(values, lanes) for key, values in stages.items()}, iterates, backend.iterations
+
+
+def _lanes(values: Any, count: int) -> Array:
+    """A tuple of scalars and lanes -> (N, entries)."""
+    return np.stack([np.broadcast_to(np.asarray(value, dtype=float), (count,)) for value in values], axis=1)
+
+
+def _sigmas(s: Situations, R: Array) -> Sigmas:
+    Pyy = s.iterates[0]["Pyy"] if s.iterates else s.stages["Pyy"]
+    return Sigmas(np.sqrt(np.einsum("kii->ki", s.stages["P_pred"])), np.sqrt(np.einsum("kii->ki", Pyy)), np.sqrt(R))
+
+
+def _take(sigmas: Sigmas, lanes: Array) -> Sigmas:
+    return Sigmas(sigmas.state[lanes], sigmas.innovation[lanes], sigmas.noise)
+
+
+def _pairs(step: FilterStep, s: Situations, found: dict[str, Array], iterates: list[dict[str, Array]]) -> Any:
+    """(equation, label, stage, expected, found, lanes): every stage, then every iterate's."""
+    everyone = np.arange(len(s.u))
+    looped = {stage.name for block in step.blocks if block.name.endswith("iterate") for stage in block.stages}
+    for block in step.blocks:
+        for stage in block.stages:
+            if stage.scale == "none":
+                continue
+            if stage.name in looped and block.name.endswith("iterate"):
+                for j, expected in enumerate(s.iterates):
+                    lanes = np.flatnonzero(s.counts > j)
+                    values = iterates[j][stage.name] if j < len(iterates) else np.full_like(iterates[-1][stage.name], np.nan)
+                    yield stage.equation, f"{stage.name}, j = {j}", stage, expected[stage.name], values, lanes
+            elif stage.name in s.stages:
+                yield stage.equation, stage.name, stage, s.stages[stage.name], found[stage.name], everyone
+            else:
+                yield stage.equation, stage.name, stage, s.iterates[0][stage.name], found[stage.name], everyone
+                if stage.name == "x_next":
+                    for j, expected in enumerate(s.iterates[1:], start=1):
+                        yield "33", f"x_next, j = {j} (idle)", stage, expected["x_next"], found["x_next"], everyone
+
+
+def _first(equation: str, label: str, stage: Stage, error: Array, lanes: Array, expected: Array, values: Array) -> Divergence:
+    where = int(np.flatnonzero((error > ALLOWED).any(axis=1))[0])
+    k = int(np.argmax(error[where] > ALLOWED))
+    lane = int(lanes[where])
+    wanted = entries_of(stage, expected[lane : lane + 1])[0, k]
+    return Divergence(lane, equation, label, stage.names[k], float(wanted), float(values[lane, k]), f"{ALLOWED:g} of the row's scale")
+
+
+def free_run(module: ModuleType, step: FilterStep, drive: str, situations: Situations, start: Array, sigma_0: Array) -> Link:
+    """B on its own along the trajectory, not set back to A each step: errors must not build up."""
+    backend = NumpyBackend(module, step.kind, "float64")
+    n = len(start)
+    rows, columns = np.tril_indices(n)
+    backend.reset(start.copy(), np.diag(sigma_0**2)[rows, columns])
+    x, P, _, _ = backend.run(situations.u, situations.y)
+    A_x, A_P = situations.stages["x"], situations.stages["P"]
+    sigma = np.sqrt(np.einsum("kii->ki", A_P))
+    dx = x - A_x
+    dx[:, module.ANGLE] = np.remainder(dx[:, module.ANGLE] + np.pi, 2 * np.pi) - np.pi
+    error_x = np.abs(dx) / np.maximum(sigma, np.abs(A_x))
+    error_P = np.abs(P - A_P[:, rows, columns]) / (sigma[:, rows] * sigma[:, columns])
+    rows_out = (
+        Row("25, 34", "x, run on its own", "estimate", _worst(error_x), ALLOWED, error_x.size),
+        Row("26, 32", "P, run on its own", "covariance", _worst(error_P), ALLOWED, error_P.size),
+    )
+    return Link("A-B", "reference = generated float64", drive, step.kind, step.gain, f"{situations.name}, free run", rows_out)
+
+
+def _worst(error: Array) -> float:
+    return float(error.max()) if np.isfinite(error).all() else float("inf")
+
+

@@ -1,0 +1,120 @@
+"""What a proof says: one row a stage, one link a comparison, and where two computations first part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Row:
+    """One stage in one link: the worst deviation met and what is allowed (0: identical bits)."""
+
+    equation: str
+    stage: str
+    meaning: str
+    worst: float
+    allowed: float
+    compared: int
+
+    @property
+    def passed(self) -> bool:
+        return self.worst <= self.allowed
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """The first place where a link breaks."""
+
+    step: int
+    equation: str
+    stage: str
+    element: str
+    expected: float
+    found: float
+    allowed: str
+
+    def __str__(self) -> str:
+        where = f"step {self.step}, {self.stage} (eq. {self.equation}) element {self.element}"
+        return f"first divergence at {where}: expected {self.expected:.9g}, found {self.found:.9g}, allowed {self.allowed}"
+
+
+@dataclass(frozen=True)
+class Link:
+    """One comparison of the chain: ``name`` ("A-B"), of which filter and gain, on which data."""
+
+    name: str
+    claim: str
+    drive: str
+    kind: str
+    gain: str
+    data: str
+    rows: tuple[Row, ...]
+    divergence: Divergence | None = None
+
+    @property
+    def passed(self) -> bool:
+        return self.divergence is None and all(row.passed for row in self.rows)
+
+    @property
+    def worst(self) -> float:
+        """Largest deviation of any row (rows of link B-D differ in unit: see :attr:`used`)."""
+        return max((row.worst for row in self.rows), default=0.0)
+
+    @property
+    def used(self) -> float:
+        """Largest share of what is allowed; for links that allow nothing, 0 or infinite."""
+        shares = [row.worst / row.allowed if row.allowed else (float("inf") if row.worst else 0.0) for row in self.rows]
+        return max(shares, default=0.0)
+
+    @property
+    def compared(self) -> int:
+        """Numbers compared."""
+        return sum(row.compared for row in self.rows)
+
+    @property
+    def variant(self) -> str:
+        return self.kind if self.kind == "ckf" else f"{self.kind}, {self.gain} gain"
+
+
+@dataclass(frozen=True)
+class IterationEffect:
+    """ICKF against CKF on one trajectory: largest difference of each state in sigmas, and in its unit."""
+
+    drive: str
+    gain: str
+    in_sigma: float
+    by_state: dict[str, float]
+    proved_idle: bool
+    verdict: str
+
+
+@dataclass
+class Proof:
+    """All links of a drive, and what iterating changed."""
+
+    drive: str
+    links: list[Link] = field(default_factory=list)
+    effects: list[IterationEffect] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.links) and all(link.passed for link in self.links) and all(e.verdict != "unexplained" for e in self.effects)
+
+    def failures(self) -> Iterable[str]:
+        """One line for each broken link, as the command line prints it."""
+        for link in self.links:
+            if not link.passed:
+                where = f"verify {link.drive}/{link.kind} ({link.gain} gain), link {link.name} on {link.data}: "
+                broken = next((row for row in link.rows if not row.passed), None)
+                if link.divergence is not None:
+                    yield where + str(link.divergence)
+                elif broken is not None:
+                    yield where + f"{broken.stage} (eq. {broken.equation}) deviates by {broken.worst:.3g}, allowed {broken.allowed:.3g}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for ``--json``."""
+        links = [{**asdict(link), "passed": link.passed, "worst": link.worst} for link in self.links]
+        return {"drive": self.drive, "passed": self.passed, "links": links, "iteration": [asdict(e) for e in self.effects], "notes": self.notes}

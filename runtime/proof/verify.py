@@ -1,0 +1,235 @@
+"""Verify a drive: every link of the chain that can be run here, over a trajectory and over the operating box."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.box import BoxSamples, sample_box
+from codegen.certificate import SAMPLES
+from codegen.folder import FolderError, check_unedited, difference, write_folder
+from codegen.generate import Package, generate
+from model.drive import Drive, load_drive
+from runtime.errors import UserError
+from runtime.estimator.compiler import find_compiler
+from runtime.estimator.estimator import load_folder
+from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.proof.derivation import compare_derivations
+from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
+from runtime.proof.link_bd import Drift, link_bd
+from runtime.proof.link_de import OPTIMISATIONS, Bits
+from runtime.proof.result import IterationEffect, Link, Proof
+from runtime.proof.trajectory import Trajectory, make_trajectory
+
+Array = NDArray[Any]
+Progress = Callable[[str], None]
+
+GAINS = ("cubature", "jacobian")
+
+#: Largest difference between ICKF and CKF, in sigmas, that rounding explains (float64, as link A-B allows).
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is compared. The defaults are what ``pmsm-ickf verify`` runs."""
+
+    trajectory: float = 0.3  # s; the load step comes at 0.2 s
+    box_draws: int = 300  # for link A-B; D-E takes all of them
+    bit_steps: int = 10_000
+    drift_steps: int = 100_000
+    optimisations: tuple[tuple[str, ...], ...] = OPTIMISATIONS
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Arrays behind the tables, for plots: drift of the run at speed, and ICKF minus CKF in sigmas."""
+
+    t: Array
+    drift: dict[str, Drift]
+    effects: dict[str, Array]
+    trajectory: Trajectory
+
+
+def verify(drive: str | Path, effort: Effort | None = None, progress: Progress = lambda text: None) -> tuple[Proof, Evidence]:
+    """Prove a generated drive.
+
+    Parameters
+    ----------
+    drive : str or Path
+        A shipped name or a TOML file; its generated folder is looked up by :func:`generated_folder`.
+    effort : Effort, optional
+    progress : callable, optional
+        Called with a few words before each piece of work.
+
+    Raises
+    ------
+    UserError
+        No generated folder, a stale or hand-edited one, or no C compiler.
+    """
+    find_compiler()
+    return prove(load_drive(drive), generated_folder(drive), effort or Effort(), progress)
+
+
+def generated_folder(drive: str | Path) -> Path:
+    """Where a drive's generated folder is looked for: the project's for shipped names, ./generated for TOML files."""
+    return GENERATED / str(drive) if Path(drive).suffix != ".toml" else Path("generated") / load_drive(drive).name
+
+
+def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
+    """All links for the gain the drive ships, and again for the other gain of the ICKF."""
+    progress("generating")
+    package = generate(drive)
+    _check_current(path, package)
+    proof = Proof(drive.name)
+    proof.links.append(compare_derivations(drive))
+    parameters = drive.model_dump()
+    trajectory = make_trajectory(parameters, steps=round(effort.trajectory / drive.model.sample_time))
+    evidence = Evidence(trajectory.t, {}, {}, trajectory)
+    long = _long_run(parameters, drive, effort)
+    for gain, folder in _variants(drive, path):
+        variant = package if gain == drive.filter.gain else generate(_with_gain(drive, gain))
+        prover = Prover(variant, folder, trajectory, long, effort, progress)
+        for kind in variant.steps:
+            if kind == "ickf" or gain == drive.filter.gain:
+                proof.links += prover.links(kind, evidence)
+        if {"ckf", "ickf"} <= set(variant.steps):
+            proof.effects.append(prover.effect(evidence))
+    proof.notes += [step.iteration_proof for step in package.steps.values() if step.iteration_proof]
+    return proof, evidence
+
+
+def _check_current(path: Path, package: Package) -> None:
+    name = package.drive.name
+    if not path.is_dir():
+        raise UserError(f"no generated folder '{path}'. Run: pmsm-ickf generate {name}")
+    try:
+        check_unedited(path)
+    except FolderError as error:
+        raise UserError(str(error)) from None
+    if difference(path, package.files):
+        raise UserError(f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {name}")
+
+
+def _with_gain(drive: Drive, gain: str) -> Drive:
+    return drive.model_copy(update={"filter": drive.filter.model_copy(update={"gain": gain})})
+
+
+@contextmanager
+def _temporary(drive: Drive) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / drive.name
+        write_folder(path, generate(drive).files)
+        yield path
+
+
+def _variants(drive: Drive, path: Path) -> Iterator[tuple[str, GeneratedFolder]]:
+    """The shipped folder, then one generated with the other gain and thrown away."""
+    yield drive.filter.gain, GeneratedFolder(path)
+    if "ickf" in drive.filter.kinds:
+        for gain in GAINS:
+            if gain != drive.filter.gain:
+                with _temporary(_with_gain(drive, gain)) as other:
+                    yield gain, GeneratedFolder(other)
+
+
+def _long_run(parameters: dict[str, Any], drive: Drive, effort: Effort) -> tuple[Trajectory, int]:
+    """The trajectory continued at speed, and the step from which its drift is judged."""
+    settled = round(0.3 / drive.model.sample_time)
+    steps = max(settled + effort.drift_steps, effort.bit_steps)
+    return make_trajectory(parameters, steps=steps), settled
+
+
+@dataclass
+class Prover:
+    """Runs the links of one generated folder."""
+
+    package: Package
+    folder: GeneratedFolder
+    trajectory: Trajectory
+    long: tuple[Trajectory, int]
+    effort: Effort
+    progress: Progress
+
+    def links(self, kind: str, evidence: Evidence) -> list[Link]:
+        """A-B on trajectory and box, D-E for each optimisation, B-D along the long run."""
+        step = self.package.steps[kind]
+        label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
+        self.progress(f"{label}: A-B, reference along the trajectory")
+        found = self.link_a_b(kind)
+        self.progress(f"{label}: A-B, operating box")
+        found.append(self._box(kind))
+        self.progress(f"{label}: D-E, compiling and comparing bits")
+        bits = self._bits(kind)
+        found += [bits.link(optimisation) for optimisation in self.effort.optimisations]
+        self.progress(f"{label}: B-D, float32 at speed")
+        long, settled = self.long
+        drift_link, drift = link_bd(self.folder, kind, step.gain, long.u, long.y, settled)
+        evidence.drift[label] = drift
+        return [*found, drift_link]
+
+    def link_a_b(self, kind: str) -> list[Link]:
+        """Stage by stage along the trajectory, and B on its own."""
+        step, start = self.package.steps[kind], self._start
+        run = reference_run("trajectory", self._parameters, step, start, self.trajectory.u, self.trajectory.y)
+        sigma_0 = np.sqrt(self.package.drive.filter.initial_covariance)
+        name = self.package.drive.name
+        return [
+            link_ab(self.folder.module, step, name, run, self._R),
+            free_run(self.folder.module, step, name, run, start, sigma_0),
+        ]
+
+    def _box(self, kind: str) -> Link:
+        step = self.package.steps[kind]
+        situations = self._box_situations(step, sample_box(self.package.drive, self.package.model, self.effort.box_draws))
+        return link_ab(self.folder.module, step, self.package.drive.name, situations, self._R)
+
+    def _box_situations(self, step: Any, box: BoxSamples) -> Situations:
+        n, draws = box.x.shape
+        P = np.empty((draws, n, n))
+        rows, columns = np.tril_indices(n)
+        P[:, rows, columns] = P[:, columns, rows] = box.P.T
+        return reference_run("operating box", self._parameters, step, box.x.T, box.u.T, box.y.T, P)
+
+    def _bits(self, kind: str) -> Bits:
+        long, _ = self.long
+        box = sample_box(self.package.drive, self.package.model, SAMPLES)
+        steps = self.effort.bit_steps
+        return Bits(self.folder, self.package.steps[kind], long.u[:steps], long.y[:steps], box)
+
+    def effect(self, evidence: Evidence) -> IterationEffect:
+        """ICKF against CKF, both generated float64, on the same trajectory."""
+        gain, idle = self.package.drive.filter.gain, self.package.steps["ickf"].iteration_proof is not None
+        ckf, ickf = (
+            load_folder(self.folder, kind, "numpy", "float64").run(self.trajectory.u, self.trajectory.y) for kind in ("ckf", "ickf")
+        )
+        difference = np.abs(ickf.x - ckf.x)
+        angle = self.package.model.angle
+        difference[:, angle] = np.abs(np.remainder(ickf.x[:, angle] - ckf.x[:, angle] + np.pi, 2 * np.pi) - np.pi)
+        in_sigma = difference / np.sqrt(np.einsum("kii->ki", ckf.P))
+        evidence.effects[gain] = in_sigma.max(axis=1)
+        worst = float(in_sigma.max())
+        verdict = {(True, True): "rounding", (False, False): "real"}.get((idle, worst <= ROUNDING), "unexplained")
+        by_state = {state.name: float(difference[:, k].max()) for k, state in enumerate(self.package.model.states)}
+        return IterationEffect(self.package.drive.name, gain, worst, by_state, idle, verdict)
+
+    @property
+    def _parameters(self) -> dict[str, Any]:
+        return self.package.drive.model_dump()
+
+    @property
+    def _start(self) -> Array:
+        return np.array(self.folder.module.DEFAULTS["x_0"], dtype=float)
+
+    @property
+    def _R(self) -> Array:
+        return np.array(self.package.drive.filter.measurement_noise)
+
+

@@ -1,0 +1,112 @@
+"""Rich tables of a proof, arranged by equation number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from runtime.proof.result import Link, Proof
+
+
+def equation_order(equation: str) -> tuple[int, str]:
+    """Sort key: by the first number in '13', '25, 34', 'dh/dx'."""
+    number = re.search(r"\d+", equation)
+    return (int(number.group()) if number else 0, equation)
+
+
+def stages_by_equation(links: Iterable[Link]) -> dict[tuple[str, str], dict[str, float]]:
+    """A-B links as (equation, stage) -> variant -> worst; iterates of one stage are taken together."""
+    table: dict[tuple[str, str], dict[str, float]] = {}
+    for link in links:
+        if link.name != "A-B":
+            continue
+        for row in link.rows:
+            stage = re.sub(r", j = \d+( \(idle\))?", lambda m: ", further iterates" if m.group(1) else "", row.stage)
+            cell = table.setdefault((row.equation, stage), {})
+            cell[link.variant] = max(cell.get(link.variant, 0.0), row.worst)
+    return dict(sorted(table.items(), key=lambda item: (equation_order(item[0][0]), item[0][1])))
+
+
+def proof_tables(proof: Proof) -> RenderableType:
+    """Everything a proof says, as one renderable."""
+    parts: list[RenderableType] = [_derivation(proof), _stages(proof), _bits(proof), _drift(proof)]
+    if proof.effects:
+        parts.append(_effects(proof))
+    parts += [Text(note, style="dim") for note in dict.fromkeys(proof.notes)]
+    return Group(*parts)
+
+
+def _mark(passed: bool) -> Text:
+    return Text("ok", style="green") if passed else Text("FAILED", style="bold red")
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="", show_edge=False, pad_edge=False)
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k == 0 else "right", no_wrap=k == 0)
+    return table
+
+
+def _derivation(proof: Proof) -> Table:
+    table = _table("CasADi against SymPy's own derivation, symbolically", "what", "entries", "differ", "")
+    for link in proof.links:
+        if link.name == "model":
+            for row in link.rows:
+                table.add_row(row.stage, str(row.compared), f"{row.worst:.0f}", _mark(row.passed))
+    return table
+
+
+def _stages(proof: Proof) -> Table:
+    """The table by equation number."""
+    stages = stages_by_equation(proof.links)
+    variants = list(dict.fromkeys(variant for cells in stages.values() for variant in cells))
+    allowed = max((row.allowed for link in proof.links if link.name == "A-B" for row in link.rows), default=0.0)
+    table = _table(f"A-B: reference against generated float64, worst deviation on the row's scale (allowed {allowed:g})", "eq.", "stage")
+    table.columns[1].justify = "left"
+    for variant in variants:
+        table.add_column(variant, justify="right")
+    for (equation, stage), cells in stages.items():
+        shown = [_deviation(cells.get(variant), stage, allowed) for variant in variants]
+        table.add_row(equation, stage, *shown)
+    return table
+
+
+def _deviation(worst: float | None, stage: str, allowed: float) -> Text:
+    if worst is None:
+        return Text("")
+    if stage == "iterates taken":
+        return Text("same" if worst == 0 else f"{worst:g} apart", style="" if worst == 0 else "bold red")
+    return Text(f"{worst:.1e}", style="" if worst <= allowed else "bold red")
+
+
+def _bits(proof: Proof) -> Table:
+    table = _table("D-E: NumPy float32 against the generated C, bit for bit", "filter", "on", "numbers", "differ", "")
+    table.columns[1].justify = "left"
+    for link in proof.links:
+        if link.name == "D-E":
+            table.add_row(link.variant, link.data, f"{link.compared:,}", f"{sum(row.worst for row in link.rows):.0f}", _mark(link.passed))
+    return table
+
+
+def _drift(proof: Proof) -> Table:
+    links = [link for link in proof.links if link.name == "B-D"]
+    titles = [f"{row.stage}, {row.meaning}" for row in links[0].rows] if links else []
+    data = links[0].data if links else ""
+    table = _table(f"B-D: float32 against float64, {data}, worst deviation", "filter", *titles, "")
+    for link in links:
+        table.add_row(link.variant, *(f"{row.worst:.1e}" for row in link.rows), _mark(link.passed))
+    if links:
+        table.add_row("allowed", *(f"{row.allowed:.0e}" for row in links[0].rows), "", style="dim")
+    return table
+
+
+def _effects(proof: Proof) -> Table:
+    table = _table("ICKF against CKF along the trajectory (float64)", "gain", "largest difference", *proof.effects[0].by_state, "it is")
+    for effect in proof.effects:
+        words = {"rounding": "rounding: iterating is proved idle", "real": "real"}.get(effect.verdict, "UNEXPLAINED")
+        table.add_row(effect.gain, f"{effect.in_sigma:.2g} sigma", *(f"{v:.1e}" for v in effect.by_state.values()), words)
+    return table

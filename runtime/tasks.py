@@ -1,0 +1,86 @@
+"""What the commands do, without the words of the command line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from codegen.folder import MANIFEST, difference, write_folder
+from codegen.generate import generate
+from model.drive import DriveError, load_drive, shipped_drives
+from runtime.estimator.folder import GENERATED
+from runtime.proof.result import Proof
+from runtime.proof.verify import Evidence, verify
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Written:
+    """One drive's outcome: ``state`` is new, updated, unchanged or stale; ``diff`` what changed."""
+
+    drive: str
+    folder: Path
+    state: str
+    files: int
+    diff: str
+
+
+def target_folder(drive: str, name: str, out: Path | None) -> Path:
+    """``out``/name; by default the project's generated/ for shipped drives, ./generated for TOML files."""
+    if out is not None:
+        return out / name
+    return (GENERATED if drive in shipped_drives() else Path("generated")) / name
+
+
+def generate_drives(
+    drives: Sequence[str], out: Path | None, check: bool = False, force: bool = False, progress: Progress = lambda text: None
+) -> list[Written]:
+    """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
+
+    With ``check`` nothing is written.
+    """
+    packages = []
+    for drive in drives or shipped_drives():
+        progress(f"{drive}: generating")
+        packages.append((drive, generate(load_drive(drive))))
+    names = [package.drive.name for _, package in packages]
+    for name in names:
+        if names.count(name) > 1:
+            raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
+    results = []
+    for drive, package in packages:
+        folder = target_folder(drive, package.drive.name, out)
+        diff = difference(folder, package.files)
+        state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
+        if diff and not check:
+            progress(f"{drive}: writing")
+            write_folder(folder, package.files, force)
+        results.append(Written(package.drive.name, folder, state, len(package.files), diff))
+    return results
+
+
+def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progress) -> list[tuple[Proof, Evidence]]:
+    """Prove every drive; write the machine-readable result if asked."""
+    results = []
+    for drive in drives or shipped_drives():
+        results.append(verify(drive, progress=lambda text, drive=drive: progress(f"{drive}: {text}")))  # type: ignore[misc]
+    if json_path is not None:
+        proofs = [proof.to_json() for proof, _ in results]
+        json_path.write_text(json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n")
+    return results
+
+
+def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Proof], Path]:
+    """Generate, verify, write the report page; the work of ``pmsm-ickf run``."""
+    from runtime.report.page import write_page
+
+    written = generate_drives(drives, None, progress=progress)
+    results = verify_drives(drives, None, progress)
+    page = build / "report" / "index.html"
+    progress("writing the report page")
+    chapters = [(load_drive(drive), proof, evidence) for drive, (proof, evidence) in zip(drives or shipped_drives(), results, strict=True)]
+    write_page(page, chapters)
+    return written, [proof for proof, _ in results], page
