@@ -127,13 +127,14 @@ def _swap(fresh: Path, folder: Path) -> None:
     if not folder.exists():
         fresh.rename(folder)
         return
-    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
-    folder.rename(old / "x")
+    aside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
     try:
-        os.rename(fresh, folder)
-    except OSError:
-        (old / "x").rename(folder)
-        raise
+        folder.rename(aside / folder.name)
+        try:
+            os.rename(fresh, folder)
+        except OSError:
+            (aside / folder.name).rename(folder)
+            raise
     finally:
-        if folder.exists():
-            shutil.rmtree(old, ignore_errors=True)
+        if folder.exists():  # whichever it is, it is whole
+            shutil.rmtree(aside, ignore_errors=True)

@@ -164,7 +164,7 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
     try:
         drive = Drive.model_validate({**data, "sha256": sha256})
     except ValidationError as error:
-        problems = error.errors()
+        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")  # a typo explains a missing key
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
         raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
     _check_lengths(drive, where)
@@ -198,6 +198,8 @@ def _explain(problem: Any) -> str:
     key = re.sub(r"\.(\d+)$", r"[\1]", ".".join(location))
     kind, value, limits = problem["type"], problem["input"], problem.get("ctx", {})
     section = _SECTIONS.get(location[0], Drive) if len(location) > 1 else Drive
+    if kind == "value_error":
+        return str(limits.get("error", problem["msg"]))
     if kind == "extra_forbidden":
         close = difflib.get_close_matches(location[-1], list(section.model_fields), n=1)
         return f"unknown key {key}." + (f" Did you mean '{close[0]}'?" if close else "")
@@ -212,8 +214,6 @@ def _explain(problem: Any) -> str:
         return f"{key} = {value} is not positive: {what}."
     if kind == "literal_error":
         return f"{key} = {value!r} is none of {limits.get('expected', '')}."
-    if kind == "value_error":
-        return str(limits.get("error", problem["msg"]))
     return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
 
 

@@ -33,7 +33,7 @@ app = typer.Typer(
 console = Console()
 
 Drives = Annotated[
-    list[str] | None, typer.Argument(metavar="[DRIVE]...", help="A shipped name or the path of a TOML file. Default: every shipped drive.")
+    list[str] | None, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive.")
 ]
 
 

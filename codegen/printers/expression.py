@@ -5,6 +5,7 @@ The order is the tape's: neither C nor Python reassociates, so the text fixes th
 
 from __future__ import annotations
 
+import re
 import textwrap
 
 from codegen.layout import Listing
@@ -80,8 +81,9 @@ def unbroken(text: str) -> str:
 
 
 def wrap_line(text: str, indent: str, hanging: str) -> str:
-    """Break a long statement at blanks, but not around * and /; continuation lines hang."""
-    glued = text.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
+    """Break a long statement at blanks, but not around * and / nor inside short parentheses; continuations hang."""
+    glued = re.sub(r"\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
+    glued = glued.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
     lines = textwrap.wrap(
         glued, WIDTH, initial_indent=indent, subsequent_indent=indent + hanging, break_long_words=False, break_on_hyphens=False
     )

@@ -221,23 +221,25 @@ def time_update(x, P, Q, u, math, stages=None):
     theta_next_3m = theta_3m + sample_time_times_omega_e_3p
 
     # --- eq. 16: x_pred = mean X_i', about the first point
-    shared = (0.125 * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
-        (i_alpha_next_3p - i_alpha_next_0p) + (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m -
-        i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p)))
-    i_alpha_pred = i_alpha_next_0p + shared
-    shared_2 = (0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) + (i_beta_next_3p
-        - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m - i_beta_next_0p) +
-        (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p)))
-    i_beta_pred = i_beta_next_0p + shared_2
+    offset_i_alpha = (0.125 * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
+        (i_alpha_next_3p - i_alpha_next_0p) + (i_alpha_next_0m - i_alpha_next_0p) +
+        (i_alpha_next_1m - i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) +
+        (i_alpha_next_3m - i_alpha_next_0p)))
+    offset_i_beta = (0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
+        (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) +
+        (i_beta_next_1m - i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) +
+        (i_beta_next_3m - i_beta_next_0p)))
     omega_next_3p_minus_omega_next_0p = omega_next_3p - omega_next_0p
-    shared_3 = (0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
+    offset_omega = (0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
         omega_next_3p_minus_omega_next_0p + (omega_next_0m - omega_next_0p) + (omega_next_1m - omega_next_0p)
         + (omega_next_2m - omega_next_0p) + omega_next_3p_minus_omega_next_0p))
-    omega_pred = omega_next_0p + shared_3
-    shared_4 = (0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) + (theta_next_3p -
-        theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) + (theta_next_2m -
-        theta_next_0p) + (theta_next_3m - theta_next_0p)))
-    theta_pred = theta_next_0p + shared_4
+    offset_theta = (0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
+        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
+        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p)))
+    i_alpha_pred = i_alpha_next_0p + offset_i_alpha
+    i_beta_pred = i_beta_next_0p + offset_i_beta
+    omega_pred = omega_next_0p + offset_omega
+    theta_pred = theta_next_0p + offset_theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
     dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred
@@ -267,37 +269,38 @@ def time_update(x, P, Q, u, math, stages=None):
     dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred
     dev_i_beta_3m = i_beta_next_3m - i_beta_pred
     dev_theta_3m = theta_next_3m - theta_pred
-    P_pred_00 = (0.125 * (shared * shared + dev_i_alpha_1p * dev_i_alpha_1p + dev_i_alpha_2p * dev_i_alpha_2p
-        + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m + dev_i_alpha_1m * dev_i_alpha_1m
-        + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) + Q_0)
-    P_pred_10 = (0.125 * (shared_2 * shared + dev_i_beta_1p * dev_i_alpha_1p + dev_i_beta_2p * dev_i_alpha_2p
-        + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m + dev_i_beta_1m * dev_i_alpha_1m +
-        dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m))
-    P_pred_11 = (0.125 * (shared_2 * shared_2 + dev_i_beta_1p * dev_i_beta_1p + dev_i_beta_2p * dev_i_beta_2p
-        + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m + dev_i_beta_1m * dev_i_beta_1m +
-        dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1)
-    P_pred_20 = (0.125 * (shared_3 * shared + dev_omega_1p * dev_i_alpha_1p + dev_omega_2p * dev_i_alpha_2p +
-        dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m + dev_omega_1m * dev_i_alpha_1m +
-        dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m))
-    P_pred_21 = (0.125 * (shared_3 * shared_2 + dev_omega_1p * dev_i_beta_1p + dev_omega_2p * dev_i_beta_2p +
-        dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m + dev_omega_1m * dev_i_beta_1m +
-        dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m))
+    P_pred_00 = (0.125 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
+        dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m +
+        dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) +
+        Q_0)
+    P_pred_10 = (0.125 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
+        dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m +
+        dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m))
+    P_pred_11 = (0.125 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
+        dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m +
+        dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1)
+    P_pred_20 = (0.125 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
+        dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m +
+        dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m))
+    P_pred_21 = (0.125 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
+        dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m +
+        dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m))
     dev_omega_3p_sq = dev_omega_3p * dev_omega_3p
-    P_pred_22 = (0.125 * (shared_3 * shared_3 + dev_omega_1p * dev_omega_1p + dev_omega_2p * dev_omega_2p +
-        dev_omega_3p_sq + dev_omega_0m * dev_omega_0m + dev_omega_1m * dev_omega_1m +
-        dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2)
-    P_pred_30 = (0.125 * (shared_4 * shared + dev_theta_1p * dev_i_alpha_1p + dev_theta_2p * dev_i_alpha_2p +
-        dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m + dev_theta_1m * dev_i_alpha_1m +
-        dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m))
-    P_pred_31 = (0.125 * (shared_4 * shared_2 + dev_theta_1p * dev_i_beta_1p + dev_theta_2p * dev_i_beta_2p +
-        dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m + dev_theta_1m * dev_i_beta_1m +
-        dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m))
-    P_pred_32 = (0.125 * (shared_4 * shared_3 + dev_theta_1p * dev_omega_1p + dev_theta_2p * dev_omega_2p +
-        dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m + dev_theta_1m * dev_omega_1m +
-        dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p))
-    P_pred_33 = (0.125 * (shared_4 * shared_4 + dev_theta_1p * dev_theta_1p + dev_theta_2p * dev_theta_2p +
-        dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m + dev_theta_1m * dev_theta_1m +
-        dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3)
+    P_pred_22 = (0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
+        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
+        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2)
+    P_pred_30 = (0.125 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
+        dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m +
+        dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m))
+    P_pred_31 = (0.125 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
+        dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m +
+        dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m))
+    P_pred_32 = (0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
+        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
+        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p))
+    P_pred_33 = (0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
+        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
+        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3)
 
     if stages is not None:
         stages["S"] = (S_00, S_10, S_11, S_20, S_21, S_22, S_30, S_31, S_32, S_33,)
@@ -367,12 +370,13 @@ def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     theta_pred_3m = theta_pred - d_pred_theta_3
 
     # --- eq. 21: y_pred = mean Y_i, about the first point
-    shared = (0.125 * (i_alpha_pred_0m - i_alpha_pred_0p - (4.0 * S_pred_00 + d_pred_i_alpha_0) -
+    offset_y_i_alpha = (0.125 * (i_alpha_pred_0m - i_alpha_pred_0p - (4.0 * S_pred_00 + d_pred_i_alpha_0) -
         d_pred_i_alpha_0 - d_pred_i_alpha_0 - d_pred_i_alpha_0))
-    y_i_alpha_pred = i_alpha_pred_0p + shared
-    shared_2 = (0.125 * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 - d_pred_i_beta_0 + (i_beta_pred_0m
-        - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) - d_pred_i_beta_0 - d_pred_i_beta_0))
-    y_i_beta_pred = i_beta_pred_0p + shared_2
+    offset_y_i_beta = (0.125 * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 - d_pred_i_beta_0 +
+        (i_beta_pred_0m - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) - d_pred_i_beta_0 -
+        d_pred_i_beta_0))
+    y_i_alpha_pred = i_alpha_pred_0p + offset_y_i_alpha
+    y_i_beta_pred = i_beta_pred_0p + offset_y_i_beta
 
     # --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R
     dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_pred
@@ -382,18 +386,18 @@ def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     dev_y_i_beta_0m = i_beta_pred_0m - y_i_beta_pred
     dev_y_i_beta_1m = i_beta_pred_1m - y_i_beta_pred
     dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.125 * (shared * shared + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq)
-        + R_0)
+    Pyy_00 = (0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
+        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
+        + dev_y_i_alpha_1p_sq) + R_0)
     dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.125 * (shared_2 * shared + dev_y_i_beta_1p * dev_y_i_alpha_1p +
+    Pyy_10 = (0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
         dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
     dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.125 * (shared_2 * shared_2 + dev_y_i_beta_1p * dev_y_i_beta_1p + dev_y_i_beta_2p_sq +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m + dev_y_i_beta_1m * dev_y_i_beta_1m +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
+    Pyy_11 = (0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
+        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
+        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
 
     # --- eq. 23: Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T
     dev_i_alpha_pred_0m = i_alpha_pred_0m - i_alpha_pred
@@ -406,23 +410,23 @@ def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     dev_omega_pred_2m = omega_pred_2m - omega_pred
     dev_theta_pred_2m = theta_pred_2m - theta_pred
     dev_theta_pred_3m = theta_pred_3m - theta_pred
-    Pxy_00 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_i_alpha_0 * shared)
-    Pxy_01 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_beta_0m - d_pred_i_alpha_0 * shared_2)
-    Pxy_10 = (0.125 * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * shared +
+    Pxy_00 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_i_alpha_0 * offset_y_i_alpha)
+    Pxy_01 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_beta_0m - d_pred_i_alpha_0 * offset_y_i_beta)
+    Pxy_10 = (0.125 * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * offset_y_i_alpha +
         dev_i_beta_pred_0m * dev_y_i_alpha_0m + dev_i_beta_pred_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.125 * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * shared_2 +
+    Pxy_11 = (0.125 * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * offset_y_i_beta +
         dev_i_beta_pred_0m * dev_y_i_beta_0m + dev_i_beta_pred_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * shared +
+    Pxy_20 = (0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
         d_pred_omega_2 * dev_y_i_alpha_1p + dev_omega_pred_0m * dev_y_i_alpha_0m +
         dev_omega_pred_1m * dev_y_i_alpha_1p + dev_omega_pred_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * shared_2 +
+    Pxy_21 = (0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
         d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
         dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * shared +
+    Pxy_30 = (0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
         d_pred_theta_2 * dev_y_i_alpha_1p + d_pred_theta_3 * dev_y_i_alpha_1p +
         dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1p +
         dev_theta_pred_2m * dev_y_i_alpha_1p + dev_theta_pred_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * shared_2 +
+    Pxy_31 = (0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
         d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_2p +
         dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
         dev_theta_pred_2m * dev_y_i_beta_2p + dev_theta_pred_3m * dev_y_i_beta_2p))
@@ -554,12 +558,12 @@ def ickf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     theta_j_3m = theta_pred - d_j_theta_3
 
     # --- eq. 21: mean Y_i, about the first point
-    shared = (0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0) - d_j_i_alpha_0 -
-        d_j_i_alpha_0 - d_j_i_alpha_0))
-    y_i_alpha_mean = i_alpha_j_0p + shared
-    shared_2 = (0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 + (i_beta_j_0m - i_beta_j_0p)
-        + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0))
-    y_i_beta_mean = i_beta_j_0p + shared_2
+    offset_y_i_alpha = (0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0) -
+        d_j_i_alpha_0 - d_j_i_alpha_0 - d_j_i_alpha_0))
+    offset_y_i_beta = (0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 +
+        (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0))
+    y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha
+    y_i_beta_mean = i_beta_j_0p + offset_y_i_beta
 
     # --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R
     dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean
@@ -569,18 +573,18 @@ def ickf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean
     dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean
     dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.125 * (shared * shared + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq)
-        + R_0)
+    Pyy_00 = (0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
+        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
+        + dev_y_i_alpha_1p_sq) + R_0)
     dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.125 * (shared_2 * shared + dev_y_i_beta_1p * dev_y_i_alpha_1p +
+    Pyy_10 = (0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
         dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
     dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.125 * (shared_2 * shared_2 + dev_y_i_beta_1p * dev_y_i_beta_1p + dev_y_i_beta_2p_sq +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m + dev_y_i_beta_1m * dev_y_i_beta_1m +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
+    Pyy_11 = (0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
+        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
+        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
 
     # --- eq. 23: Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T
     dev_i_alpha_j_0m = i_alpha_j_0m - i_alpha_pred
@@ -593,25 +597,26 @@ def ickf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
     dev_omega_j_2m = omega_j_2m - omega_pred
     dev_theta_j_2m = theta_j_2m - theta_pred
     dev_theta_j_3m = theta_j_3m - theta_pred
-    Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * shared)
-    Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * shared_2)
-    Pxy_10 = (0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * shared +
+    Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha)
+    Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta)
+    Pxy_10 = (0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
         dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * shared_2 +
+    Pxy_11 = (0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
         dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * shared + d_j_omega_2 * dev_y_i_alpha_1p
-        + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p +
-        dev_omega_j_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * shared_2 + d_j_omega_2 * dev_y_i_beta_2p
-        + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
+    Pxy_20 = (0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
+        d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
+        + dev_omega_j_2m * dev_y_i_alpha_1p))
+    Pxy_21 = (0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
+        d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
         dev_omega_j_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * shared + d_j_theta_2 * dev_y_i_alpha_1p
-        + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
+    Pxy_30 = (0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
+        d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
         dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
         dev_theta_j_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * shared_2 + d_j_theta_2 * dev_y_i_beta_2p
-        + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m + dev_theta_j_1m * dev_y_i_beta_1m
-        + dev_theta_j_2m * dev_y_i_beta_2p + dev_theta_j_3m * dev_y_i_beta_2p))
+    Pxy_31 = (0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
+        d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
+        dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
+        dev_theta_j_3m * dev_y_i_beta_2p))
 
     # --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1
     det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10

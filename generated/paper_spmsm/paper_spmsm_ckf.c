@@ -219,23 +219,25 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 theta_next_3m = theta_3m + sample_time_times_omega_e_3p;
 
     /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float32 shared = 0.125f * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
-        (i_alpha_next_3p - i_alpha_next_0p) + (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m -
-        i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p));
-    const float32 i_alpha_pred = i_alpha_next_0p + shared;
-    const float32 shared_2 = 0.125f * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
-        (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m -
-        i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p));
-    const float32 i_beta_pred = i_beta_next_0p + shared_2;
+    const float32 offset_i_alpha = 0.125f * (i_alpha_next_1p - i_alpha_next_0p +
+        (i_alpha_next_2p - i_alpha_next_0p) + (i_alpha_next_3p - i_alpha_next_0p) +
+        (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m - i_alpha_next_0p) +
+        (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p));
+    const float32 offset_i_beta = 0.125f * (i_beta_next_1p - i_beta_next_0p +
+        (i_beta_next_2p - i_beta_next_0p) + (i_beta_next_3p - i_beta_next_0p) +
+        (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m - i_beta_next_0p) +
+        (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p));
     const float32 omega_next_3p_minus_omega_next_0p = omega_next_3p - omega_next_0p;
-    const float32 shared_3 = 0.125f * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
+    const float32 offset_omega = 0.125f * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
         omega_next_3p_minus_omega_next_0p + (omega_next_0m - omega_next_0p) + (omega_next_1m - omega_next_0p)
         + (omega_next_2m - omega_next_0p) + omega_next_3p_minus_omega_next_0p);
-    const float32 omega_pred = omega_next_0p + shared_3;
-    const float32 shared_4 = 0.125f * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
+    const float32 offset_theta = 0.125f * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
         (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
         (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float32 theta_pred = theta_next_0p + shared_4;
+    const float32 i_alpha_pred = i_alpha_next_0p + offset_i_alpha;
+    const float32 i_beta_pred = i_beta_next_0p + offset_i_beta;
+    const float32 omega_pred = omega_next_0p + offset_omega;
+    const float32 theta_pred = theta_next_0p + offset_theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float32 dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred;
@@ -265,36 +267,36 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred;
     const float32 dev_i_beta_3m = i_beta_next_3m - i_beta_pred;
     const float32 dev_theta_3m = theta_next_3m - theta_pred;
-    const float32 P_pred_00 = 0.125f * (shared * shared + dev_i_alpha_1p * dev_i_alpha_1p +
+    const float32 P_pred_00 = 0.125f * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
         dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m +
         dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) +
         Q_0;
-    const float32 P_pred_10 = 0.125f * (shared_2 * shared + dev_i_beta_1p * dev_i_alpha_1p +
+    const float32 P_pred_10 = 0.125f * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
         dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m +
         dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m);
-    const float32 P_pred_11 = 0.125f * (shared_2 * shared_2 + dev_i_beta_1p * dev_i_beta_1p +
+    const float32 P_pred_11 = 0.125f * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
         dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m +
         dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1;
-    const float32 P_pred_20 = 0.125f * (shared_3 * shared + dev_omega_1p * dev_i_alpha_1p +
+    const float32 P_pred_20 = 0.125f * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
         dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m +
         dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m);
-    const float32 P_pred_21 = 0.125f * (shared_3 * shared_2 + dev_omega_1p * dev_i_beta_1p +
+    const float32 P_pred_21 = 0.125f * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
         dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m +
         dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m);
     const float32 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float32 P_pred_22 = 0.125f * (shared_3 * shared_3 + dev_omega_1p * dev_omega_1p +
+    const float32 P_pred_22 = 0.125f * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
         dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
         dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float32 P_pred_30 = 0.125f * (shared_4 * shared + dev_theta_1p * dev_i_alpha_1p +
+    const float32 P_pred_30 = 0.125f * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
         dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m +
         dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m);
-    const float32 P_pred_31 = 0.125f * (shared_4 * shared_2 + dev_theta_1p * dev_i_beta_1p +
+    const float32 P_pred_31 = 0.125f * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
         dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m +
         dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m);
-    const float32 P_pred_32 = 0.125f * (shared_4 * shared_3 + dev_theta_1p * dev_omega_1p +
+    const float32 P_pred_32 = 0.125f * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
         dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
         dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float32 P_pred_33 = 0.125f * (shared_4 * shared_4 + dev_theta_1p * dev_theta_1p +
+    const float32 P_pred_33 = 0.125f * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
         dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
         dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
 
@@ -376,13 +378,13 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 P_pred
     const float32 theta_pred_3m = theta_pred - d_pred_theta_3;
 
     /* --- eq. 21: y_pred = mean Y_i, about the first point */
-    const float32 shared = 0.125f * (i_alpha_pred_0m - i_alpha_pred_0p - (4.0f * S_pred_00 + d_pred_i_alpha_0)
-        - d_pred_i_alpha_0 - d_pred_i_alpha_0 - d_pred_i_alpha_0);
-    const float32 y_i_alpha_pred = i_alpha_pred_0p + shared;
-    const float32 shared_2 = 0.125f * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 - d_pred_i_beta_0 +
-        (i_beta_pred_0m - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) - d_pred_i_beta_0 -
-        d_pred_i_beta_0);
-    const float32 y_i_beta_pred = i_beta_pred_0p + shared_2;
+    const float32 offset_y_i_alpha = 0.125f * (i_alpha_pred_0m - i_alpha_pred_0p -
+        (4.0f * S_pred_00 + d_pred_i_alpha_0) - d_pred_i_alpha_0 - d_pred_i_alpha_0 - d_pred_i_alpha_0);
+    const float32 offset_y_i_beta = 0.125f * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 -
+        d_pred_i_beta_0 + (i_beta_pred_0m - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) -
+        d_pred_i_beta_0 - d_pred_i_beta_0);
+    const float32 y_i_alpha_pred = i_alpha_pred_0p + offset_y_i_alpha;
+    const float32 y_i_beta_pred = i_beta_pred_0p + offset_y_i_beta;
 
     /* --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R */
     const float32 dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_pred;
@@ -392,16 +394,16 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 P_pred
     const float32 dev_y_i_beta_0m = i_beta_pred_0m - y_i_beta_pred;
     const float32 dev_y_i_beta_1m = i_beta_pred_1m - y_i_beta_pred;
     const float32 dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p;
-    const float32 Pyy_00 = 0.125f * (shared * shared + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq) + R_0;
+    const float32 Pyy_00 = 0.125f * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq +
+        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq
+        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0;
     const float32 dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p;
-    const float32 Pyy_10 = 0.125f * (shared_2 * shared + dev_y_i_beta_1p * dev_y_i_alpha_1p +
+    const float32 Pyy_10 = 0.125f * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
         dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p);
     const float32 dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p;
-    const float32 Pyy_11 = 0.125f * (shared_2 * shared_2 + dev_y_i_beta_1p * dev_y_i_beta_1p +
+    const float32 Pyy_11 = 0.125f * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
         dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
         dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1;
 
@@ -416,23 +418,25 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 P_pred
     const float32 dev_omega_pred_2m = omega_pred_2m - omega_pred;
     const float32 dev_theta_pred_2m = theta_pred_2m - theta_pred;
     const float32 dev_theta_pred_3m = theta_pred_3m - theta_pred;
-    const float32 Pxy_00 = 0.125f * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_i_alpha_0 * shared);
-    const float32 Pxy_01 = 0.125f * (dev_i_alpha_pred_0m * dev_y_i_beta_0m - d_pred_i_alpha_0 * shared_2);
-    const float32 Pxy_10 = 0.125f * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * shared +
+    const float32 Pxy_00 = 0.125f * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m -
+        d_pred_i_alpha_0 * offset_y_i_alpha);
+    const float32 Pxy_01 = 0.125f * (dev_i_alpha_pred_0m * dev_y_i_beta_0m -
+        d_pred_i_alpha_0 * offset_y_i_beta);
+    const float32 Pxy_10 = 0.125f * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * offset_y_i_alpha +
         dev_i_beta_pred_0m * dev_y_i_alpha_0m + dev_i_beta_pred_1m * dev_y_i_alpha_1p);
-    const float32 Pxy_11 = 0.125f * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * shared_2 +
+    const float32 Pxy_11 = 0.125f * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * offset_y_i_beta +
         dev_i_beta_pred_0m * dev_y_i_beta_0m + dev_i_beta_pred_1m * dev_y_i_beta_1m);
-    const float32 Pxy_20 = 0.125f * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * shared +
+    const float32 Pxy_20 = 0.125f * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
         d_pred_omega_2 * dev_y_i_alpha_1p + dev_omega_pred_0m * dev_y_i_alpha_0m +
         dev_omega_pred_1m * dev_y_i_alpha_1p + dev_omega_pred_2m * dev_y_i_alpha_1p);
-    const float32 Pxy_21 = 0.125f * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * shared_2 +
+    const float32 Pxy_21 = 0.125f * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
         d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
         dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2p);
-    const float32 Pxy_30 = 0.125f * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * shared +
+    const float32 Pxy_30 = 0.125f * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
         d_pred_theta_2 * dev_y_i_alpha_1p + d_pred_theta_3 * dev_y_i_alpha_1p +
         dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1p +
         dev_theta_pred_2m * dev_y_i_alpha_1p + dev_theta_pred_3m * dev_y_i_alpha_1p);
-    const float32 Pxy_31 = 0.125f * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * shared_2 +
+    const float32 Pxy_31 = 0.125f * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
         d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_2p +
         dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
         dev_theta_pred_2m * dev_y_i_beta_2p + dev_theta_pred_3m * dev_y_i_beta_2p);

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from model.filters.ckf import ckf
-from model.filters.ickf import ickf
+from model.filters.ckf import build_ckf
+from model.filters.ickf import build_ickf
 from model.filters.program import FilterStep
 from model.state_space import StateSpaceModel
 
-FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {"ckf": ckf, "ickf": ickf}
+FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {"ckf": build_ckf, "ickf": build_ickf}
 
 
 def build_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:

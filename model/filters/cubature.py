@@ -68,13 +68,16 @@ def record_points(b: BlockBuilder, name: str, equation: str, meaning: str, pts: 
     b.stage(name, equation, meaning, entries, labels, scale=kind, columns=len(pts))
 
 
-def mean(pts: list[Vector]) -> Vector:
-    """Equal weights 1/m, eq. 12, 16 and 21, taken about the first point.
+def mean(b: BlockBuilder, equation: str, pts: list[Vector], names: list[str]) -> Vector:
+    """Equal weights 1/m, eq. 12, 16 and 21, taken about the first point; ``names`` are the rows'.
 
     The plain sum of 2n angles is some 25 rad, whose float32 spacing alone is 2e-6 rad.
     """
     weight = 1.0 / len(pts)
-    return [pts[0][i] + weight * _sum([point[i] - pts[0][i] for point in pts[1:]]) for i in range(len(pts[0]))]
+    first = pts[0]
+    offset = [weight * _sum([point[i] - first[i] for point in pts[1:]]) for i in range(len(first))]
+    b.stage(f"offset_{names[0]}", equation, "", offset, [f"offset_{name}" for name in names], scale="none")
+    return [a + d for a, d in zip(first, offset, strict=True)]
 
 
 def _sum(terms: Vector) -> Any:
@@ -124,7 +127,7 @@ def time_update(model: StateSpaceModel) -> Block:
         b.working("15", named, side)
         X_prop.append(value)
     record_points(b, "X_prop", "15", "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
-    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i', about the first point", mean(X_prop), [f"{s}_pred" for s in states], scale="state")
+    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i', about the first point", mean(b, "16", X_prop, states), [f"{s}_pred" for s in states], scale="state")
     dev = deviations(b, "17", X_prop, x_pred, states)
     P_pred = spread(dev, dev)
     for i in range(n):

@@ -30,7 +30,7 @@ from model.quantities import Block
 from model.state_space import OUTPUTS, StateSpaceModel
 
 
-def ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
+def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
     """The ICKF's step.
 
     Where the update provably does not depend on the iterate, iterating repeats the same numbers: one pass
@@ -161,7 +161,7 @@ def _cubature_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: M
     record_points(b, "X_j", "19", "X_i = x^j +- sqrt(n) S_i", X, [f"{s}_j" for s in states], "state")
     Y = measured_points(b, model, "20", X, "j_")
     record_points(b, "Y_j", "20", "Y_i = h(X_i)", Y, outputs, "output")
-    y_mean = b.stage("y_mean", "21", "mean Y_i, about the first point", mean(Y), [f"{name}_mean" for name in outputs], scale="output")
+    y_mean = b.stage("y_mean", "21", "mean Y_i, about the first point", mean(b, "21", Y, outputs), [f"{name}_mean" for name in outputs], scale="output")
     dev_y = deviations(b, "22", Y, y_mean, outputs)
     Pyy = spread(dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]

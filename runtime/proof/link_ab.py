@@ -85,7 +85,10 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
             candidate = _first(equation, label, stage, error, lanes, expected, values)
             first = candidate if first is None or candidate.step < first.step else first
     if not step.iteration_proof and step.kind == "ickf":
-        rows.append(Row("33", "iterates taken", "the two loops stop alike", float(np.abs(counts - situations.counts).max()), 0.0, len(counts)))
+        rows.append(Row("33", "same number of iterates", "both loops stop alike", float(np.abs(counts - situations.counts).max()), 0.0, len(counts)))
+    theta = found["x"][:, module.ANGLE]
+    outside = int(np.sum(~((theta >= -np.pi) & (theta < np.pi))))
+    rows.append(Row("34", "theta in [-pi, pi)", "angles outside", float(outside), 0.0, len(theta)))
     return Link("A-B", "reference = generated float64", drive, step.kind, step.gain, situations.name, tuple(rows), first)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from codegen.box import BoxSamples
 from model.filters.program import FilterStep
 from runtime.estimator.c_backend import CBackend
+from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.probe import locate
@@ -58,7 +59,7 @@ class Bits:
             _row("25, 34", "x, box", "estimate", self.lanes[0], lanes[0]),
             _row("26, 32", "P, box", "covariance", self.lanes[1], lanes[1]),
         )
-        steps = f"{len(self.u)} steps and {self.box.x.shape[1]} draws, gcc {' '.join(optimisation)}"
+        steps = f"{len(self.u)} steps and {self.box.x.shape[1]} draws, {find_compiler()[0]} {' '.join(optimisation)}"
         claim = "NumPy float32 = C, bit for bit"
         return Link("D-E", claim, self.folder.drive, self.step.kind, self.step.gain, steps, rows, first)
 

@@ -11,7 +11,7 @@ from runtime.errors import UserError
 from runtime.proof.link_ab import ALLOWED
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence
-from runtime.report.tables import stages_by_equation
+from runtime.report.tables import COUNTS, stages_by_equation
 
 COLOURS = {"ckf": "#3b6ea8", "ickf, cubature gain": "#c8553d", "ickf, jacobian gain": "#e0a030", "truth": "#444444"}
 
@@ -48,7 +48,7 @@ def _svg(figure: Any) -> str:
 
 def stage_figure(proof: Proof) -> str:
     """Worst A-B deviation of every stage, by equation, against what is allowed."""
-    stages = {key: cells for key, cells in stages_by_equation(proof.links).items() if key[1] != "iterates taken"}
+    stages = {key: cells for key, cells in stages_by_equation(proof.links).items() if key[1] not in COUNTS}
     figure, axes = _pyplot().subplots(figsize=(7.5, 0.19 * len(stages) + 1.1))
     labels = [f"({equation})  {stage}" for equation, stage in stages]
     for variant in dict.fromkeys(variant for cells in stages.values() for variant in cells):

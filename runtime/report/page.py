@@ -18,7 +18,7 @@ from model.drive import Drive
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, generated_folder
 from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
-from runtime.report.tables import stages_by_equation
+from runtime.report.tables import COUNTS, stages_by_equation
 
 _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
@@ -52,9 +52,14 @@ def _chapter(drive: Drive, proof: Proof, evidence: Evidence) -> dict[str, Any]:
         "units": units,
         "f": [_line(equations, *line) for line in equations.f],
         "h": [_line(equations, *line) for line in equations.h],
-        "H": _line(equations, sp.Symbol("H"), equations.H),
+        "H": [
+            _line(equations, sp.Symbol(f"H_{i + 1}{j + 1}"), equations.H[i, j])
+            for i in range(equations.H.rows)
+            for j in range(equations.H.cols)
+        ],
         "constants": equations.constants,
         "stages": stages,
+        "counts": COUNTS,
         "variants": list(dict.fromkeys(variant for cells in stages.values() for variant in cells)),
         "failures": list(proof.failures()),
         "figures": {
@@ -66,17 +71,55 @@ def _chapter(drive: Drive, proof: Proof, evidence: Evidence) -> dict[str, Any]:
     }
 
 
+class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]
+    """SymPy's MathML with this project's names: constants as in the code, states in the field's letters."""
+
+    def __init__(self, names: dict[Any, str]) -> None:
+        super().__init__()
+        self._names = names
+
+    def _print_Symbol(self, symbol: Any, style: str = "plain") -> Any:
+        name = self._names.get(symbol)
+        if name is None or not name.isupper():
+            stem, _, index = (name or symbol.name).partition("_")
+            return self._indexed(stem, index) if index else super()._print_Symbol(symbol)
+        text = self.dom.createElement("mtext")
+        text.appendChild(self.dom.createTextNode(f"\u2009{name}\u2009"))
+        return text
+
+    def _indexed(self, stem: str, index: str) -> Any:
+        """stem with an index, and a prime if the index ends with one."""
+        primed = index.endswith("'")
+        element = self.dom.createElement("msubsup" if primed else "msub")
+        for tag, content in (("mi", _letter(stem)), ("mi", _letters(index.rstrip("'"))), *([("mo", "′")] if primed else [])):
+            child = self.dom.createElement(tag)
+            child.appendChild(self.dom.createTextNode(content))
+            element.appendChild(child)
+        return element
+
+
+_GREEK = {"alpha": "α", "beta": "β", "psi": "ψ", "omega": "ω", "theta": "θ"}
+
+
+def _letter(word: str) -> str:
+    return _GREEK.get(word, word)
+
+
+def _letters(index: str) -> str:
+    """alpha_next -> α next."""
+    return " ".join(_letter(word) for word in index.split("_"))
+
+
 def _line(equations: Readable, left: Any, right: Any) -> Markup:
     """One equation as MathML."""
-    printer = MathMLPresentationPrinter({"symbol_names": {s: _plain(latex) for s, latex in equations.symbols.items()}})
+    printer = _MathML({symbol: _plain(latex) for symbol, latex in equations.symbols.items()})
     parts = [printer.doprint(side) for side in (left, right)]
-    return Markup(f"<math display='block'><mrow>{parts[0]}<mo>=</mo>{parts[1]}</mrow></math>")
+    return Markup(f"<div><math><mrow>{parts[0]}<mo>=</mo>{parts[1]}</mrow></math></div>")
 
 
 def _plain(latex: str) -> str:
-    """A symbol's LaTeX as text for a MathML identifier."""
-    greek = {r"\alpha": "α", r"\beta": "β", r"\psi": "ψ", r"\omega": "ω", r"\theta": "θ"}
-    text = re.sub(r"\\mathtt\{(.*)\}", r"\1", latex).replace(r"\_", "_")
-    for name, letter in greek.items():
-        text = text.replace(name, letter)
+    """A symbol's LaTeX as plain text with an underscore before its index."""
+    text = re.sub(r"\\mathtt\{(.*)\}", r"\1", latex).replace(r"\_", "_").replace("\\", "")
+    for word, letter in _GREEK.items():
+        text = re.sub(rf"\b{word}\b|(?<=_){word}", letter, text)
     return text

@@ -12,6 +12,10 @@ from rich.text import Text
 from runtime.proof.result import Link, Proof
 
 
+#: Rows that count instead of measuring: any but zero is a failure.
+COUNTS = ("same number of iterates", "theta in [-pi, pi)")
+
+
 def equation_order(equation: str) -> tuple[int, str]:
     """Sort key: by the first number in '13', '25, 34', 'dh/dx'."""
     number = re.search(r"\d+", equation)
@@ -33,9 +37,13 @@ def stages_by_equation(links: Iterable[Link]) -> dict[tuple[str, str], dict[str,
 
 def proof_tables(proof: Proof) -> RenderableType:
     """Everything a proof says, as one renderable."""
-    parts: list[RenderableType] = [_derivation(proof), _stages(proof), _bits(proof), _drift(proof)]
+    tables = [_derivation(proof), _stages(proof), _bits(proof), _drift(proof)]
     if proof.effects:
-        parts.append(_effects(proof))
+        tables.append(_effects(proof))
+    parts: list[RenderableType] = []
+    for table in tables:
+        parts += [Text(str(table.caption), style="bold"), table, ""]
+        table.caption = None
     parts += [Text(note, style="dim") for note in dict.fromkeys(proof.notes)]
     return Group(*parts)
 
@@ -45,7 +53,8 @@ def _mark(passed: bool) -> Text:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", header_style="", show_edge=False, pad_edge=False)
+    # The title travels as caption and is printed above: Rich would fold it to the table's width.
+    table = Table(caption=title, header_style="", show_edge=False, pad_edge=False)
     for k, column in enumerate(columns):
         table.add_column(column, justify="left" if k == 0 else "right", no_wrap=k == 0)
     return table
@@ -78,9 +87,9 @@ def _stages(proof: Proof) -> Table:
 def _deviation(worst: float | None, stage: str, allowed: float) -> Text:
     if worst is None:
         return Text("")
-    if stage == "iterates taken":
-        return Text("same" if worst == 0 else f"{worst:g} apart", style="" if worst == 0 else "bold red")
-    return Text(f"{worst:.1e}", style="" if worst <= allowed else "bold red")
+    if stage in COUNTS:
+        return Text("yes" if worst == 0 else f"no: {worst:g}", style="" if worst == 0 else "bold red")
+    return Text(f"{worst:.1e}" if worst else "0", style="" if worst <= allowed else "bold red")
 
 
 def _bits(proof: Proof) -> Table:

@@ -257,23 +257,23 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 theta_next_3m = theta_3m + advance_times_omega_e_3p;
 
     /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 shared = 0.125 * (psi_alpha_next_1p - psi_alpha_next_0p + (psi_alpha_next_2p -
-        psi_alpha_next_0p) + (psi_alpha_next_3p - psi_alpha_next_0p) + (psi_alpha_next_0m - psi_alpha_next_0p)
-        + (psi_alpha_next_1m - psi_alpha_next_0p) + (psi_alpha_next_2m - psi_alpha_next_0p) +
-        (psi_alpha_next_3m - psi_alpha_next_0p));
-    const float64 psi_alpha_pred = psi_alpha_next_0p + shared;
-    const float64 shared_2 = 0.125 * (psi_beta_next_1p - psi_beta_next_0p + (psi_beta_next_2p -
-        psi_beta_next_0p) + (psi_beta_next_3p - psi_beta_next_0p) + (psi_beta_next_0m - psi_beta_next_0p) +
-        (psi_beta_next_1m - psi_beta_next_0p) + (psi_beta_next_2m - psi_beta_next_0p) + (psi_beta_next_3m -
-        psi_beta_next_0p));
-    const float64 psi_beta_pred = psi_beta_next_0p + shared_2;
-    const float64 shared_3 = 0.125 * (omega_1p - omega_0p + (omega_2p - omega_0p) - d_omega_0 + (omega_0m -
-        omega_0p) + (omega_1m - omega_0p) + (omega_2m - omega_0p) - d_omega_0);
-    const float64 omega_pred = omega_0p + shared_3;
-    const float64 shared_4 = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
+    const float64 offset_psi_alpha = 0.125 * (psi_alpha_next_1p - psi_alpha_next_0p +
+        (psi_alpha_next_2p - psi_alpha_next_0p) + (psi_alpha_next_3p - psi_alpha_next_0p) +
+        (psi_alpha_next_0m - psi_alpha_next_0p) + (psi_alpha_next_1m - psi_alpha_next_0p) +
+        (psi_alpha_next_2m - psi_alpha_next_0p) + (psi_alpha_next_3m - psi_alpha_next_0p));
+    const float64 offset_psi_beta = 0.125 * (psi_beta_next_1p - psi_beta_next_0p +
+        (psi_beta_next_2p - psi_beta_next_0p) + (psi_beta_next_3p - psi_beta_next_0p) +
+        (psi_beta_next_0m - psi_beta_next_0p) + (psi_beta_next_1m - psi_beta_next_0p) +
+        (psi_beta_next_2m - psi_beta_next_0p) + (psi_beta_next_3m - psi_beta_next_0p));
+    const float64 offset_omega = 0.125 * (omega_1p - omega_0p + (omega_2p - omega_0p) - d_omega_0 +
+        (omega_0m - omega_0p) + (omega_1m - omega_0p) + (omega_2m - omega_0p) - d_omega_0);
+    const float64 offset_theta = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
         (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
         (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float64 theta_pred = theta_next_0p + shared_4;
+    const float64 psi_alpha_pred = psi_alpha_next_0p + offset_psi_alpha;
+    const float64 psi_beta_pred = psi_beta_next_0p + offset_psi_beta;
+    const float64 omega_pred = omega_0p + offset_omega;
+    const float64 theta_pred = theta_next_0p + offset_theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float64 dev_psi_alpha_1p = psi_alpha_next_1p - psi_alpha_pred;
@@ -303,38 +303,39 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 dev_psi_alpha_3m = psi_alpha_next_3m - psi_alpha_pred;
     const float64 dev_psi_beta_3m = psi_beta_next_3m - psi_beta_pred;
     const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 P_pred_00 = 0.125 * (shared * shared + dev_psi_alpha_1p * dev_psi_alpha_1p +
-        dev_psi_alpha_2p * dev_psi_alpha_2p + dev_psi_alpha_3p * dev_psi_alpha_3p +
-        dev_psi_alpha_0m * dev_psi_alpha_0m + dev_psi_alpha_1m * dev_psi_alpha_1m +
-        dev_psi_alpha_2m * dev_psi_alpha_2m + dev_psi_alpha_3m * dev_psi_alpha_3m) + Q_0;
-    const float64 P_pred_10 = 0.125 * (shared_2 * shared + dev_psi_beta_1p * dev_psi_alpha_1p +
-        dev_psi_beta_2p * dev_psi_alpha_2p + dev_psi_beta_3p * dev_psi_alpha_3p +
+    const float64 P_pred_00 = 0.125 * (offset_psi_alpha * offset_psi_alpha +
+        dev_psi_alpha_1p * dev_psi_alpha_1p + dev_psi_alpha_2p * dev_psi_alpha_2p +
+        dev_psi_alpha_3p * dev_psi_alpha_3p + dev_psi_alpha_0m * dev_psi_alpha_0m +
+        dev_psi_alpha_1m * dev_psi_alpha_1m + dev_psi_alpha_2m * dev_psi_alpha_2m +
+        dev_psi_alpha_3m * dev_psi_alpha_3m) + Q_0;
+    const float64 P_pred_10 = 0.125 * (offset_psi_beta * offset_psi_alpha + dev_psi_beta_1p * dev_psi_alpha_1p
+        + dev_psi_beta_2p * dev_psi_alpha_2p + dev_psi_beta_3p * dev_psi_alpha_3p +
         dev_psi_beta_0m * dev_psi_alpha_0m + dev_psi_beta_1m * dev_psi_alpha_1m +
         dev_psi_beta_2m * dev_psi_alpha_2m + dev_psi_beta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_11 = 0.125 * (shared_2 * shared_2 + dev_psi_beta_1p * dev_psi_beta_1p +
+    const float64 P_pred_11 = 0.125 * (offset_psi_beta * offset_psi_beta + dev_psi_beta_1p * dev_psi_beta_1p +
         dev_psi_beta_2p * dev_psi_beta_2p + dev_psi_beta_3p * dev_psi_beta_3p +
         dev_psi_beta_0m * dev_psi_beta_0m + dev_psi_beta_1m * dev_psi_beta_1m +
         dev_psi_beta_2m * dev_psi_beta_2m + dev_psi_beta_3m * dev_psi_beta_3m) + Q_1;
-    const float64 P_pred_20 = 0.125 * (shared_3 * shared + dev_omega_1p * dev_psi_alpha_1p +
+    const float64 P_pred_20 = 0.125 * (offset_omega * offset_psi_alpha + dev_omega_1p * dev_psi_alpha_1p +
         dev_omega_2p * dev_psi_alpha_2p + dev_omega_3p * dev_psi_alpha_3p + dev_omega_0m * dev_psi_alpha_0m +
         dev_omega_1m * dev_psi_alpha_1m + dev_omega_2m * dev_psi_alpha_2m + dev_omega_3p * dev_psi_alpha_3m);
-    const float64 P_pred_21 = 0.125 * (shared_3 * shared_2 + dev_omega_1p * dev_psi_beta_1p +
+    const float64 P_pred_21 = 0.125 * (offset_omega * offset_psi_beta + dev_omega_1p * dev_psi_beta_1p +
         dev_omega_2p * dev_psi_beta_2p + dev_omega_3p * dev_psi_beta_3p + dev_omega_0m * dev_psi_beta_0m +
         dev_omega_1m * dev_psi_beta_1m + dev_omega_2m * dev_psi_beta_2m + dev_omega_3p * dev_psi_beta_3m);
     const float64 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float64 P_pred_22 = 0.125 * (shared_3 * shared_3 + dev_omega_1p * dev_omega_1p +
+    const float64 P_pred_22 = 0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
         dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
         dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float64 P_pred_30 = 0.125 * (shared_4 * shared + dev_theta_1p * dev_psi_alpha_1p +
+    const float64 P_pred_30 = 0.125 * (offset_theta * offset_psi_alpha + dev_theta_1p * dev_psi_alpha_1p +
         dev_theta_2p * dev_psi_alpha_2p + dev_theta_3p * dev_psi_alpha_3p + dev_theta_0m * dev_psi_alpha_0m +
         dev_theta_1m * dev_psi_alpha_1m + dev_theta_2m * dev_psi_alpha_2m + dev_theta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_31 = 0.125 * (shared_4 * shared_2 + dev_theta_1p * dev_psi_beta_1p +
+    const float64 P_pred_31 = 0.125 * (offset_theta * offset_psi_beta + dev_theta_1p * dev_psi_beta_1p +
         dev_theta_2p * dev_psi_beta_2p + dev_theta_3p * dev_psi_beta_3p + dev_theta_0m * dev_psi_beta_0m +
         dev_theta_1m * dev_psi_beta_1m + dev_theta_2m * dev_psi_beta_2m + dev_theta_3m * dev_psi_beta_3m);
-    const float64 P_pred_32 = 0.125 * (shared_4 * shared_3 + dev_theta_1p * dev_omega_1p +
+    const float64 P_pred_32 = 0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
         dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
         dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float64 P_pred_33 = 0.125 * (shared_4 * shared_4 + dev_theta_1p * dev_theta_1p +
+    const float64 P_pred_33 = 0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
         dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
         dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
 
@@ -498,14 +499,14 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
     const float64 y_i_beta_3m = sin_theta_pred_3m * i_d_pred_3m + cos_theta_pred_3m * i_q_pred_3m;
 
     /* --- eq. 21: y_pred = mean Y_i, about the first point */
-    const float64 shared = 0.125 * (y_i_alpha_1p - y_i_alpha_0p + (y_i_alpha_2p - y_i_alpha_0p) +
+    const float64 offset_y_i_alpha = 0.125 * (y_i_alpha_1p - y_i_alpha_0p + (y_i_alpha_2p - y_i_alpha_0p) +
         (y_i_alpha_3p - y_i_alpha_0p) + (y_i_alpha_0m - y_i_alpha_0p) + (y_i_alpha_1m - y_i_alpha_0p) +
         (y_i_alpha_2m - y_i_alpha_0p) + (y_i_alpha_3m - y_i_alpha_0p));
-    const float64 y_i_alpha_pred = y_i_alpha_0p + shared;
-    const float64 shared_2 = 0.125 * (y_i_beta_1p - y_i_beta_0p + (y_i_beta_2p - y_i_beta_0p) + (y_i_beta_3p -
-        y_i_beta_0p) + (y_i_beta_0m - y_i_beta_0p) + (y_i_beta_1m - y_i_beta_0p) + (y_i_beta_2m - y_i_beta_0p)
-        + (y_i_beta_3m - y_i_beta_0p));
-    const float64 y_i_beta_pred = y_i_beta_0p + shared_2;
+    const float64 offset_y_i_beta = 0.125 * (y_i_beta_1p - y_i_beta_0p + (y_i_beta_2p - y_i_beta_0p) +
+        (y_i_beta_3p - y_i_beta_0p) + (y_i_beta_0m - y_i_beta_0p) + (y_i_beta_1m - y_i_beta_0p) +
+        (y_i_beta_2m - y_i_beta_0p) + (y_i_beta_3m - y_i_beta_0p));
+    const float64 y_i_alpha_pred = y_i_alpha_0p + offset_y_i_alpha;
+    const float64 y_i_beta_pred = y_i_beta_0p + offset_y_i_beta;
 
     /* --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R */
     const float64 dev_y_i_alpha_1p = y_i_alpha_1p - y_i_alpha_pred;
@@ -522,15 +523,15 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
     const float64 dev_y_i_beta_2m = y_i_beta_2m - y_i_beta_pred;
     const float64 dev_y_i_alpha_3m = y_i_alpha_3m - y_i_alpha_pred;
     const float64 dev_y_i_beta_3m = y_i_beta_3m - y_i_beta_pred;
-    const float64 Pyy_00 = 0.125 * (shared * shared + dev_y_i_alpha_1p * dev_y_i_alpha_1p +
-        dev_y_i_alpha_2p * dev_y_i_alpha_2p + dev_y_i_alpha_3p * dev_y_i_alpha_3p +
+    const float64 Pyy_00 = 0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p * dev_y_i_alpha_1p
+        + dev_y_i_alpha_2p * dev_y_i_alpha_2p + dev_y_i_alpha_3p * dev_y_i_alpha_3p +
         dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1m * dev_y_i_alpha_1m +
         dev_y_i_alpha_2m * dev_y_i_alpha_2m + dev_y_i_alpha_3m * dev_y_i_alpha_3m) + R_0;
-    const float64 Pyy_10 = 0.125 * (shared_2 * shared + dev_y_i_beta_1p * dev_y_i_alpha_1p +
+    const float64 Pyy_10 = 0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
         dev_y_i_beta_2p * dev_y_i_alpha_2p + dev_y_i_beta_3p * dev_y_i_alpha_3p +
         dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1m +
         dev_y_i_beta_2m * dev_y_i_alpha_2m + dev_y_i_beta_3m * dev_y_i_alpha_3m);
-    const float64 Pyy_11 = 0.125 * (shared_2 * shared_2 + dev_y_i_beta_1p * dev_y_i_beta_1p +
+    const float64 Pyy_11 = 0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
         dev_y_i_beta_2p * dev_y_i_beta_2p + dev_y_i_beta_3p * dev_y_i_beta_3p +
         dev_y_i_beta_0m * dev_y_i_beta_0m + dev_y_i_beta_1m * dev_y_i_beta_1m +
         dev_y_i_beta_2m * dev_y_i_beta_2m + dev_y_i_beta_3m * dev_y_i_beta_3m) + R_1;
@@ -546,23 +547,26 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
     const float64 dev_omega_pred_2m = omega_pred_2m - omega_pred;
     const float64 dev_theta_pred_2m = theta_pred_2m - theta_pred;
     const float64 dev_theta_pred_3m = theta_pred_3m - theta_pred;
-    const float64 Pxy_00 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_psi_alpha_0 * shared);
-    const float64 Pxy_01 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_beta_0m - d_pred_psi_alpha_0 * shared_2);
-    const float64 Pxy_10 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_alpha_1p - d_pred_psi_beta_0 * shared +
-        dev_psi_beta_pred_0m * dev_y_i_alpha_0m + dev_psi_beta_pred_1m * dev_y_i_alpha_1m);
-    const float64 Pxy_11 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_beta_1p - d_pred_psi_beta_0 * shared_2 +
-        dev_psi_beta_pred_0m * dev_y_i_beta_0m + dev_psi_beta_pred_1m * dev_y_i_beta_1m);
-    const float64 Pxy_20 = 0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * shared +
+    const float64 Pxy_00 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_alpha_0m -
+        d_pred_psi_alpha_0 * offset_y_i_alpha);
+    const float64 Pxy_01 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_beta_0m -
+        d_pred_psi_alpha_0 * offset_y_i_beta);
+    const float64 Pxy_10 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_alpha_1p -
+        d_pred_psi_beta_0 * offset_y_i_alpha + dev_psi_beta_pred_0m * dev_y_i_alpha_0m +
+        dev_psi_beta_pred_1m * dev_y_i_alpha_1m);
+    const float64 Pxy_11 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_beta_1p - d_pred_psi_beta_0 * offset_y_i_beta
+        + dev_psi_beta_pred_0m * dev_y_i_beta_0m + dev_psi_beta_pred_1m * dev_y_i_beta_1m);
+    const float64 Pxy_20 = 0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
         d_pred_omega_2 * dev_y_i_alpha_2p + dev_omega_pred_0m * dev_y_i_alpha_0m +
         dev_omega_pred_1m * dev_y_i_alpha_1m + dev_omega_pred_2m * dev_y_i_alpha_2m);
-    const float64 Pxy_21 = 0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * shared_2 +
+    const float64 Pxy_21 = 0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
         d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
         dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2m);
-    const float64 Pxy_30 = 0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * shared +
+    const float64 Pxy_30 = 0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
         d_pred_theta_2 * dev_y_i_alpha_2p + d_pred_theta_3 * dev_y_i_alpha_3p +
         dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1m +
         dev_theta_pred_2m * dev_y_i_alpha_2m + dev_theta_pred_3m * dev_y_i_alpha_3m);
-    const float64 Pxy_31 = 0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * shared_2 +
+    const float64 Pxy_31 = 0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
         d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_3p +
         dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
         dev_theta_pred_2m * dev_y_i_beta_2m + dev_theta_pred_3m * dev_y_i_beta_3m);

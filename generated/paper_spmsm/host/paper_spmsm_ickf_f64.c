@@ -214,23 +214,25 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 theta_next_3m = theta_3m + sample_time_times_omega_e_3p;
 
     /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 shared = 0.125 * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
-        (i_alpha_next_3p - i_alpha_next_0p) + (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m -
-        i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p));
-    const float64 i_alpha_pred = i_alpha_next_0p + shared;
-    const float64 shared_2 = 0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
-        (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m -
-        i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p));
-    const float64 i_beta_pred = i_beta_next_0p + shared_2;
+    const float64 offset_i_alpha = 0.125 * (i_alpha_next_1p - i_alpha_next_0p +
+        (i_alpha_next_2p - i_alpha_next_0p) + (i_alpha_next_3p - i_alpha_next_0p) +
+        (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m - i_alpha_next_0p) +
+        (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p));
+    const float64 offset_i_beta = 0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p)
+        + (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) +
+        (i_beta_next_1m - i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) +
+        (i_beta_next_3m - i_beta_next_0p));
     const float64 omega_next_3p_minus_omega_next_0p = omega_next_3p - omega_next_0p;
-    const float64 shared_3 = 0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
+    const float64 offset_omega = 0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
         omega_next_3p_minus_omega_next_0p + (omega_next_0m - omega_next_0p) + (omega_next_1m - omega_next_0p)
         + (omega_next_2m - omega_next_0p) + omega_next_3p_minus_omega_next_0p);
-    const float64 omega_pred = omega_next_0p + shared_3;
-    const float64 shared_4 = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
+    const float64 offset_theta = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
         (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
         (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float64 theta_pred = theta_next_0p + shared_4;
+    const float64 i_alpha_pred = i_alpha_next_0p + offset_i_alpha;
+    const float64 i_beta_pred = i_beta_next_0p + offset_i_beta;
+    const float64 omega_pred = omega_next_0p + offset_omega;
+    const float64 theta_pred = theta_next_0p + offset_theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float64 dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred;
@@ -260,36 +262,36 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred;
     const float64 dev_i_beta_3m = i_beta_next_3m - i_beta_pred;
     const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 P_pred_00 = 0.125 * (shared * shared + dev_i_alpha_1p * dev_i_alpha_1p +
+    const float64 P_pred_00 = 0.125 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
         dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m +
         dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) +
         Q_0;
-    const float64 P_pred_10 = 0.125 * (shared_2 * shared + dev_i_beta_1p * dev_i_alpha_1p +
+    const float64 P_pred_10 = 0.125 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
         dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m +
         dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m);
-    const float64 P_pred_11 = 0.125 * (shared_2 * shared_2 + dev_i_beta_1p * dev_i_beta_1p +
+    const float64 P_pred_11 = 0.125 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
         dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m +
         dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1;
-    const float64 P_pred_20 = 0.125 * (shared_3 * shared + dev_omega_1p * dev_i_alpha_1p +
+    const float64 P_pred_20 = 0.125 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
         dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m +
         dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m);
-    const float64 P_pred_21 = 0.125 * (shared_3 * shared_2 + dev_omega_1p * dev_i_beta_1p +
+    const float64 P_pred_21 = 0.125 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
         dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m +
         dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m);
     const float64 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float64 P_pred_22 = 0.125 * (shared_3 * shared_3 + dev_omega_1p * dev_omega_1p +
+    const float64 P_pred_22 = 0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
         dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
         dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float64 P_pred_30 = 0.125 * (shared_4 * shared + dev_theta_1p * dev_i_alpha_1p +
+    const float64 P_pred_30 = 0.125 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
         dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m +
         dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m);
-    const float64 P_pred_31 = 0.125 * (shared_4 * shared_2 + dev_theta_1p * dev_i_beta_1p +
+    const float64 P_pred_31 = 0.125 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
         dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m +
         dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m);
-    const float64 P_pred_32 = 0.125 * (shared_4 * shared_3 + dev_theta_1p * dev_omega_1p +
+    const float64 P_pred_32 = 0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
         dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
         dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float64 P_pred_33 = 0.125 * (shared_4 * shared_4 + dev_theta_1p * dev_theta_1p +
+    const float64 P_pred_33 = 0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
         dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
         dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
 
@@ -371,12 +373,12 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 P_pre
     const float64 theta_j_3m = theta_pred - d_j_theta_3;
 
     /* --- eq. 21: mean Y_i, about the first point */
-    const float64 shared = 0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0) -
-        d_j_i_alpha_0 - d_j_i_alpha_0 - d_j_i_alpha_0);
-    const float64 y_i_alpha_mean = i_alpha_j_0p + shared;
-    const float64 shared_2 = 0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 + (i_beta_j_0m -
-        i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0);
-    const float64 y_i_beta_mean = i_beta_j_0p + shared_2;
+    const float64 offset_y_i_alpha = 0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0)
+        - d_j_i_alpha_0 - d_j_i_alpha_0 - d_j_i_alpha_0);
+    const float64 offset_y_i_beta = 0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 +
+        (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0);
+    const float64 y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha;
+    const float64 y_i_beta_mean = i_beta_j_0p + offset_y_i_beta;
 
     /* --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R */
     const float64 dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean;
@@ -386,16 +388,16 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 P_pre
     const float64 dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean;
     const float64 dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean;
     const float64 dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p;
-    const float64 Pyy_00 = 0.125 * (shared * shared + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq) + R_0;
+    const float64 Pyy_00 = 0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq +
+        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq
+        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0;
     const float64 dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p;
-    const float64 Pyy_10 = 0.125 * (shared_2 * shared + dev_y_i_beta_1p * dev_y_i_alpha_1p +
+    const float64 Pyy_10 = 0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
         dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
         dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p);
     const float64 dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p;
-    const float64 Pyy_11 = 0.125 * (shared_2 * shared_2 + dev_y_i_beta_1p * dev_y_i_beta_1p +
+    const float64 Pyy_11 = 0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
         dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
         dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1;
 
@@ -410,23 +412,23 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 P_pre
     const float64 dev_omega_j_2m = omega_j_2m - omega_pred;
     const float64 dev_theta_j_2m = theta_j_2m - theta_pred;
     const float64 dev_theta_j_3m = theta_j_3m - theta_pred;
-    const float64 Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * shared);
-    const float64 Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * shared_2);
-    const float64 Pxy_10 = 0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * shared +
+    const float64 Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha);
+    const float64 Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta);
+    const float64 Pxy_10 = 0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
         dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p);
-    const float64 Pxy_11 = 0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * shared_2 +
+    const float64 Pxy_11 = 0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
         dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m);
-    const float64 Pxy_20 = 0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * shared +
+    const float64 Pxy_20 = 0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
         d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
         + dev_omega_j_2m * dev_y_i_alpha_1p);
-    const float64 Pxy_21 = 0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * shared_2 +
+    const float64 Pxy_21 = 0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
         d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
         dev_omega_j_2m * dev_y_i_beta_2p);
-    const float64 Pxy_30 = 0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * shared +
+    const float64 Pxy_30 = 0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
         d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
         dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
         dev_theta_j_3m * dev_y_i_alpha_1p);
-    const float64 Pxy_31 = 0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * shared_2 +
+    const float64 Pxy_31 = 0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
         d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
         dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
         dev_theta_j_3m * dev_y_i_beta_2p);

@@ -1,0 +1,184 @@
+"""What generate writes: always the same bytes, clean C89 without a hidden double, readable names."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pycparser import c_ast, c_parser
+
+from codegen.folder import difference
+from codegen.generate import generate
+from model.drive import Drive, load_drive
+from runtime.estimator.folder import GENERATED
+from tests.conftest import DRIVES, variant
+
+STRICT = (
+    "-std=c89 -pedantic -Wall -Wextra -Wconversion -Wdouble-promotion -Wunsuffixed-float-constants -Wmissing-prototypes -Werror"
+).split()
+
+
+def test_committed_folders_are_current(drive: Drive) -> None:
+    assert difference(GENERATED / drive.name, generate(drive).files) == ""
+
+
+def test_regeneration_is_byte_identical_anywhere_anytime(tmp_path: Path) -> None:
+    """Two fresh processes, other folders, hash seeds, time zones and clocks a year apart."""
+    digests = []
+    for name, seed, zone in (("one", "1", "UTC"), ("two words ü", "77", "Pacific/Auckland")):
+        folder = tmp_path / name
+        folder.mkdir()
+        code = (
+            "import time; real = time.time; time.time = lambda: real() + 3e7 * %s\n"
+            "from runtime.cli import main; import sys; sys.argv = ['pmsm-ickf', 'generate', '--out', 'out']; main()"
+        ) % seed
+        environment = {**os.environ, "PYTHONHASHSEED": seed, "TZ": zone}
+        subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True, capture_output=True)
+        files = sorted(path for path in (folder / "out").rglob("*") if path.is_file())
+        text = [(str(path.relative_to(folder)), hashlib.sha256(path.read_bytes()).hexdigest()) for path in files]
+        digests.append(text)
+    assert digests[0] == digests[1]
+    assert len(digests[0]) == 2 * 12
+
+
+def _c_files(drive: Drive) -> list[Path]:
+    return sorted((GENERATED / drive.name).rglob("*.c"))
+
+
+@pytest.mark.parametrize("optimisation", ["-O0", "-O2"])
+def test_generated_c_is_clean_under_strict_warnings(drive: Drive, optimisation: str, tmp_path: Path) -> None:
+    folder = GENERATED / drive.name
+    assert len(_c_files(drive)) == 4
+    for path in _c_files(drive):
+        command = ["gcc", *STRICT, optimisation, "-ffp-contract=off", f"-I{folder}", "-c", str(path), "-o", str(tmp_path / "x.o")]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+def test_strict_warnings_catch_a_hidden_double(drive: Drive, tmp_path: Path) -> None:
+    """The gate can fail: one unsuffixed literal."""
+    folder = GENERATED / drive.name
+    source = (folder / f"{drive.name}_ckf.c").read_text().replace("0.125f", "0.125", 1)
+    (tmp_path / "x.c").write_text(source)
+    command = ["gcc", *STRICT, f"-I{folder}", "-c", str(tmp_path / "x.c"), "-o", str(tmp_path / "x.o")]
+    assert subprocess.run(command, capture_output=True, check=False).returncode != 0
+
+
+def test_firmware_c_has_no_char_double_or_foreign_call(drive: Drive) -> None:
+    """Read as C, not as text: the only calls are its own functions and sqrtf; no char, no 64-bit, no recursion."""
+    for path in sorted((GENERATED / drive.name).glob("*.c")):
+        text = "".join((GENERATED / drive.name / name).read_text() for name in ("pmsm_port.h", f"{path.stem}.h")) + path.read_text()
+        plain = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+        plain = re.sub(r'extern "C" \{', "", plain)
+        defines = dict(re.findall(r"^#define (\w+) (\S+)$", re.sub(r" +$", "", plain, flags=re.MULTILINE), flags=re.MULTILINE))
+        code = "\n".join(line for line in plain.splitlines() if not line.startswith("#")).replace("#ifdef", "")
+        code = re.sub(r"^\}\s*\Z", "", code)
+        for _ in range(2):
+            for name, value in defines.items():
+                code = re.sub(rf"\b{name}\b", value, code)
+        code = code.replace("\n}\n\n\n", "\n}\n", 0)
+        tree = c_parser.CParser().parse(_balanced(code))
+        own = {node.decl.name for node in tree.ext if isinstance(node, c_ast.FuncDef)}
+        calls, types = set(), set()
+
+        class Visitor(c_ast.NodeVisitor):
+            def visit_FuncCall(self, node: c_ast.FuncCall) -> None:
+                calls.add(node.name.name)
+                self.generic_visit(node)
+
+            def visit_IdentifierType(self, node: c_ast.IdentifierType) -> None:
+                types.add(" ".join(node.names))
+
+        for item in tree.ext:
+            if isinstance(item, c_ast.FuncDef):
+                Visitor().visit(item)
+        assert calls - own == {"sqrtf"}
+        assert types <= {"float32", "int", "void", "sin_cos_pair", f"{path.stem}_t"}
+
+
+def _balanced(code: str) -> str:
+    """Drop the closing brace of the header's extern "C" (its opening went with the preprocessor lines)."""
+    depth, kept = 0, []
+    for line in code.splitlines():
+        depth += line.count("{") - line.count("}")
+        if depth < 0:
+            depth = 0
+            continue
+        kept.append(line)
+    return "\n".join(kept)
+
+
+def test_literals_of_the_firmware_carry_the_suffix(drive: Drive) -> None:
+    for path in sorted((GENERATED / drive.name).glob("*.c")):
+        code = re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
+        literals = re.findall(r"(?<![\w.])\d+\.\d*(?:e[+-]?\d+)?\w?", code)
+        assert len(literals) > 30
+        assert all(literal.endswith("f") for literal in literals)
+
+
+def test_every_local_has_a_meaning(drive: Drive) -> None:
+    """No numbered temporaries: what no stage names is named after what it is made of."""
+    for path in sorted((GENERATED / drive.name).glob("*.c")):
+        names = re.findall(r"^    const float32 (\w+) =", path.read_text(), flags=re.MULTILINE)
+        assert len(names) > 200
+        assert not [name for name in names if re.fullmatch(r"(_?tmp|t|v|w|shared|angle)_?\d*", name)]
+
+
+def test_sections_follow_the_papers_equations(drive: Drive) -> None:
+    text = (GENERATED / drive.name / f"{drive.name}_ckf.c").read_text()
+    numbers = [int(n) for n in re.findall(r"/\* --- eq\. (\d+)", text)]
+    assert numbers == sorted(numbers)
+    assert {13, 14, 15, 16, 17, 18, 19, 22, 23, 24, 25, 26} <= set(numbers)
+
+
+def test_no_dates_paths_or_machine_names(drive: Drive) -> None:
+    home = str(Path.home())
+    for path in (GENERATED / drive.name).rglob("*"):
+        if path.is_file():
+            text = path.read_text()
+            assert not re.search(r"20\d\d-\d\d-\d\d", text)
+            assert home not in text
+            assert str(GENERATED) not in text
+
+
+def test_data_stays_data() -> None:
+    """Tuning goes into the struct: another Q changes the init function and nothing else of the C."""
+    drive = load_drive("paper_spmsm")
+    a = generate(drive, samples=5).files
+    b = generate(variant(drive, filter={"process_noise": [0.5, 0.5, 0.5, 0.5]}), samples=5).files
+    changed = {
+        line
+        for name in a
+        if name.endswith("_ckf.c") and "/" not in name
+        for line in set(b[name].splitlines()) - set(a[name].splitlines())
+        if not line.startswith((" *", "/*"))
+    }
+    assert changed == {f"    f->Q[{k}] = 0.5f;" for k in range(4)}
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_report_says_what_was_proved(name: str) -> None:
+    report = (GENERATED / name / "REPORT.md").read_text()
+    assert ("Proved idle." in report) == (name == "paper_spmsm")
+    assert "nothing was run on the chip" in report
+
+
+def test_certificate_bounds_other_draws() -> None:
+    """The certificate's worst case is not beaten by more than a little on draws it has not seen."""
+    from codegen.box import sample_box
+    from codegen.certificate import certify
+    from codegen.generate import build_steps
+
+    drive = load_drive("paper_spmsm")
+    model, _ = build_steps(drive)
+    namespace: dict[str, object] = {}
+    exec(generate(drive, samples=5).files["paper_spmsm.py"], namespace)
+    seen, unseen = (certify(namespace, "ickf", sample_box(drive, model, 2000, seed)) for seed in (1, 2))
+    assert np.all(np.array(unseen.x) <= 3 * np.array(seen.x))
+    assert unseen.not_finite == unseen.indefinite == 0

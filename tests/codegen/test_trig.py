@@ -1,0 +1,108 @@
+"""The generated sine, cosine and angle wrapping: the bound holds, and the coefficients are minimax."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codegen.printers.python import PythonPrinter
+from codegen.trig import (
+    COS_COEFFICIENTS,
+    DOUBLE,
+    SIN_COEFFICIENTS,
+    SINGLE,
+    evaluate_sin_cos,
+    sin_cos_bound,
+    split_pi,
+    wrap_listing,
+)
+
+NAMESPACE: dict[str, Any] = {"np": np}
+exec(PythonPrinter().format_helper(wrap_listing(SINGLE), "f32"), NAMESPACE)
+exec(PythonPrinter().format_helper(wrap_listing(DOUBLE), "f64"), NAMESPACE)
+wrap_f32, wrap_f64 = NAMESPACE["_wrap_angle_f32"], NAMESPACE["_wrap_angle_f64"]
+
+
+def test_bound_is_what_the_header_promises() -> None:
+    bound = sin_cos_bound()
+    assert bound.seen <= bound.proved <= 6e-7  # the proof may be three times the truth, not more
+    assert bound.seen <= 2e-7  # about 3 float32 roundings near 1
+
+
+def test_bound_holds_at_arguments_it_was_not_computed_from() -> None:
+    """mpmath as the oracle, at random arguments and at the worst places: near multiples of pi/2."""
+    rng = np.random.default_rng(11)
+    near = np.arange(-600, 601) * (np.pi / 2) + rng.normal(0, 1e-4, 1201)
+    x = np.concatenate([rng.uniform(-1000, 1000, 3000), rng.uniform(-4, 4, 3000), near]).astype(np.float32)
+    x = x[np.abs(x) <= 1000]
+    sine, cosine = evaluate_sin_cos(x)
+    with mp.workdps(30):
+        exact = np.array([(float(mp.sin(float(v))), float(mp.cos(float(v)))) for v in x])
+    worst = max(np.max(np.abs(sine - exact[:, 0])), np.max(np.abs(cosine - exact[:, 1])))
+    assert worst <= sin_cos_bound().proved
+
+
+@pytest.mark.slow
+def test_bound_holds_for_every_float_of_a_turn() -> None:
+    """Exhaustive over every eighth float32 in [2^-10, 2 pi], 16 million of them and their negatives by symmetry."""
+    first, last = np.float32(2**-10).view(np.int32), np.float32(2 * math.pi).view(np.int32)
+    for start in range(int(first), int(last), 1 << 23):
+        bits = np.arange(start, min(start + (1 << 23), int(last)), 8, dtype=np.int32)
+        x = bits.view(np.float32)
+        sine, cosine = evaluate_sin_cos(x)
+        exact = x.astype(float)
+        assert np.max(np.abs(sine - np.sin(exact))) <= sin_cos_bound().proved
+        assert np.max(np.abs(cosine - np.cos(exact))) <= sin_cos_bound().proved
+
+
+def test_symmetry_is_exact() -> None:
+    x = np.linspace(0, 50, 10_001).astype(np.float32)
+    (sine, cosine), (minus_sine, minus_cosine) = evaluate_sin_cos(x), evaluate_sin_cos(-x)
+    np.testing.assert_array_equal(sine, -minus_sine)
+    np.testing.assert_array_equal(cosine, minus_cosine)
+
+
+@pytest.mark.parametrize("which", ["sin", "cos"])
+def test_coefficients_are_minimax(which: str) -> None:
+    """Chebyshev's theorem: the error of the best polynomial alternates len + 1 times at (nearly) its maximum."""
+    r = np.linspace(1e-4, math.pi / 2 * 1.0005, 20_001)
+    coefficients = SIN_COEFFICIENTS if which == "sin" else COS_COEFFICIENTS
+    with mp.workdps(30):
+        exact = np.array([float(mp.sin(v) - v) if which == "sin" else float(mp.cos(v) - 1 + mp.mpf(v) ** 2 / 2) for v in r])
+    power = 3 if which == "sin" else 4
+    error = exact - r**power * np.polyval(coefficients[::-1], r * r)
+    peak = np.max(np.abs(error))
+    assert peak < 6e-9
+    strong = error[np.abs(error) > 0.9 * peak]
+    assert 1 + np.sum(np.diff(np.sign(strong)) != 0) == len(coefficients) + 1
+
+
+@pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+def test_parts_of_pi_add_up_to_pi(precision: Any) -> None:
+    with mp.workdps(50):
+        total = sum((mp.mpf(part) for part in split_pi(precision)), mp.mpf(0))
+        assert abs(total - mp.pi) < mp.mpf(2) ** (-45 if precision is SINGLE else -80)
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.floats(-3000, 3000, width=32))
+def test_wrapped_angles_lie_in_one_turn_and_are_congruent(angle: float) -> None:
+    for wrap, dtype, spacing in ((wrap_f32, np.float32, 2.4e-7), (wrap_f64, np.float64, 4.5e-16)):
+        wrapped = float(wrap(dtype(angle)))
+        assert -math.pi <= wrapped < math.pi
+        turns = (angle - wrapped) / (2 * math.pi)
+        assert abs(turns - round(turns)) * 2 * math.pi <= 3 * spacing + abs(angle) * spacing
+
+
+@pytest.mark.parametrize(("wrap", "dtype"), [(wrap_f32, np.float32), (wrap_f64, np.float64)])
+def test_wrapping_leaves_an_angle_inside_alone(wrap: Any, dtype: Any) -> None:
+    inside = np.linspace(-3.1415, 3.1415, 1001).astype(dtype)
+    np.testing.assert_array_equal(wrap(inside), inside)
+    edge = wrap(np.array([math.pi, -math.pi, 3 * math.pi], dtype=dtype)).astype(float)
+    assert np.all((edge >= -math.pi) & (edge < math.pi))

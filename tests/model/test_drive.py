@@ -1,0 +1,100 @@
+"""Drive files: what is wrong is said in one line that names the key, its unit and its range."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from model.drive import DRIVES, DriveError, load_drive, shipped_drives
+
+PAPER = (DRIVES / "paper_spmsm.toml").read_text()
+
+
+def test_shipped_drives_load() -> None:
+    assert {"paper_spmsm", "ipmsm_flux"} <= set(shipped_drives())
+    for name in shipped_drives():
+        assert load_drive(name).name == name
+
+
+def test_paper_drive_is_the_papers_table() -> None:
+    drive = load_drive("paper_spmsm")
+    m = drive.motor
+    assert (m.stator_resistance, m.inductance_d, m.inductance_q, m.magnet_flux) == (2.875, 835e-6, 835e-6, 0.175)
+    assert (m.pole_pairs, m.inertia, m.friction) == (4, 0.008, 0.002)
+    assert drive.filter.initial_covariance == [0.1, 0.1, 50, 0.1]
+    assert drive.filter.process_noise == [0.01, 0.02, 0.24, 0.001]
+    assert drive.filter.measurement_noise == [0.01, 0.01]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("inductance_d = 835e-6", "inductance_d = 0.835", "motor.inductance_d = 0.835 H is outside 1e-06 .. 0.5 H. Did you mean 0.835 mH"),
+        ("inductance_d = 835e-6", "inductance_d = 0.8", "Did you mean 0.8 mH = 0.0008?"),
+        ("sample_time = 20e-6", "sample_time = 20", "Did you mean 20 us = 2e-05?"),
+        ("sample_time = 20e-6", "sample_time = 0.0", "model.sample_time = 0.0 s is outside"),
+        ("stator_resistance = 2.875", "stator_resistance = -2.875", "motor.stator_resistance = -2.875 ohm is outside"),
+        ("stator_resistance = 2.875", "stator_resistance = 0", "motor.stator_resistance = 0"),
+        ("stator_resistance = 2.875", "stator_resistance = nan", "motor.stator_resistance"),
+        ("stator_resistance = 2.875", "stator_resistance = 'high'", "motor.stator_resistance = 'high'"),
+        ("inertia = 0.008", "inertia = 0", "motor.inertia"),
+        ("pole_pairs = 4", "pole_pairs = 4.5", "motor.pole_pairs = 4.5"),
+        ("pole_pairs = 4", "", "motor.pole_pairs is missing (1 .. 100)"),
+        ("pole_pairs = 4", "pole_pair = 4", "unknown key motor.pole_pair. Did you mean 'pole_pairs'?"),
+        ("friction = 0.002", "friction = 0.002\ncogging = 1", "unknown key motor.cogging"),
+        ('machine = "surface"', 'machine = "surfaces"', "model.machine = 'surfaces' is none of"),
+        ("inductance_q = 835e-6", "inductance_q = 900e-6", "machine 'surface' needs them equal"),
+        ("[0.1, 0.1, 50, 0.1]", "[0.1, 0.1, 50]", "filter.initial_covariance has 3 entries; this model has 4 states"),
+        ("[0.1, 0.1, 50, 0.1]", "[0.1, 0.1, -50, 0.1]", "filter.initial_covariance[2] = -50 is not positive"),
+        ("[0.01, 0.01]", "[0.01, 0.0]", "filter.measurement_noise[1] = 0.0 is not positive"),
+        ('kinds = ["ckf", "ickf"]', 'kinds = ["ckff"]', "filter.kinds"),
+        ("max_iterations = 3", "max_iterations = 0", "filter.max_iterations"),
+        ("[motor]", "[motors]", "unknown key motors. Did you mean 'motor'?"),
+        ("[motor]", "[motor", "not valid TOML"),
+        ('name = "paper_spmsm"', 'name = "Paper SPMSM"', "name = 'Paper SPMSM'"),
+        ('name = "paper_spmsm"', 'name = "paper_spmsm"\nsha256 = "0"', "unknown key sha256"),
+    ],
+)
+def test_bad_input_is_explained(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    assert old in PAPER
+    path = tmp_path / "my_motor.toml"
+    path.write_text(PAPER.replace(old, new, 1))
+    with pytest.raises(DriveError) as caught:
+        load_drive(path)
+    message = str(caught.value)
+    assert expected in message
+    assert message.startswith("drive 'my_motor.toml': ")
+    assert "\n" not in message or "TOML" in message
+
+
+def test_unknown_name_suggests_a_near_one() -> None:
+    with pytest.raises(DriveError, match="Did you mean 'paper_spmsm'"):
+        load_drive("paper_spm")
+
+
+def test_initial_state_is_optional_and_taken(tmp_path: Path) -> None:
+    from model.state_space import default_initial_state
+
+    assert default_initial_state(load_drive("paper_spmsm")) == [0.0, 0.0, 0.0, 0.0]
+    assert default_initial_state(load_drive("ipmsm_flux")) == [0.545, 0.0, 0.0, 0.0]
+    path = tmp_path / "started.toml"
+    path.write_text(PAPER.replace("max_iterations = 3", "max_iterations = 3\ninitial_state = [0, 0, 10, 0.5]"))
+    assert default_initial_state(load_drive(path)) == [0.0, 0.0, 10.0, 0.5]
+
+
+def test_line_endings_do_not_change_the_hash(tmp_path: Path) -> None:
+    path = tmp_path / "paper_spmsm.toml"
+    path.write_bytes(PAPER.replace("\n", "\r\n").encode())
+    assert load_drive(path).sha256 == load_drive("paper_spmsm").sha256
+
+
+def test_design_contract_example_is_accepted(tmp_path: Path) -> None:
+    """A drive file without the optional operating box is complete."""
+    data = tomllib.loads(PAPER)
+    del data["operating_box"]
+    head, _, _ = PAPER.partition("[operating_box]")
+    path = tmp_path / "boxless.toml"
+    path.write_text(head)
+    assert load_drive(path).operating_box.speed > 0

@@ -1,0 +1,126 @@
+"""The command line: exit codes, one clear line for bad input, machine-readable output, a page to look at."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.drive import DRIVES
+from runtime.estimator.folder import GENERATED
+
+PAPER = (DRIVES / "paper_spmsm.toml").read_text()
+
+
+def call(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    import os
+
+    command = [sys.executable, "-m", "runtime.cli", *arguments]
+    root = str(Path(__file__).parents[2])
+    env = {**os.environ, "PYTHONPATH": root, "COLUMNS": "200", **environment}
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)
+
+
+def test_own_motor_from_toml_to_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "my_motor").replace("2.875", "1.2"))
+    done = call("generate", "mine.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "generated" / "my_motor"
+    assert (folder / "my_motor_ickf.c").is_file()
+    assert call("generate", "mine.toml", "--check", cwd=tmp_path).returncode == 0
+    (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "my_motor").replace("2.875", "1.3"))
+    stale = call("generate", "mine.toml", "--check", cwd=tmp_path)
+    assert stale.returncode == 1
+    assert "-#define DECAY_I" in stale.stdout
+    assert "+#define DECAY_I" in stale.stdout
+    refused = call("verify", "mine.toml", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "is stale" in refused.stderr
+
+
+def test_shipped_folders_are_current(tmp_path: Path) -> None:
+    done = call("generate", "--check", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
+def test_hand_edits_survive_generate(tmp_path: Path) -> None:
+    assert call("generate", "paper_spmsm", "--out", "out", cwd=tmp_path).returncode == 0
+    path = tmp_path / "out" / "paper_spmsm" / "paper_spmsm_ckf.c"
+    edited = path.read_text().replace("0.125f", "0.126f", 1)
+    path.write_text(edited)
+    refused = call("generate", "paper_spmsm", "--out", "out", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "was edited by hand" in refused.stderr
+    assert path.read_text() == edited
+    assert call("generate", "paper_spmsm", "--out", "out", "--check", cwd=tmp_path).returncode == 1
+    assert call("generate", "paper_spmsm", "--out", "out", "--force", cwd=tmp_path).returncode == 0
+
+
+def test_one_bad_drive_leaves_every_folder_alone(tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(PAPER.replace("835e-6", "0.8"))
+    done = call("generate", "paper_spmsm", "bad.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert not (tmp_path / "out").exists()
+
+
+BAD = [
+    (("generate", "no_such_drive"), "no drive 'no_such_drive'"),
+    (("verify", "paper_spmsn"), "Did you mean 'paper_spmsm'?"),
+    (("generate", "bad.toml"), "motor.inductance_d = 0.8 H is outside"),
+    (("run", "bad.toml"), "Did you mean 0.8 mH = 0.0008?"),
+    (("generate", "broken.toml"), "not valid TOML"),
+    (("verify", "fine.toml"), "no generated folder"),
+    (("generate", "paper_spmsm", "--out", "a_file"), "a_file"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "expected"), BAD)
+def test_bad_input_is_one_line_and_exit_2(arguments: tuple[str, ...], expected: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.toml").write_text(PAPER.replace("paper_spmsm", "bad").replace("835e-6", "0.8"))
+    (tmp_path / "broken.toml").write_text("[motor")
+    (tmp_path / "fine.toml").write_text(PAPER.replace("paper_spmsm", "fine"))
+    (tmp_path / "a_file").write_text("not a folder")
+    done = call(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert expected in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "a_file").read_text() == "not a folder"
+
+
+def test_no_compiler_is_said_before_work_starts(tmp_path: Path) -> None:
+    done = call("verify", "paper_spmsm", cwd=tmp_path, CC="no-such-compiler")
+    assert done.returncode == 2
+    assert "no C compiler" in done.stderr
+
+
+@pytest.mark.slow
+def test_verify_writes_json(tmp_path: Path) -> None:
+    done = call("verify", "ipmsm_flux", "--json", "proof.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    data = json.loads((tmp_path / "proof.json").read_text())
+    assert data["passed"] is True
+    (drive,) = data["drives"]
+    assert {link["name"] for link in drive["links"]} == {"model", "A-B", "B-D", "D-E"}
+    assert all(row["worst"] <= row["allowed"] for link in drive["links"] for row in link["rows"])
+    assert "same number of iterates" in done.stdout
+
+
+@pytest.mark.slow
+def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
+    done = call("run", "--build", "b", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (tmp_path / "b" / "report" / "index.html").read_text()
+    assert page.count("<svg") == 8
+    assert "all links hold" in page
+    assert not re.findall(r"(?:src|href)=\"(?!#)", page), "nothing is fetched from elsewhere"
+    assert GENERATED.is_dir()
+
+
+def test_help_and_version(tmp_path: Path) -> None:
+    assert "generate" in call("--help", cwd=tmp_path).stdout
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", call("--version", cwd=tmp_path).stdout)

@@ -1,0 +1,253 @@
+"""The chain of proof holds for what is shipped, and breaks, at the right place, for what is wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codegen.folder import write_folder
+from codegen.generate import Package, generate
+from model.drive import Drive, load_drive
+from model.filters import ckf as ckf_module
+from model.filters import cubature
+from model.filters import ickf as ickf_module
+from model.machines import MACHINES
+from model.mechanics import ConstantSpeed
+from runtime.errors import UserError
+from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.proof.result import Link
+from runtime.proof.trajectory import make_trajectory
+from runtime.proof.verify import Effort, Prover, prove, verify
+from tests.conftest import variant
+
+QUICK = Effort(trajectory=0.004, box_draws=20, bit_steps=300, drift_steps=500, optimisations=(("-O0",), ("-O3", "-march=native")))
+
+
+@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
+def test_chain_holds_quickly(name: str) -> None:
+    seen: list[str] = []
+    proof, _ = verify(name, QUICK, seen.append)
+    assert proof.passed, list(proof.failures())
+    assert {link.name for link in proof.links} == {"model", "A-B", "B-D", "D-E"}
+    assert {link.variant for link in proof.links if link.name == "A-B"} == {"ckf", "ickf, cubature gain", "ickf, jacobian gain"}
+    assert all(row.compared > 0 for link in proof.links for row in link.rows)
+    assert seen
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
+def test_chain_holds_in_full(name: str) -> None:
+    """Every figure the README promises: 1e-10, 10 000 steps of identical bits at three optimisations, 100 000 at speed."""
+    proof, _ = verify(name)
+    assert proof.passed, list(proof.failures())
+    for link in proof.links:
+        if link.name == "A-B":
+            assert all(row.allowed <= 1e-10 for row in link.rows)
+        if link.name == "D-E":
+            assert all(row.allowed == 0.0 for row in link.rows)
+    assert {effect.verdict for effect in proof.effects} == {"rounding" if name == "paper_spmsm" else "real"}
+    assert {effect.gain for effect in proof.effects} == {"cubature", "jacobian"}
+
+
+# --- the chain can fail: mutants of the model, of the filters, of the emitted text
+
+
+def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
+    """``package`` may be a mutant; the reference works from ``drive``."""
+    truth = Package(drive, package.model, package.steps, package.files)
+    short = make_trajectory(drive.model_dump(), steps=60)
+    return Prover(truth, GeneratedFolder(folder, checked=False), short, (short, 10), QUICK, lambda text: None)
+
+
+def _ab(drive: Drive, folder: Path, kind: str) -> list[Link]:
+    """Generate as things stand now (mutated), prove against the unmutated reference."""
+    package = generate(drive, samples=5)
+    write_folder(folder, package.files, force=True)
+    return _prover(drive, package, folder).link_a_b(kind)
+
+
+def _swap_inductances(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = MACHINES["salient_flux"].currents
+
+    def swapped(self: Any, z: Any, theta: Any) -> Any:
+        par = self.par
+        self.par = type(par)(**{**par.__dict__, "L_d": par.L_q, "L_q": par.L_d})
+        try:
+            return original(self, z, theta)
+        finally:
+            self.par = par
+
+    monkeypatch.setattr(MACHINES["salient_flux"], "currents", swapped)
+
+
+def _reverse_back_emf(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = MACHINES["surface"].euler
+    monkeypatch.setattr(MACHINES["surface"], "euler", lambda self, z, v, w, th: original(self, z, v, -w, th))
+
+
+def _forget_pole_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ConstantSpeed, "electrical_speed", lambda self, omega: omega)
+
+
+def _stale_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
+    """H taken at x_pred instead of x^j."""
+    original = ickf_module._jacobian
+
+    def stale(b: Any, model: Any, x_j: Any) -> Any:
+        port = next((port for port in b._inputs if port.name == "x_pred"), None)
+        return original(b, model, list(port.entries) if port else x_j)
+
+    monkeypatch.setattr(ickf_module, "_jacobian", stale)
+
+
+def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = cubature.spread
+    monkeypatch.setattr(cubature, "spread", lambda a, b: [[entry * 1.000001 for entry in row] for row in original(a, b)])
+
+
+def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The right angle modulo a turn, but not in [-pi, pi): float32 would lose digits."""
+    monkeypatch.setattr(ckf_module, "wrapped", lambda x, model: x)
+
+
+def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ckf_module, "wrapped", lambda x, model: cubature.wrapped([*x[:3], x[3] + 1e-6], model))
+
+
+def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    _no_wrap(monkeypatch)
+    drive = load_drive("ipmsm_flux")
+    package = generate(drive, samples=5)
+    write_folder(tmp_path / drive.name, package.files)
+    prover = _prover(drive, package, tmp_path / drive.name)
+    prover.trajectory = make_trajectory(drive.model_dump(), steps=600)
+    assert not prover.link_a_b("ckf")[0].passed
+
+
+MODEL_MUTANTS: list[tuple[str, str, Callable[[pytest.MonkeyPatch], None], str]] = [
+    ("paper_spmsm", "ckf", _reverse_back_emf, "15"),
+    ("paper_spmsm", "ickf", _forget_pole_pairs, "15"),
+    ("ipmsm_flux", "ckf", _swap_inductances, "20"),
+    ("ipmsm_flux", "ickf", _swap_inductances, "28"),
+    ("ipmsm_flux", "ickf", _stale_jacobian, "28"),
+    ("ipmsm_flux", "ckf", _wrong_weight, "17"),
+    ("paper_spmsm", "ckf", _shifted_angle, "25"),
+]
+
+
+@pytest.mark.parametrize(("name", "kind", "mutate", "equation"), MODEL_MUTANTS)
+def test_model_mutants_are_caught_at_their_equation(
+    name: str, kind: str, mutate: Callable[[pytest.MonkeyPatch], None], equation: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    mutate(monkeypatch)
+    link, _ = _ab(load_drive(name), tmp_path / name, kind)
+    assert not link.passed
+    assert link.divergence is not None
+    assert link.divergence.equation == equation, str(link.divergence)
+
+
+@pytest.mark.parametrize("key", ["stator_resistance", "magnet_flux", "inductance_q"])
+def test_one_part_in_a_million_of_motor_data_is_caught(key: str, tmp_path: Path) -> None:
+    drive = load_drive("ipmsm_flux")
+    mutant = variant(drive, motor={key: getattr(drive.motor, key) * (1 + 1e-6)})
+    package = generate(mutant, samples=5)
+    write_folder(tmp_path / drive.name, package.files)
+    link, _ = _prover(drive, package, tmp_path / drive.name).link_a_b("ckf")
+    assert link.divergence is not None
+
+
+PYTHON_MUTANTS = [
+    (r"(P_pred_22 = [^\n]*(?:\n        [^\n]*)*) \+ Q_2", r"\1", "17"),  # a dropped Q
+    (r"innovation_i_alpha = i_alpha_meas - ", "innovation_i_alpha = i_alpha_meas + ", "25"),
+    (r"S_21 = \(P_21 - ", "S_21 = (P_21 + ", "13"),
+    (r"K_20 = Pxy_20 \* Pyy_inv_00 - ", "K_20 = Pxy_20 * Pyy_inv_00 + ", "24"),
+]
+
+
+@pytest.mark.parametrize(("pattern", "replacement", "equation"), PYTHON_MUTANTS)
+def test_mutants_of_the_generated_python_are_caught(pattern: str, replacement: str, equation: str, tmp_path: Path) -> None:
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5)
+    text = package.files["paper_spmsm.py"]
+    mutated = re.sub(pattern, replacement, text, count=0)
+    assert mutated != text
+    write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm.py": mutated})
+    link, _ = _prover(drive, package, tmp_path / drive.name).link_a_b("ckf")
+    assert link.divergence is not None
+    assert link.divergence.equation == equation, str(link.divergence)
+
+
+C_MUTANTS = [
+    ("i_alpha_meas - y_i_alpha_pred", "i_alpha_meas + y_i_alpha_pred", "innovation", "25"),
+    ("P_21 - S_20 * S_10", "P_21 - S_20 * S_11", "S", "13"),
+    ("#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f", "X_prop", "15"),
+    ("- (KPyy_20 * K_20 + KPyy_21 * K_21)", "- (KPyy_20 * K_20 - KPyy_21 * K_21)", "P", "26"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "stage", "equation"), C_MUTANTS)
+def test_mutants_of_the_generated_c_are_caught_and_located(old: str, new: str, stage: str, equation: str, tmp_path: Path) -> None:
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5)
+    text = package.files["paper_spmsm_ckf.c"]
+    assert old in text
+    write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": text.replace(old, new)})
+    link = _prover(drive, package, tmp_path / drive.name)._bits("ckf").link(("-O2",))
+    assert not link.passed
+    assert link.divergence is not None
+    assert (link.divergence.stage, link.divergence.equation) == (stage, equation), str(link.divergence)
+
+
+def test_reordered_float_operations_are_caught(tmp_path: Path) -> None:
+    """Mathematically equal, not the same bits: (a + b) + c against a + (b + c)."""
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5)
+    text = package.files["paper_spmsm_ckf.c"]
+    mutated = re.sub(r"DECAY_I \* i_alpha_0p \+ (\w+ \* \w+) \+ (\w+);", r"DECAY_I * i_alpha_0p + (\1 + \2);", text)
+    assert mutated != text
+    write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": mutated})
+    assert not _prover(drive, package, tmp_path / drive.name)._bits("ckf").link(("-O2",)).passed
+
+
+def test_contraction_would_be_caught() -> None:
+    """What -ffp-contract=off is for: with fused multiply-add the bits differ (on processors that have it)."""
+    import subprocess
+
+    if "__FMA__" not in subprocess.run(["gcc", "-march=native", "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True, text=True).stdout:
+        pytest.skip("this processor has no fused multiply-add")
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5)
+    prover = _prover(drive, package, GENERATED / drive.name)
+    link = prover._bits("ckf").link(("-O2", "-march=native", "-ffp-contract=fast"))
+    assert not link.passed
+
+
+# --- what verify refuses
+
+
+def test_stale_and_edited_folders_are_refused(tmp_path: Path) -> None:
+    drive = load_drive("paper_spmsm")
+    with pytest.raises(UserError, match="no generated folder"):
+        prove(drive, tmp_path / "none", QUICK, lambda text: None)
+    other = variant(drive, motor={"inertia": 0.009})
+    write_folder(tmp_path / drive.name, generate(other).files)
+    with pytest.raises(UserError, match="is stale"):
+        prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
+    write_folder(tmp_path / drive.name, generate(drive).files)
+    path = tmp_path / drive.name / "paper_spmsm_ckf.c"
+    path.write_text(path.read_text().replace("0.125f", "0.126f", 1))
+    with pytest.raises(UserError, match="was edited by hand"):
+        prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
+
+
+def test_effects_are_measured_not_asserted() -> None:
+    """On the paper's drive ICKF - CKF is rounding, on ipmsm_flux many orders more, with both gains."""
+    for name, low, high in (("paper_spmsm", 0.0, 1e-12), ("ipmsm_flux", 1e-3, np.inf)):
+        proof, _ = verify(name, QUICK)
+        for effect in proof.effects:
+            assert low <= effect.in_sigma <= high, effect

@@ -1,0 +1,148 @@
+"""The reference against identities that hold whatever its code says, and against what it must not import."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.drive import Drive, load_drive
+from runtime.proof import reference
+from runtime.proof.reference import make_motor, make_reference, wrap
+from runtime.proof.trajectory import make_trajectory
+from tests.conftest import variant
+
+
+def test_reference_imports_nothing_it_is_to_check() -> None:
+    tree = ast.parse(Path(reference.__file__).read_text())
+    names = {alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    names |= {str(node.module).split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert names == {"__future__", "math", "collections", "dataclasses", "typing", "numpy"}
+
+
+@pytest.mark.parametrize("discretization", ["euler", "exact"])
+def test_jacobian_against_finite_differences(drive: Drive, discretization: str) -> None:
+    motor = make_motor(variant(drive, model={"discretization": discretization}).model_dump())
+    x = np.array([0.3, -0.4, 50.0, 0.8])
+    for k in range(4):
+        shift = 1e-6 * np.eye(4)[k]
+        difference = (motor.h(x + shift) - motor.h(x - shift)) / 2e-6
+        np.testing.assert_allclose(motor.H(x)[:, k], difference, rtol=1e-7, atol=1e-7)
+
+
+def _filter(drive: Drive, kind: str, gain: str, **changes: object) -> reference.Reference:
+    start = np.array([drive.motor.magnet_flux if drive.name == "ipmsm_flux" else 0.0, 0.0, 0.0, 0.0])
+    built = make_reference(drive.model_dump(), kind, gain, start)
+    for name, value in changes.items():
+        setattr(built, name, value)
+    return built
+
+
+def test_centred_sums_are_the_printed_ones(drive: Drive) -> None:
+    """Eq. 17, 22, 23 as printed, sum XX^T/m - x x^T, agree in float64 where theta is small."""
+    f = _filter(drive, "ckf", "cubature")
+    data = make_trajectory(drive.model_dump(), steps=30)
+    for u, y in zip(data.u, data.y, strict=True):
+        s = f.step(u, y)
+        X, x, Y, m = s["X_prop"], s["x_pred"], s["Y"], s["y_pred"]
+        printed = X @ X.T / 8 - np.outer(x, x) + np.diag(f.Q)
+        np.testing.assert_allclose(s["P_pred"], printed, atol=1e-9 * np.abs(printed).max())
+        printed = Y @ Y.T / 8 - np.outer(m, m) + np.diag(f.R)
+        np.testing.assert_allclose(s["Pyy"], printed, atol=1e-9 * np.abs(Y).max() ** 2)
+
+
+def test_points_have_the_moments_they_are_drawn_for(drive: Drive) -> None:
+    f = _filter(drive, "ckf", "cubature")
+    s = f.step(np.array([10.0, 5.0]), np.array([0.2, 0.1]))
+    X = s["X_pred"]
+    np.testing.assert_allclose(X.mean(axis=1), s["x_pred"], atol=1e-13)
+    np.testing.assert_allclose(np.cov(X, bias=True), s["P_pred"], rtol=1e-10, atol=1e-13)
+
+
+def test_jacobian_iterates_descend_the_cost(drive: Drive) -> None:
+    """The fixed point of (31) with the Jacobian gain minimises the cost (27)."""
+    f = _filter(drive, "ickf", "jacobian", N_max=50, eps=1e-12)
+    y = np.array([0.4, -0.3])
+    s = f.step(np.array([15.0, -5.0]), y)
+    x_pred, P_pred = s["x_pred"], s["P_pred"]
+
+    def cost(x: np.ndarray) -> float:
+        r, d = y - f.motor.h(x), x - x_pred
+        return float(d @ np.linalg.solve(P_pred, d) + r @ (r / f.R))
+
+    best = s["iterates"][-1]["x_next"]
+    assert cost(best) <= cost(x_pred)
+    for k in range(4):
+        step = 1e-4 * np.sqrt(P_pred[k, k]) * np.eye(4)[k]
+        slope = (cost(best + step) - cost(best - step)) / 2e-4
+        assert abs(slope) < 1e-4 * max(1.0, cost(x_pred))
+
+
+def test_one_jacobian_iterate_is_the_kalman_update() -> None:
+    """With h linear the update is the textbook one: information adds up."""
+    drive = load_drive("paper_spmsm")
+    f = _filter(drive, "ickf", "jacobian")
+    s = f.step(np.array([15.0, -5.0]), np.array([0.4, -0.3]))
+    H = s["iterates"][0]["H"]
+    information = np.linalg.inv(s["P_pred"]) + H.T @ np.diag(1 / f.R) @ H
+    np.testing.assert_allclose(s["P"], np.linalg.inv(information), rtol=1e-9, atol=1e-12)
+
+
+def test_iterating_is_idle_on_the_papers_model() -> None:
+    """Both gains, five iterates, whatever N: the first iterate is the last. (So the paper's CKF/ICKF gap is not (27)-(34).)"""
+    drive = load_drive("paper_spmsm")
+    data = make_trajectory(drive.model_dump(), steps=200)
+    for gain in ("cubature", "jacobian"):
+        f = _filter(drive, "ickf", gain, N_max=5, eps=-1.0)
+        for u, y in zip(data.u, data.y, strict=True):
+            iterates = f.step(u, y)["iterates"]
+            assert len(iterates) == 5
+            for later in iterates[1:]:
+                np.testing.assert_allclose(later["x_next"], iterates[0]["x_next"], rtol=1e-12, atol=1e-12)
+
+
+def test_estimates_follow_the_motor(drive: Drive) -> None:
+    """Not only equal: right. Speed within 40 r/min after the start, angle within 3 degrees."""
+    data = make_trajectory(drive.model_dump(), steps=round(0.2 / drive.model.sample_time) // 4 * 4)
+    import runtime
+
+    trace = runtime.load(drive.name, "ickf", "c").run(data.u, data.y)
+    late = slice(3 * len(data.t) // 4, None)
+    speed_error = (trace.x[late, 2] - data.omega[late]) * 30 / np.pi
+    angle_error = np.degrees([wrap(a) for a in trace.x[late, 3] - data.theta[late]])
+    assert np.max(np.abs(speed_error)) < 40
+    assert np.max(np.abs(angle_error)) < 3
+
+
+def test_trajectory_obeys_the_motor(drive: Drive) -> None:
+    """Without noise the discrete model predicts the measured currents: voltages really are interval means."""
+    data = make_trajectory(drive.model_dump(), noise=0.0, steps=round(0.1 / drive.model.sample_time))
+    motor = make_motor(variant(drive, model={"discretization": "exact"}).model_dump())
+    surface = drive.model.machine == "surface"
+    worst = 0.0
+    for k in range(1, len(data.t), 7):
+        electrical = data.y[k - 1] if surface else data.psi[k - 1]
+        x = np.array([*electrical, data.omega[k - 1], data.theta[k - 1]])
+        worst = max(worst, float(np.max(np.abs(motor.f(x, data.u[k])[:2] - (data.y[k] if surface else data.psi[k])))))
+    assert worst < (2e-3 if surface else 1e-4)
+
+
+def test_wrap() -> None:
+    assert wrap(np.pi) == pytest.approx(-np.pi)
+    assert wrap(-np.pi) == pytest.approx(-np.pi)
+    assert wrap(7.0) == pytest.approx(7.0 - 2 * np.pi)
+
+
+def test_reference_runs_without_casadi() -> None:
+    code = (
+        "import sys; sys.modules['casadi'] = sys.modules['model'] = sys.modules['codegen'] = None\n"
+        "import tomllib, numpy as np; from runtime.proof.reference import make_reference\n"
+        "p = tomllib.load(open('model/drives/paper_spmsm.toml', 'rb'))\n"
+        "make_reference(p, 'ickf', 'jacobian', np.zeros(4)).step(np.zeros(2), np.zeros(2))"
+    )
+    root = Path(reference.__file__).parents[2]
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
