@@ -19,7 +19,7 @@ class _Enclosure:
 
     @property
     def magnitude(self) -> np.ndarray:
-        return np.maximum(np.abs(self.low), np.abs(self.high))
+        return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)))
 
 
 def rounding_error(graph: Graph, node: int, variable: str, edges: np.ndarray, unit_roundoff: float) -> float:
@@ -45,7 +45,9 @@ def rounding_error(graph: Graph, node: int, variable: str, edges: np.ndarray, un
         elif item.op == "const":
             values[index] = _Enclosure(zero + item.value, zero + item.value, zero + abs(item.value) * u)
         else:
-            values[index] = _combine(item.op, values[item.args[0]], values[item.args[1]], item.args[0] == item.args[1], u)
+            values[index] = _combine(
+                item.op, values[item.args[0]], values[item.args[1]], item.args[0] == item.args[1], u
+            )
     return float(np.max(values[node].error))
 
 

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 
 from model.drive import Drive
-from model.quantities import Constants
 from model.machines import MACHINES
 from model.machines.base import Parameters
+from model.quantities import Constants
 from model.state_space import StateSpaceModel
 
 

@@ -65,8 +65,8 @@ def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
 def _matrices(packed: np.ndarray, n: int) -> np.ndarray:
     """(n(n+1)/2, B) -> (B, n, n), symmetric."""
     full = np.empty((packed.shape[1], n, n))
-    for k, (i, j) in enumerate((i, j) for i in range(n) for j in range(i + 1)):
-        full[:, i, j] = full[:, j, i] = packed[k]
+    rows, columns = np.tril_indices(n)
+    full[:, rows, columns] = full[:, columns, rows] = packed.T
     return full
 
 

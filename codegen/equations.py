@@ -61,7 +61,9 @@ def readable(drive: Drive) -> Readable:
     return Readable(f, h, H, model.constants, _latex_names(model))
 
 
-def _lines(function: Callable[..., Any], model: StateSpaceModel, names: list[str], with_input: bool) -> list[tuple[sp.Symbol, sp.Expr]]:
+def _lines(
+    function: Callable[..., Any], model: StateSpaceModel, names: list[str], with_input: bool
+) -> list[tuple[sp.Symbol, sp.Expr]]:
     """Definitions of a function's named intermediates, then its rows in terms of them."""
     point = ca.vertsplit(model.x)
     values, named = function(point, ca.vertsplit(model.u)) if with_input else function(point)

@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from typing import Any
 
 from codegen import __version__
@@ -40,7 +41,8 @@ def generate(drive: Drive, samples: int = SAMPLES) -> Package:
     model, steps = build_steps(drive)
     listings = lay_out_steps(model, steps)
     costs = {
-        kind: step_cost(step.body, listings, drive.filter.max_iterations, len(model.states)) for kind, step in steps.items()
+        kind: step_cost(step.body, listings, drive.filter.max_iterations, len(model.states))
+        for kind, step in steps.items()
     }
     module = render_module(_describe(drive, model), steps, listings)
     certificates = certify_module(drive, model, steps, module, samples)
@@ -97,15 +99,16 @@ def _describe(drive: Drive, model: StateSpaceModel) -> Description:
 
 
 def _facts(
-    drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], costs: dict[str, Cost], certificates: dict[str, Certificate]
+    drive: Drive,
+    model: StateSpaceModel,
+    steps: dict[str, FilterStep],
+    costs: dict[str, Cost],
+    certificates: dict[str, Certificate],
 ) -> dict[str, Any]:
-    import casadi
-    import sympy
-
     return {
         "drive": drive.name,
         "input_sha256": drive.sha256,
-        "versions": {"pmsm-ickf": __version__, "casadi": casadi.__version__, "sympy": sympy.__version__},
+        "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
         "parameters": drive.model_dump(exclude={"sha256", "name"}),
         "states": [{"name": state.name, "unit": state.unit} for state in model.states],
         "filters": {

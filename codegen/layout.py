@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 
@@ -50,7 +51,8 @@ class Listing:
         """For each input port, the (position, name) of the scalars the block really reads."""
         live_names = {self.graph[node].name for node in self.live if self.graph[node].op == "input"}
         return {
-            port.name: [(k, name) for k, name in enumerate(port.names) if name in live_names] for port in self.block.inputs
+            port.name: [(k, name) for k, name in enumerate(port.names) if name in live_names]
+            for port in self.block.inputs
         }
 
     def operations(self) -> Counter[str]:
@@ -95,7 +97,7 @@ def _to_graph(block: Block, constants: list[Constant]) -> tuple[Graph, dict[str,
     return graph, output_nodes, stage_nodes
 
 
-def _results(block: Block) -> list[tuple[object, ...]]:
+def _results(block: Block) -> list[tuple[Any, ...]]:
     return [stage.entries for stage in block.stages] + [port.entries for port in block.outputs]
 
 
@@ -104,9 +106,9 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
     names = {k: node.name for k, node in enumerate(graph.nodes) if node.name}
     taken = set(names.values())
     for stage in block.stages:
-        for node, name in zip(stages[stage.name], stage.names, strict=True):
-            if node in live and node not in names and graph[node].op != "const":
-                names[node] = _fresh(name, taken)
+        for entry, name in zip(stages[stage.name], stage.names, strict=True):
+            if entry in live and entry not in names and graph[entry].op != "const":
+                names[entry] = _fresh(name, taken)
     uses = Counter(arg for index in live for arg in graph[index].args)
     for index in sorted(live):
         node = graph[index]
@@ -126,7 +128,7 @@ def _describe(graph: Graph, index: int, names: dict[int, str]) -> str:
         return "shared"
     if node.op == "mul" and parts[0] == parts[1]:
         return f"{parts[0]}_sq"
-    return f"_{ {'add': 'plus', 'sub': 'minus', 'mul': 'times', 'div': 'per'}.get(node.op, node.op)}_".join(parts)
+    return f"_{ {'add': 'plus', 'sub': 'minus', 'mul': 'times', 'div': 'per'}.get(node.op, node.op) }_".join(parts)
 
 
 def _fresh(name: str, taken: set[str]) -> str:
@@ -138,7 +140,12 @@ def _fresh(name: str, taken: set[str]) -> str:
 
 
 def _order(
-    block: Block, graph: Graph, names: dict[int, str], stages: dict[str, list[int]], live: frozenset[int], roots: list[int]
+    block: Block,
+    graph: Graph,
+    names: dict[int, str],
+    stages: dict[str, list[int]],
+    live: frozenset[int],
+    roots: list[int],
 ) -> list[Section]:
     sections: list[Section] = []
     done: set[int] = set()

@@ -63,7 +63,12 @@ def render_port() -> str:
 
 
 def render_filter(
-    about: Description, step: FilterStep, listings: dict[str, Listing], target: Target, cost: Cost, certificate: Certificate
+    about: Description,
+    step: FilterStep,
+    listings: dict[str, Listing],
+    target: Target,
+    cost: Cost,
+    certificate: Certificate,
 ) -> tuple[str, str]:
     """Header and source of one filter for one target."""
     drive, model = about.drive, about.model
@@ -112,15 +117,22 @@ def render_filter(
 
 def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificate, about: Description) -> list[str]:
     ops = cost.operations
-    worst = ", ".join(f"{state.name} {e:.1e} {state.unit}" for state, e in zip(about.model.states, certificate.x, strict=True))
+    worst = ", ".join(
+        f"{state.name} {e:.1e} {state.unit}" for state, e in zip(about.model.states, certificate.x, strict=True)
+    )
     notes = [
         f"For {target.purpose}.",
-        f"Cost at most: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
-        f"  estimated {cost.cycles} cycles on C28x + FPU32 (published cycles, k = {CYCLES_PER_OPERATION}; not measured), "
-        f"{cost.words} words of state.",
+        "Cost at most: "
+        f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
+        f"  estimated {cost.cycles} cycles on C28x + FPU32 "
+        f"(published cycles, k = {CYCLES_PER_OPERATION}; not measured), {cost.words} words of state.",
     ]
     if step.kind == "ickf":
-        iteration = "one pass: H is constant, iterating is provably idle" if step.iteration_proof else "loop over one update, at most N_max"
+        iteration = (
+            "one pass: H is constant, iterating is provably idle"
+            if step.iteration_proof
+            else "loop over one update, at most N_max"
+        )
         notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")
     if target.generated_trig:
         notes += [
@@ -142,7 +154,8 @@ def _trig_note(target: Target) -> list[str]:
     bound = sin_cos_bound()
     return [
         "Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.",
-        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, worst of {bound.samples} arguments {bound.seen:.1e}.",
+        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, "
+        f"worst of {bound.samples} arguments {bound.seen:.1e}.",
     ]
 
 
@@ -150,10 +163,14 @@ def _sin_cos(printer: CPrinter) -> str:
     if printer.target.generated_trig:
         return printer.format_helper(sin_cos_listing())
     lines = ["static sin_cos_pair sin_cos(float64 x)", "{", f"{INDENT}sin_cos_pair result;"]
-    return "\n".join([*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"])
+    return "\n".join(
+        [*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"]
+    )
 
 
-def _constants(about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter) -> list[dict[str, str]]:
+def _constants(
+    about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter
+) -> list[dict[str, str]]:
     """The named constants this filter uses."""
     used = set()
     for block in step.blocks:
@@ -199,7 +216,9 @@ def _locals(step: FilterStep, target: Target) -> list[str]:
 
 
 def _repeats(body: tuple[Node, ...]) -> bool:
-    return any(isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and _repeats(node.then)) for node in body)
+    return any(
+        isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and _repeats(node.then)) for node in body
+    )
 
 
 def render_module(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> str:
@@ -231,5 +250,3 @@ def render_module(about: Description, steps: dict[str, FilterStep], listings: di
             for kind, step in steps.items()
         ],
     )
-
-

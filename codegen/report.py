@@ -23,7 +23,11 @@ def render_report(
         states=[
             {"q": state, "x_0": f"{x0:g}", "P_0": f"{p:g}", "Q": f"{q:g}"}
             for state, x0, p, q in zip(
-                model.states, about.initial_state, drive.filter.initial_covariance, drive.filter.process_noise, strict=True
+                model.states,
+                about.initial_state,
+                drive.filter.initial_covariance,
+                drive.filter.process_noise,
+                strict=True,
             )
         ],
         discretization=model.exact_meaning if drive.model.discretization == "exact" else "forward Euler (eq. 7)",

@@ -30,4 +30,13 @@ class Target:
 
 
 F28335 = Target("f28335", "float32", "f", "sqrtf", SINGLE, True, "", "TI TMS320F28335 and, unchanged, the host")
-HOST64 = Target("host64", "float64", "", "sqrt", DOUBLE, False, "_f64", "the host, for comparison: float64, the platform's sin and cos")
+HOST64 = Target(
+    "host64",
+    "float64",
+    "",
+    "sqrt",
+    DOUBLE,
+    False,
+    "_f64",
+    "the host, for comparison: float64, the platform's sin and cos",
+)

@@ -96,7 +96,9 @@ def sin_cos_listing() -> Listing:
     z = g.op("mul", r, r)
     outputs = {"sine": [g.op("mul", sign, sine)], "cosine": [g.op("mul", sign, cosine)]}
     names = {x: "x", magic: "ROUND", k: "k", r: "r", odd: "odd", sign: "sign", z: "z"}
-    reduction = Section("", "x = k pi + r with |r| <= pi / 2, pi in three parts", [Statement(k, "k"), Statement(r, "r")])
+    reduction = Section(
+        "", "x = k pi + r with |r| <= pi / 2, pi in three parts", [Statement(k, "k"), Statement(r, "r")]
+    )
     parity = Section("", "the sign is -1 for odd k", [Statement(odd, "odd"), Statement(sign, "sign")])
     values = Section("", "minimax polynomials in z = r^2", [Statement(z, "z")])
     return _listing("sin_cos", g, names, [reduction, parity, values], outputs)
@@ -122,13 +124,22 @@ def wrap_listing(precision: Precision) -> Listing:
     lower = g.const(-precision.below_pi)
     capped = g.op("min", r, bound)
     result = g.op("max", capped, lower)
-    names = {x: "x", turns: "turns", r: "r", capped: "capped", bound: "BELOW_PI", g.const(precision.rounding, "ROUND"): "ROUND"}
+    names = {
+        x: "x",
+        turns: "turns",
+        r: "r",
+        capped: "capped",
+        bound: "BELOW_PI",
+        g.const(precision.rounding, "ROUND"): "ROUND",
+    }
     section = Section("", "r = x - 2 pi turns, kept inside [-pi, pi)", [])
     section.statements = [Statement(turns, "turns"), Statement(r, "r"), Statement(capped, "capped")]
     return _listing("wrap_angle", g, names, [section], {"wrapped": [result]})
 
 
-def _listing(name: str, g: Graph, names: dict[int, str], sections: list[Section], outputs: dict[str, list[int]]) -> Listing:
+def _listing(
+    name: str, g: Graph, names: dict[int, str], sections: list[Section], outputs: dict[str, list[int]]
+) -> Listing:
     ports = tuple(Port(key, (), (key,)) for key in outputs)
     block = Block(name, "", (Port("x", (), ("x",)),), ports, ())
     live = frozenset(g.reachable(node for nodes in outputs.values() for node in nodes))
@@ -176,8 +187,8 @@ def _evaluate_polynomial(which: int, r: np.ndarray) -> np.ndarray:
     z = r * r
     s, c = (np.float32(np.array(values)).astype(float) for values in (SIN_COEFFICIENTS, COS_COEFFICIENTS))
     if which == 0:
-        return r + r * z * np.polyval(s[::-1], z)
-    return 1 - 0.5 * z + z * z * np.polyval(c[::-1], z)
+        return np.asarray(r + r * z * np.polyval(s[::-1], z))
+    return np.asarray(1 - 0.5 * z + z * z * np.polyval(c[::-1], z))
 
 
 def _scan() -> tuple[float, int]:

@@ -30,11 +30,16 @@ class Unit:
         self.symbol = symbol
 
 
-def _quantity(unit: str, low: float, high: float) -> Any:
-    return Annotated[float, Field(ge=low, le=high), Unit(unit)]
-
-
-Positive = Annotated[float, Field(gt=0, le=1e12)]
+Resistance = Annotated[float, Field(ge=1e-4, le=1e3), Unit("ohm")]
+Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
+FluxLinkage = Annotated[float, Field(ge=1e-4, le=10.0), Unit("Wb")]
+Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
+Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
+SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
+Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
+Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
+Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
+Variance = Annotated[float, Field(gt=0, le=1e12)]
 
 
 class _Section(BaseModel):
@@ -44,13 +49,13 @@ class _Section(BaseModel):
 class Motor(_Section):
     """Motor data, SI, amplitude-invariant, d axis on the magnet flux."""
 
-    stator_resistance: _quantity("ohm", 1e-4, 1e3)
-    inductance_d: _quantity("H", 1e-6, 0.5)
-    inductance_q: _quantity("H", 1e-6, 0.5)
-    magnet_flux: _quantity("Wb", 1e-4, 10.0)
+    stator_resistance: Resistance
+    inductance_d: Inductance
+    inductance_q: Inductance
+    magnet_flux: FluxLinkage
     pole_pairs: Annotated[int, Field(ge=1, le=100, strict=True)]
-    inertia: _quantity("kg m^2", 1e-8, 1e3)
-    friction: _quantity("N m s / rad", 0.0, 10.0)
+    inertia: Inertia
+    friction: Friction
 
 
 class Model(_Section):
@@ -59,7 +64,7 @@ class Model(_Section):
     machine: Literal["surface", "salient_flux"]
     mechanics: Literal["constant_speed"] = "constant_speed"
     discretization: Literal["euler", "exact"]
-    sample_time: _quantity("s", 1e-6, 1e-2)
+    sample_time: SampleTime
     adaptive: Annotated[list[str], Field(max_length=0)] = []
 
 
@@ -71,9 +76,9 @@ class Filter(_Section):
     max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
     tolerance: Annotated[float, Field(gt=0, le=1.0)] = 1e-6
     initial_state: list[Annotated[float, Field(ge=-1e6, le=1e6)]] | None = None
-    initial_covariance: list[Positive]
-    process_noise: list[Positive]
-    measurement_noise: Annotated[list[Positive], Field(min_length=2, max_length=2)]
+    initial_covariance: list[Variance]
+    process_noise: list[Variance]
+    measurement_noise: Annotated[list[Variance], Field(min_length=2, max_length=2)]
 
 
 class OperatingBox(_Section):
@@ -82,9 +87,9 @@ class OperatingBox(_Section):
     Speed is mechanical. A drive that declares no box gets a wide one.
     """
 
-    current: _quantity("A", 1e-3, 1e5) = 1000.0
-    voltage: _quantity("V", 1e-1, 1e5) = 2000.0
-    speed: _quantity("rad/s", 1.0, 1e4) = 500.0
+    current: Current = 1000.0
+    voltage: Voltage = 2000.0
+    speed: Speed = 500.0
 
 
 class Drive(_Section):
@@ -128,7 +133,9 @@ def drive_path(drive: str | Path) -> Path:
         return path
     close = difflib.get_close_matches(str(drive), shipped_drives(), n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
-    raise DriveError(f"no drive '{drive}': neither a shipped one ({', '.join(shipped_drives())}) nor a TOML file.{hint}")
+    raise DriveError(
+        f"no drive '{drive}': neither a shipped one ({', '.join(shipped_drives())}) nor a TOML file.{hint}"
+    )
 
 
 def load_drive(drive: str | Path) -> Drive:
@@ -164,7 +171,9 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
     try:
         drive = Drive.model_validate({**data, "sha256": sha256})
     except ValidationError as error:
-        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")  # a typo explains a missing key
+        problems = sorted(
+            error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
+        )  # a typo explains a missing key
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
         raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
     _check_lengths(drive, where)
@@ -208,7 +217,9 @@ def _explain(problem: Any) -> str:
     if kind == "missing":
         return f"{key} is missing{allowed}."
     if kind in {"greater_than_equal", "less_than_equal"} and low is not None and high is not None:
-        return f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"
+        return (
+            f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"
+        )
     if kind == "greater_than":
         what = "variances and tolerances must be positive" if "filter" in location else "must be positive"
         return f"{key} = {value} is not positive: {what}."

@@ -124,7 +124,7 @@ def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel
 
 
 def default_initial_state(drive: Drive) -> list[float]:
-    """Standstill, angle 0, no current (flux states then hold the magnet's flux), unless the drive file says otherwise."""
+    """Standstill, angle 0, no current (flux states then hold the magnet's flux), unless the drive file differs."""
     if drive.filter.initial_state is not None:
         return list(drive.filter.initial_state)
     machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))

@@ -24,7 +24,8 @@ from runtime.tasks import Progress, Written, generate_drives, run_all, verify_dr
 
 app = typer.Typer(
     name="pmsm-ickf",
-    help="Write the motor once, as mathematics; get firmware, a Python runtime, and the proof that they are the same filter.",
+    help="Write the motor once, as mathematics; "
+    "get firmware, a Python runtime, and the proof that they are the same filter.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -33,7 +34,8 @@ app = typer.Typer(
 console = Console()
 
 Drives = Annotated[
-    list[str] | None, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive.")
+    list[str] | None,
+    typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive."),
 ]
 
 
@@ -76,10 +78,13 @@ def generate(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files."
+            metavar="DIR",
+            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files.",
         ),
     ] = None,
-    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit 1 with a diff if a folder is stale.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit 1 with a diff if a folder is stale.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a folder that was edited by hand.")] = False,
 ) -> None:
     """Generate C for the F28335, host C and Python from drive files."""

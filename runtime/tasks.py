@@ -32,11 +32,21 @@ def target_folder(drive: str, name: str, out: Path | None) -> Path:
     """``out``/name; by default the project's generated/ for shipped drives, ./generated for TOML files."""
     if out is not None:
         return out / name
-    return (GENERATED if drive in shipped_drives() else Path("generated")) / name
+    if drive in shipped_drives():
+        return GENERATED / name
+    if name in shipped_drives() and (Path("generated") / name).resolve() == (GENERATED / name).resolve():
+        raise DriveError(
+            f"drive '{drive}': the name '{name}' belongs to a shipped drive; give yours its own, or use --out."
+        )
+    return Path("generated") / name
 
 
 def generate_drives(
-    drives: Sequence[str], out: Path | None, check: bool = False, force: bool = False, progress: Progress = lambda text: None
+    drives: Sequence[str],
+    out: Path | None,
+    check: bool = False,
+    force: bool = False,
+    progress: Progress = lambda text: None,
 ) -> list[Written]:
     """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
 
@@ -50,9 +60,9 @@ def generate_drives(
     for name in names:
         if names.count(name) > 1:
             raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
+    folders = [target_folder(drive, package.drive.name, out) for drive, package in packages]
     results = []
-    for drive, package in packages:
-        folder = target_folder(drive, package.drive.name, out)
+    for folder, (drive, package) in zip(folders, packages, strict=True):
         diff = difference(folder, package.files)
         state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
         if diff and not check:
@@ -69,7 +79,9 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
         results.append(verify(drive, progress=lambda text, drive=drive: progress(f"{drive}: {text}")))  # type: ignore[misc]
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
-        json_path.write_text(json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n")
+        json_path.write_text(
+            json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n"
+        )
     return results
 
 
@@ -81,6 +93,9 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
     results = verify_drives(drives, None, progress)
     page = build / "report" / "index.html"
     progress("writing the report page")
-    chapters = [(load_drive(drive), proof, evidence) for drive, (proof, evidence) in zip(drives or shipped_drives(), results, strict=True)]
+    chapters = [
+        (load_drive(drive), proof, evidence)
+        for drive, (proof, evidence) in zip(drives or shipped_drives(), results, strict=True)
+    ]
     write_page(page, chapters)
     return written, [proof for proof, _ in results], page

@@ -17,7 +17,9 @@ DRIVES = ("paper_spmsm", "ipmsm_flux")
 
 def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
     """A drive with some keys of some sections replaced: ``variant(d, filter={"gain": "cubature"})``."""
-    return drive.model_copy(update={name: getattr(drive, name).model_copy(update=keys) for name, keys in changes.items()})
+    return drive.model_copy(
+        update={name: getattr(drive, name).model_copy(update=keys) for name, keys in changes.items()}
+    )
 
 
 @pytest.fixture(params=DRIVES)

@@ -63,7 +63,9 @@ class CPrinter(ExpressionPrinter):
         """Sections with their headings."""
         lines: list[str] = []
         for section in listing.sections:
-            heading = ": ".join(part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part)
+            heading = ": ".join(
+                part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part
+            )
             if heading:
                 lines += ["", wrap_line(f"/* --- {heading} */", INDENT, "   ")]
             for statement in section.statements:
@@ -80,7 +82,8 @@ class CPrinter(ExpressionPrinter):
         lines += [*self.format_body(listing), ""]
         for port, nodes in listing.outputs.items():
             lines += [
-                wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT) for k, node in enumerate(nodes)
+                wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT)
+                for k, node in enumerate(nodes)
             ]
         return "\n".join([*lines, "}"])
 

@@ -85,6 +85,11 @@ def wrap_line(text: str, indent: str, hanging: str) -> str:
     glued = re.sub(r"\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
     glued = glued.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
     lines = textwrap.wrap(
-        glued, WIDTH, initial_indent=indent, subsequent_indent=indent + hanging, break_long_words=False, break_on_hyphens=False
+        glued,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent + hanging,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
     return "\n".join(lines).replace("\0", " ")

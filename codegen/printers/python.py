@@ -40,7 +40,9 @@ class PythonPrinter(ExpressionPrinter):
     def format_body(self, listing: Listing) -> list[str]:
         lines: list[str] = []
         for section in listing.sections:
-            heading = ": ".join(part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part)
+            heading = ": ".join(
+                part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part
+            )
             if heading:
                 lines += ["", wrap_line(f"# --- {heading}", INDENT, "# ")]
             lines += [self.format_statement(listing, statement) for statement in section.statements]
@@ -62,7 +64,11 @@ class PythonPrinter(ExpressionPrinter):
         if len(results) == 1:
             lines.append(wrap_line(f"return {results[0]}", INDENT, INDENT))
         else:
-            lines += [f"{INDENT}return (", *(wrap_line(f"{text},", INDENT * 2, INDENT) for text in results), f"{INDENT})"]
+            lines += [
+                f"{INDENT}return (",
+                *(wrap_line(f"{text},", INDENT * 2, INDENT) for text in results),
+                f"{INDENT})",
+            ]
         return "\n".join(lines)
 
     @staticmethod
@@ -88,7 +94,9 @@ class PythonPrinter(ExpressionPrinter):
         constants = [node for node in listing.graph.nodes if node.op == "const" and node.name]
         body = [_assignment(node.name, self.format_literal(node.value)) for node in constants]
         body += [line for line in self.format_body(listing) if line]
-        return "\n".join([f"def _{listing.block.name}_{suffix}(x):", *body, wrap_line(f"return {results}", INDENT, INDENT)])
+        return "\n".join(
+            [f"def _{listing.block.name}_{suffix}(x):", *body, wrap_line(f"return {results}", INDENT, INDENT)]
+        )
 
     # --- the step
 

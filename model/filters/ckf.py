@@ -46,7 +46,14 @@ def measurement_update(model: StateSpaceModel) -> Block:
     record_points(b, "X_pred", "19", "X_i = x_pred +- sqrt(n) S_i", X, [f"{s}_pred" for s in states], "state")
     Y = measured_points(b, model, "20", X, "pred_")
     record_points(b, "Y", "20", "Y_i = h(X_i)", Y, [f"y_{name}" for name in outputs], "output")
-    y_pred = b.stage("y_pred", "21", "y_pred = mean Y_i, about the first point", mean(b, "21", Y, [f"y_{name}" for name in outputs]), [f"y_{name}_pred" for name in outputs], scale="output")
+    y_pred = b.stage(
+        "y_pred",
+        "21",
+        "y_pred = mean Y_i, about the first point",
+        mean(b, "21", Y, [f"y_{name}" for name in outputs]),
+        [f"y_{name}_pred" for name in outputs],
+        scale="output",
+    )
     dev_y = deviations(b, "22", Y, y_pred, [f"y_{name}" for name in outputs])
     Pyy = spread(dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]

@@ -54,13 +54,22 @@ def points(b: BlockBuilder, equation: str, S: Matrix, centre: Vector, states: li
     root_n = math.sqrt(n)
     rows = [(i, c) for i in range(n) for c in range(i + 1)]
     step = {(i, c): root_n * S[i][c] for i, c in rows}
-    b.stage(f"d{tag}", equation, "sqrt(n) S", [step[k] for k in rows], [f"d{tag}_{states[i]}_{c}" for i, c in rows], scale="none")
+    b.stage(
+        f"d{tag}",
+        equation,
+        "sqrt(n) S",
+        [step[k] for k in rows],
+        [f"d{tag}_{states[i]}_{c}" for i, c in rows],
+        scale="none",
+    )
     plus = [[centre[i] + step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
     minus = [[centre[i] - step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
     return plus + minus
 
 
-def record_points(b: BlockBuilder, name: str, equation: str, meaning: str, pts: list[Vector], names: list[str], kind: str) -> None:
+def record_points(
+    b: BlockBuilder, name: str, equation: str, meaning: str, pts: list[Vector], names: list[str], kind: str
+) -> None:
     """Record points as a stage, row-major (one row a state or output, one column a point)."""
     sides = suffixes(len(pts) // 2)
     entries = [pts[k][i] for i in range(len(names)) for k in range(len(pts))]
@@ -94,7 +103,8 @@ def spread(a: list[Vector], b: list[Vector]) -> Matrix:
     """
     weight = 1.0 / len(a)
     return [
-        [weight * _sum([p[i] * q[j] for p, q in zip(a, b, strict=True)]) for j in range(len(b[0]))] for i in range(len(a[0]))
+        [weight * _sum([p[i] * q[j] for p, q in zip(a, b, strict=True)]) for j in range(len(b[0]))]
+        for i in range(len(a[0]))
     ]
 
 
@@ -127,7 +137,14 @@ def time_update(model: StateSpaceModel) -> Block:
         b.working("15", named, side)
         X_prop.append(value)
     record_points(b, "X_prop", "15", "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
-    x_pred = b.stage("x_pred", "16", "x_pred = mean X_i', about the first point", mean(b, "16", X_prop, states), [f"{s}_pred" for s in states], scale="state")
+    x_pred = b.stage(
+        "x_pred",
+        "16",
+        "x_pred = mean X_i', about the first point",
+        mean(b, "16", X_prop, states),
+        [f"{s}_pred" for s in states],
+        scale="state",
+    )
     dev = deviations(b, "17", X_prop, x_pred, states)
     P_pred = spread(dev, dev)
     for i in range(n):
@@ -155,7 +172,9 @@ def wrapped(x: Vector, model: StateSpaceModel) -> Vector:
     return [ca.remainder(value, TWO_PI) if i == model.angle else value for i, value in enumerate(x)]
 
 
-def measured_points(b: BlockBuilder, model: StateSpaceModel, equation: str, pts: list[Vector], tag: str) -> list[Vector]:
+def measured_points(
+    b: BlockBuilder, model: StateSpaceModel, equation: str, pts: list[Vector], tag: str
+) -> list[Vector]:
     """h at every point, eq. 20, its intermediates named."""
     Y = []
     for side, point in zip(suffixes(len(pts) // 2), pts, strict=True):
@@ -167,7 +186,9 @@ def measured_points(b: BlockBuilder, model: StateSpaceModel, equation: str, pts:
 
 def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
     """K = Pxy Pyy^-1 with the 2x2 inverse in closed form, eq. 24."""
-    det = b.stage("det_Pyy", equation, "det Pyy", [Pyy[0][0] * Pyy[1][1] - Pyy[1][0] * Pyy[1][0]], ["det_Pyy"], scale="none")[0]
+    det = b.stage(
+        "det_Pyy", equation, "det Pyy", [Pyy[0][0] * Pyy[1][1] - Pyy[1][0] * Pyy[1][0]], ["det_Pyy"], scale="none"
+    )[0]
     W_00, W_10, W_11 = Pyy[1][1] / det, -Pyy[1][0] / det, Pyy[0][0] / det
     b.stage("Pyy_inv", equation, "Pyy^-1", [W_00, W_10, W_11], ["Pyy_inv_00", "Pyy_inv_10", "Pyy_inv_11"], scale="none")
     K = [[row[0] * W_00 + row[1] * W_10, row[0] * W_10 + row[1] * W_11] for row in Pxy]

@@ -141,7 +141,9 @@ def _jacobian(b: BlockBuilder, model: StateSpaceModel, x_j: Vector) -> Matrix:
     return b.matrix("H", "28", "H^j = dh/dx at x^j", rows)
 
 
-def _jacobian_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: Matrix, P_pred: Matrix, R: Vector) -> tuple[Matrix, Matrix]:
+def _jacobian_moments(
+    b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: Matrix, P_pred: Matrix, R: Vector
+) -> tuple[Matrix, Matrix]:
     """Eq. 29 and 30."""
     n = len(x_j)
     Pxy = [[_dot(P_pred[i], H[k]) for k in range(2)] for i in range(n)]
@@ -153,7 +155,9 @@ def _jacobian_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: M
     return Pyy, Pxy
 
 
-def _cubature_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: Matrix, S_pred: Matrix, R: Vector) -> tuple[Matrix, Matrix]:
+def _cubature_moments(
+    b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: Matrix, S_pred: Matrix, R: Vector
+) -> tuple[Matrix, Matrix]:
     """Section 2.3, step 3: eq. 19-23 about x^j, spread by the predicted covariance."""
     states = [state.name for state in model.states]
     outputs = [f"y_{quantity.name}" for quantity in OUTPUTS]
@@ -161,7 +165,14 @@ def _cubature_moments(b: BlockBuilder, model: StateSpaceModel, x_j: Vector, H: M
     record_points(b, "X_j", "19", "X_i = x^j +- sqrt(n) S_i", X, [f"{s}_j" for s in states], "state")
     Y = measured_points(b, model, "20", X, "j_")
     record_points(b, "Y_j", "20", "Y_i = h(X_i)", Y, outputs, "output")
-    y_mean = b.stage("y_mean", "21", "mean Y_i, about the first point", mean(b, "21", Y, outputs), [f"{name}_mean" for name in outputs], scale="output")
+    y_mean = b.stage(
+        "y_mean",
+        "21",
+        "mean Y_i, about the first point",
+        mean(b, "21", Y, outputs),
+        [f"{name}_mean" for name in outputs],
+        scale="output",
+    )
     dev_y = deviations(b, "22", Y, y_mean, outputs)
     Pyy = spread(dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
@@ -198,7 +209,9 @@ def _close(b: BlockBuilder, model: StateSpaceModel, x_last: Vector, P_pred: Matr
 def _single_pass(model: StateSpaceModel, which: str) -> Block:
     """The whole measurement update where iterating is idle: x^0 = x_pred put in for x^j."""
     n = len(model.states)
-    b = BlockBuilder("ickf_measurement_update", "Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)")
+    b = BlockBuilder(
+        "ickf_measurement_update", "Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)"
+    )
     arrays = _inputs(b, model, ["x_pred", "P_pred", "R", "y"])
     arrays["x_j"] = arrays["x_pred"]
     spread_from = "P_pred"
@@ -209,5 +222,3 @@ def _single_pass(model: StateSpaceModel, which: str) -> Block:
     x_last, K, Pyy = _update(b, model, which, arrays, spread_from)
     _close(b, model, x_last, unpack(arrays["P_pred"], n), K, Pyy)
     return b.build()
-
-

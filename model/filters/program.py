@@ -96,7 +96,15 @@ class BlockBuilder:
         return list(entries)
 
     def stage(
-        self, name: str, equation: str, meaning: str, entries: list[Any], names: list[str], *, scale: str = "row", columns: int = 1
+        self,
+        name: str,
+        equation: str,
+        meaning: str,
+        entries: list[Any],
+        names: list[str],
+        *,
+        scale: str = "row",
+        columns: int = 1,
     ) -> list[Any]:
         """Record ``entries`` under the equation's number and give them names; returns the entries.
 
@@ -114,7 +122,9 @@ class BlockBuilder:
         self._stages.append(Stage(name, equation, meaning, entries, names, tuple(i for i, _ in index), "row"))
         return matrix
 
-    def matrix(self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row") -> list[list[Any]]:
+    def matrix(
+        self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row"
+    ) -> list[list[Any]]:
         """Record a full matrix, its entries named ``name_ij``."""
         width = len(matrix[0])
         entries = [entry for row in matrix for entry in row]
@@ -125,7 +135,9 @@ class BlockBuilder:
     def working(self, equation: str, named: dict[str, Any], suffix: str) -> None:
         """Name intermediates of f or h at one point; they are not compared with the reference."""
         names = [f"{name}_{suffix}" for name in named]
-        stage = Stage(f"working_{equation}_{suffix}", equation, "", tuple(named.values()), tuple(names), (0,) * len(names), "none")
+        stage = Stage(
+            f"working_{equation}_{suffix}", equation, "", tuple(named.values()), tuple(names), (0,) * len(names), "none"
+        )
         self._stages.append(stage)
 
     def output(self, name: str, entries: list[Any]) -> None:

@@ -34,8 +34,16 @@ class Parameters:
     def numeric(cls, drive: Drive) -> Parameters:
         """The drive's own numbers."""
         m = drive.motor
-        values = (m.stator_resistance, m.inductance_d, m.inductance_q, m.magnet_flux, m.pole_pairs, m.inertia)
-        return cls(*map(ca.SX, values), D=ca.SX(m.friction), T=ca.SX(drive.model.sample_time))
+        return cls(
+            R=ca.SX(m.stator_resistance),
+            L_d=ca.SX(m.inductance_d),
+            L_q=ca.SX(m.inductance_q),
+            psi_m=ca.SX(m.magnet_flux),
+            p=ca.SX(m.pole_pairs),
+            J=ca.SX(m.inertia),
+            D=ca.SX(m.friction),
+            T=ca.SX(drive.model.sample_time),
+        )
 
     @classmethod
     def symbolic(cls) -> Parameters:

@@ -22,8 +22,9 @@ class SalientFluxPMSM(Machine):
         Quantity("psi_beta", r"\psi_\beta", "Wb", "stator flux linkage, beta axis"),
     )
     exact_meaning = (
-        "exponential midpoint rule, the best second-order counterpart: with the rotor frame held at the mid-interval angle "
-        "theta + T omega_e / 2 the flux equation is linear, and its decay exp(-T R / L_d), exp(-T R / L_q) is solved exactly"
+        "exponential midpoint rule, the best second-order counterpart: with the rotor frame held at the mid-interval "
+        "angle theta + T omega_e / 2 the flux equation is linear, and its decay exp(-T R / L_d), exp(-T R / L_q) is "
+        "solved exactly"
     )
 
     def derivative(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Pair:

@@ -17,7 +17,9 @@ class SurfacePMSM(Machine):
         Quantity("i_alpha", r"i_\alpha", "A", "stator current, alpha axis"),
         Quantity("i_beta", r"i_\beta", "A", "stator current, beta axis"),
     )
-    exact_meaning = "exact decay exp(-T R / L) of the currents; back-EMF held at the mid-interval angle theta + T omega_e / 2"
+    exact_meaning = (
+        "exact decay exp(-T R / L) of the currents; back-EMF held at the mid-interval angle theta + T omega_e / 2"
+    )
 
     def derivative(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Pair:
         """Eq. 1, A/s."""

@@ -21,7 +21,9 @@ RUNNER = Path(__file__).with_name("runner.c")
 class CBackend:
     """One generated filter in C; see :class:`runtime.estimator.estimator.Backend`."""
 
-    def __init__(self, folder: GeneratedFolder, kind: str, dtype: str, optimisation: tuple[str, ...] = ("-O2",)) -> None:
+    def __init__(
+        self, folder: GeneratedFolder, kind: str, dtype: str, optimisation: tuple[str, ...] = ("-O2",)
+    ) -> None:
         prefix, sources = c_sources(folder, kind, dtype)
         defines = {"FILTER": prefix, "HEADER": f'"{prefix}.h"', "REAL": dtype}
         library = build_library({**sources, "runner.c": RUNNER.read_text(encoding="utf-8")}, defines, optimisation)

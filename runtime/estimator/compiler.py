@@ -30,7 +30,9 @@ def find_compiler() -> list[str]:
         command = shlex.split(wanted)
         if command and shutil.which(command[0]):
             return command
-        raise UserError(f"no C compiler: CC is set to '{wanted}', which is not a program. The numpy back end works without one.")
+        raise UserError(
+            f"no C compiler: CC is set to '{wanted}', which is not a program. The numpy back end works without one."
+        )
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
@@ -49,7 +51,9 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "pmsm-ickf"
 
 
-def build_library(sources: Mapping[str, str], defines: Mapping[str, str], optimisation: tuple[str, ...] = ("-O2",)) -> Path:
+def build_library(
+    sources: Mapping[str, str], defines: Mapping[str, str], optimisation: tuple[str, ...] = ("-O2",)
+) -> Path:
     """Compile ``sources`` (file name -> text) into one shared library, or find it in the cache.
 
     Parameters
@@ -68,7 +72,9 @@ def build_library(sources: Mapping[str, str], defines: Mapping[str, str], optimi
     """
     flags = [*FLAGS, *optimisation, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
     compiler = find_compiler()
-    key = hashlib.sha256(repr((sorted(sources.items()), flags, compiler, _identity(compiler), _processor(flags))).encode())
+    key = hashlib.sha256(
+        repr((sorted(sources.items()), flags, compiler, _identity(compiler), _processor(flags))).encode()
+    )
     library = cache_folder() / f"{key.hexdigest()[:32]}.so"
     if library.is_file():
         return library
@@ -77,7 +83,9 @@ def build_library(sources: Mapping[str, str], defines: Mapping[str, str], optimi
         with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
             os.replace(_compile(compiler, flags, sources, Path(scratch)), library)
     except OSError as error:
-        raise UserError(f"cannot write the compiled filter to '{library.parent}': {error.strerror}. Set PMSM_ICKF_CACHE.") from None
+        raise UserError(
+            f"cannot write the compiled filter to '{library.parent}': {error.strerror}. Set PMSM_ICKF_CACHE."
+        ) from None
     return library
 
 

@@ -31,8 +31,13 @@ class Trace:
 class Backend(Protocol):
     """What executes the steps. Lanes are the last axis; P is packed, lower triangle row by row."""
 
-    iterations: Array
-    status: Array
+    @property
+    def iterations(self) -> Array:
+        """Measurement updates made in the last step."""
+
+    @property
+    def status(self) -> Array:
+        """Status bits of the last step."""
 
     def reset(self, x0: Array, P0: Array) -> None:
         """Start from x0 (n, B), P0 (n(n+1)/2, B), or without B for a single filter."""
@@ -110,7 +115,9 @@ class Estimator:
         x = np.array(self.tuning["x_0"] if x0 is None else x0, dtype=self.dtype)
         P = np.asarray(self.tuning["P_0"] if P0 is None else P0, dtype=float)
         if x.ndim not in {1, 2} or x.shape[0] != n:
-            raise UserError(f"x0 has shape {x.shape}; this drive needs ({n},) or ({n}, B): {', '.join(self.state_names)}.")
+            raise UserError(
+                f"x0 has shape {x.shape}; this drive needs ({n},) or ({n}, B): {', '.join(self.state_names)}."
+            )
         if P.shape == (n,):
             P = np.diag(P)
         if P.shape[:2] != (n, n) or P.ndim not in {2, 3}:
@@ -145,7 +152,8 @@ class Estimator:
         if (u.shape[1] if u.ndim == 2 else None) != self._batch:
             self._broadcast(u.shape[1:])
         self._backend.step(u, y)
-        return self._backend.state()[0]
+        x: Array = self._backend.state()[0]
+        return x
 
     def run(self, u: ArrayLike, y: ArrayLike) -> Trace:
         """All steps of a trajectory.
@@ -187,7 +195,7 @@ class Estimator:
         rows, columns = np.indices((n, n))
         high, low = np.maximum(rows, columns), np.minimum(rows, columns)
         index = high * (high + 1) // 2 + low
-        return np.take(packed, index, axis=axis)
+        return np.asarray(np.take(packed, index, axis=axis))
 
 
 def load(drive: str | Path, filter: str | None = None, backend: str = "numpy", dtype: str = "float64") -> Estimator:

@@ -29,7 +29,9 @@ class GeneratedFolder:
         try:
             manifest: dict[str, Any] = json.loads((self.path / "manifest.json").read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise UserError(f"'{self.path}' is not a generated folder: manifest.json cannot be read ({error}).") from None
+            raise UserError(
+                f"'{self.path}' is not a generated folder: manifest.json cannot be read ({error})."
+            ) from None
         return manifest
 
     @property
@@ -84,4 +86,6 @@ def find_folder(name: str | Path, checked: bool = True) -> GeneratedFolder:
     known = sorted(path.parent.name for path in GENERATED.glob("*/manifest.json"))
     close = difflib.get_close_matches(str(name), known, n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
-    raise UserError(f"no generated drive '{name}': neither a shipped one ({', '.join(known) or 'none'}) nor a folder.{hint}")
+    raise UserError(
+        f"no generated drive '{name}': neither a shipped one ({', '.join(known) or 'none'}) nor a folder.{hint}"
+    )

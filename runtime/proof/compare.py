@@ -45,7 +45,7 @@ def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
         "gain": sigmas.state / high,
         "row": np.zeros_like(full),
     }[stage.scale]
-    return np.maximum(full, natural)[:, list(stage.rows)]
+    return np.asarray(np.maximum(full, natural)[:, list(stage.rows)])
 
 
 def relative_error(stage: Stage, expected: Array, found: Array, sigmas: Sigmas, angle: int) -> Array:
@@ -70,4 +70,4 @@ def relative_error(stage: Stage, expected: Array, found: Array, sigmas: Sigmas, 
         error = np.abs(difference) / row_scale(stage, expected, sigmas)
     error[difference == 0] = 0.0
     error[np.isnan(error)] = np.inf
-    return error
+    return np.asarray(error)

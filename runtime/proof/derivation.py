@@ -80,4 +80,4 @@ def _is_zero(expression: sp.Expr) -> bool:
     angles = {item.args[0] for item in expanded.atoms(sp.sin, sp.cos)}
     for angle in angles:
         expanded = sp.expand(expanded.subs(sp.cos(angle) ** 2, 1 - sp.sin(angle) ** 2))
-    return expanded == 0 or sp.simplify(expanded) == 0
+    return bool(expanded == 0 or sp.simplify(expanded) == 0)

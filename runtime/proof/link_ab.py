@@ -40,7 +40,13 @@ class Situations:
 
 
 def reference_run(
-    name: str, parameters: Mapping[str, Any], step: FilterStep, start: Array, u: Array, y: Array, covariances: Array | None = None
+    name: str,
+    parameters: Mapping[str, Any],
+    step: FilterStep,
+    start: Array,
+    u: Array,
+    y: Array,
+    covariances: Array | None = None,
 ) -> Situations:
     """Run the reference: along a trajectory from ``start`` (n,), or from each state of ``start`` (N, n) anew.
 
@@ -85,11 +91,22 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
             candidate = _first(equation, label, stage, error, lanes, expected, values)
             first = candidate if first is None or candidate.step < first.step else first
     if not step.iteration_proof and step.kind == "ickf":
-        rows.append(Row("33", "same number of iterates", "both loops stop alike", float(np.abs(counts - situations.counts).max()), 0.0, len(counts)))
+        rows.append(
+            Row(
+                "33",
+                "same number of iterates",
+                "both loops stop alike",
+                float(np.abs(counts - situations.counts).max()),
+                0.0,
+                len(counts),
+            )
+        )
     theta = found["x"][:, module.ANGLE]
     outside = int(np.sum(~((theta >= -np.pi) & (theta < np.pi))))
     rows.append(Row("34", "theta in [-pi, pi)", "angles outside", float(outside), 0.0, len(theta)))
-    return Link("A-B", "reference = generated float64", drive, step.kind, step.gain, situations.name, tuple(rows), first)
+    return Link(
+        "A-B", "reference = generated float64", drive, step.kind, step.gain, situations.name, tuple(rows), first
+    )
 
 
 def _evaluate(module: ModuleType, kind: str, s: Situations) -> tuple[dict[str, Array], list[dict[str, Array]], Array]:
@@ -129,7 +146,9 @@ def _pairs(step: FilterStep, s: Situations, found: dict[str, Array], iterates: l
             if stage.name in looped and block.name.endswith("iterate"):
                 for j, expected in enumerate(s.iterates):
                     lanes = np.flatnonzero(s.counts > j)
-                    values = iterates[j][stage.name] if j < len(iterates) else np.full_like(iterates[-1][stage.name], np.nan)
+                    values = (
+                        iterates[j][stage.name] if j < len(iterates) else np.full_like(iterates[-1][stage.name], np.nan)
+                    )
                     yield stage.equation, f"{stage.name}, j = {j}", stage, expected[stage.name], values, lanes
             elif stage.name in s.stages:
                 yield stage.equation, stage.name, stage, s.stages[stage.name], found[stage.name], everyone
@@ -140,15 +159,21 @@ def _pairs(step: FilterStep, s: Situations, found: dict[str, Array], iterates: l
                         yield "33", f"x_next, j = {j} (idle)", stage, expected["x_next"], found["x_next"], everyone
 
 
-def _first(equation: str, label: str, stage: Stage, error: Array, lanes: Array, expected: Array, values: Array) -> Divergence:
+def _first(
+    equation: str, label: str, stage: Stage, error: Array, lanes: Array, expected: Array, values: Array
+) -> Divergence:
     where = int(np.flatnonzero((error > ALLOWED).any(axis=1))[0])
     k = int(np.argmax(error[where] > ALLOWED))
     lane = int(lanes[where])
     wanted = entries_of(stage, expected[lane : lane + 1])[0, k]
-    return Divergence(lane, equation, label, stage.names[k], float(wanted), float(values[lane, k]), f"{ALLOWED:g} of the row's scale")
+    return Divergence(
+        lane, equation, label, stage.names[k], float(wanted), float(values[lane, k]), f"{ALLOWED:g} of the row's scale"
+    )
 
 
-def free_run(module: ModuleType, step: FilterStep, drive: str, situations: Situations, start: Array, sigma_0: Array) -> Link:
+def free_run(
+    module: ModuleType, step: FilterStep, drive: str, situations: Situations, start: Array, sigma_0: Array
+) -> Link:
     """B on its own along the trajectory, not set back to A each step: errors must not build up."""
     backend = NumpyBackend(module, step.kind, "float64")
     n = len(start)
@@ -165,10 +190,10 @@ def free_run(module: ModuleType, step: FilterStep, drive: str, situations: Situa
         Row("25, 34", "x, run on its own", "estimate", _worst(error_x), ALLOWED, error_x.size),
         Row("26, 32", "P, run on its own", "covariance", _worst(error_P), ALLOWED, error_P.size),
     )
-    return Link("A-B", "reference = generated float64", drive, step.kind, step.gain, f"{situations.name}, free run", rows_out)
+    return Link(
+        "A-B", "reference = generated float64", drive, step.kind, step.gain, f"{situations.name}, free run", rows_out
+    )
 
 
 def _worst(error: Array) -> float:
     return float(error.max()) if np.isfinite(error).all() else float("inf")
-
-

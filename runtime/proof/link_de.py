@@ -24,7 +24,7 @@ OPTIMISATIONS: tuple[tuple[str, ...], ...] = (("-O0",), ("-O2",), ("-O3", "-marc
 
 def same_bits(a: Array, b: Array) -> Array:
     """Entry by entry: identical bit patterns (so NaN equals the same NaN, and 0 differs from -0)."""
-    return np.ascontiguousarray(a).view(np.uint32) == np.ascontiguousarray(b).view(np.uint32)
+    return np.asarray(np.ascontiguousarray(a).view(np.uint32) == np.ascontiguousarray(b).view(np.uint32))
 
 
 class Bits:

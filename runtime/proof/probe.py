@@ -58,7 +58,9 @@ def _divergence(number: int, stage: Stage, name: str, expected: float, found: fl
     return Divergence(number, stage.equation, stage.name, name, expected, found, "identical bits")
 
 
-def _numpy_stages(folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array) -> dict[str, Any]:
+def _numpy_stages(
+    folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array
+) -> dict[str, Any]:
     backend = NumpyBackend(folder.module, step.kind, "float32")
     backend.reset(*before)
     stages: dict[str, Any] = {}

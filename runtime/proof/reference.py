@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Stages = dict[str, Any]
 
 
@@ -54,12 +54,14 @@ class SurfaceMotor:
         i_alpha, i_beta, w, th = x
         w_e = d.p * w
         if not d.exact:  # (7)
-            return np.array([
-                (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
-                (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
-                (1 - d.T * d.D / d.J) * w,
-                th + d.T * w_e,
-            ])
+            return np.array(
+                [
+                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
+                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
+                    (1 - d.T * d.D / d.J) * w,
+                    th + d.T * w_e,
+                ]
+            )
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly.
         a = math.exp(-d.T * d.R / d.L_d)
         middle = th + d.T * w_e / 2
@@ -140,7 +142,11 @@ def make_motor(parameters: Mapping[str, Any]) -> Plant:
     )
     if model.get("mechanics", "constant_speed") != "constant_speed":
         raise ValueError(f"the reference has no mechanics '{model['mechanics']}'")
-    return {"surface": SurfaceMotor, "salient_flux": SalientFluxMotor}[model["machine"]](data)
+    motors: dict[str, type[SurfaceMotor] | type[SalientFluxMotor]] = {
+        "surface": SurfaceMotor,
+        "salient_flux": SalientFluxMotor,
+    }
+    return motors[model["machine"]](data)
 
 
 @dataclass
@@ -233,7 +239,7 @@ def covariance(a: Array, a_mean: Array, b: Array, b_mean: Array) -> Array:
     total = np.zeros((a.shape[0], b.shape[0]))
     for i in range(a.shape[1]):
         total += np.outer(a[:, i] - a_mean, b[:, i] - b_mean)
-    return total / a.shape[1]
+    return np.asarray(total / a.shape[1])
 
 
 def wrap(angle: float) -> float:

@@ -22,6 +22,9 @@ class Row:
     def passed(self) -> bool:
         return self.worst <= self.allowed
 
+    def __str__(self) -> str:
+        return f"{self.stage} (eq. {self.equation}) deviates by {self.worst:.3g}, allowed {self.allowed:.3g}"
+
 
 @dataclass(frozen=True)
 class Divergence:
@@ -37,7 +40,9 @@ class Divergence:
 
     def __str__(self) -> str:
         where = f"step {self.step}, {self.stage} (eq. {self.equation}) element {self.element}"
-        return f"first divergence at {where}: expected {self.expected:.9g}, found {self.found:.9g}, allowed {self.allowed}"
+        return (
+            f"first divergence at {where}: expected {self.expected:.9g}, found {self.found:.9g}, allowed {self.allowed}"
+        )
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,11 @@ class Proof:
 
     @property
     def passed(self) -> bool:
-        return bool(self.links) and all(link.passed for link in self.links) and all(e.verdict != "unexplained" for e in self.effects)
+        return (
+            bool(self.links)
+            and all(link.passed for link in self.links)
+            and all(e.verdict != "unexplained" for e in self.effects)
+        )
 
     def failures(self) -> Iterable[str]:
         """One line for each broken link, as the command line prints it."""
@@ -109,12 +118,15 @@ class Proof:
             if not link.passed:
                 where = f"verify {link.drive}/{link.kind} ({link.gain} gain), link {link.name} on {link.data}: "
                 broken = next((row for row in link.rows if not row.passed), None)
-                if link.divergence is not None:
-                    yield where + str(link.divergence)
-                elif broken is not None:
-                    yield where + f"{broken.stage} (eq. {broken.equation}) deviates by {broken.worst:.3g}, allowed {broken.allowed:.3g}"
+                yield where + (str(link.divergence) if link.divergence is not None else str(broken))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``--json``."""
         links = [{**asdict(link), "passed": link.passed, "worst": link.worst} for link in self.links]
-        return {"drive": self.drive, "passed": self.passed, "links": links, "iteration": [asdict(e) for e in self.effects], "notes": self.notes}
+        return {
+            "drive": self.drive,
+            "passed": self.passed,
+            "links": links,
+            "iteration": [asdict(e) for e in self.effects],
+            "notes": self.notes,
+        }

@@ -58,7 +58,9 @@ class Evidence:
     trajectory: Trajectory
 
 
-def verify(drive: str | Path, effort: Effort | None = None, progress: Progress = lambda text: None) -> tuple[Proof, Evidence]:
+def verify(
+    drive: str | Path, effort: Effort | None = None, progress: Progress = lambda text: None
+) -> tuple[Proof, Evidence]:
     """Prove a generated drive.
 
     Parameters
@@ -115,7 +117,9 @@ def _check_current(path: Path, package: Package) -> None:
     except FolderError as error:
         raise UserError(str(error)) from None
     if difference(path, package.files):
-        raise UserError(f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {name}")
+        raise UserError(
+            f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {name}"
+        )
 
 
 def _with_gain(drive: Drive, gain: str) -> Drive:
@@ -188,7 +192,9 @@ class Prover:
 
     def _box(self, kind: str) -> Link:
         step = self.package.steps[kind]
-        situations = self._box_situations(step, sample_box(self.package.drive, self.package.model, self.effort.box_draws))
+        situations = self._box_situations(
+            step, sample_box(self.package.drive, self.package.model, self.effort.box_draws)
+        )
         return link_ab(self.folder.module, step, self.package.drive.name, situations, self._R)
 
     def _box_situations(self, step: Any, box: BoxSamples) -> Situations:
@@ -208,7 +214,8 @@ class Prover:
         """ICKF against CKF, both generated float64, on the same trajectory."""
         gain, idle = self.package.drive.filter.gain, self.package.steps["ickf"].iteration_proof is not None
         ckf, ickf = (
-            load_folder(self.folder, kind, "numpy", "float64").run(self.trajectory.u, self.trajectory.y) for kind in ("ckf", "ickf")
+            load_folder(self.folder, kind, "numpy", "float64").run(self.trajectory.u, self.trajectory.y)
+            for kind in ("ckf", "ickf")
         )
         difference = np.abs(ickf.x - ckf.x)
         angle = self.package.model.angle
@@ -231,5 +238,3 @@ class Prover:
     @property
     def _R(self) -> Array:
         return np.array(self.package.drive.filter.measurement_noise)
-
-

@@ -22,17 +22,19 @@ def _pyplot() -> Any:
     except ImportError:
         raise UserError("the report page needs matplotlib: pip install 'pmsm-ickf[report]'.") from None
     mpl.use("svg")
-    mpl.rcParams.update({
-        "svg.fonttype": "path",
-        "svg.hashsalt": "pmsm-ickf",
-        "font.size": 9,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "grid.alpha": 0.25,
-        "legend.frameon": False,
-        "figure.constrained_layout.use": True,
-    })
+    mpl.rcParams.update(
+        {
+            "svg.fonttype": "path",
+            "svg.hashsalt": "pmsm-ickf",
+            "font.size": 9,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "grid.alpha": 0.25,
+            "legend.frameon": False,
+            "figure.constrained_layout.use": True,
+        }
+    )
     import matplotlib.pyplot as plt
 
     return plt
@@ -57,7 +59,9 @@ def stage_figure(proof: Proof) -> str:
         axes.plot(worst, rows, "o", ms=4.5, alpha=0.85, color=COLOURS.get(variant), label=variant)
     axes.axvline(ALLOWED, color="#444444", lw=1, ls="--")
     axes.text(ALLOWED, -0.9, "allowed ", ha="right", va="center", fontsize=8)
-    axes.set(xscale="log", xlim=(5e-18, 1e-9), xlabel="worst deviation on the row's scale", ylim=(len(stages) - 0.4, -1.4))
+    axes.set(
+        xscale="log", xlim=(5e-18, 1e-9), xlabel="worst deviation on the row's scale", ylim=(len(stages) - 0.4, -1.4)
+    )
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return _svg(figure)

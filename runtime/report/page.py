@@ -91,7 +91,11 @@ class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]
         """stem with an index, and a prime if the index ends with one."""
         primed = index.endswith("'")
         element = self.dom.createElement("msubsup" if primed else "msub")
-        for tag, content in (("mi", _letter(stem)), ("mi", _letters(index.rstrip("'"))), *([("mo", "′")] if primed else [])):
+        for tag, content in (
+            ("mi", _letter(stem)),
+            ("mi", _letters(index.rstrip("'"))),
+            *([("mo", "′")] if primed else []),
+        ):
             child = self.dom.createElement(tag)
             child.appendChild(self.dom.createTextNode(content))
             element.appendChild(child)

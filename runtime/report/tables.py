@@ -11,7 +11,6 @@ from rich.text import Text
 
 from runtime.proof.result import Link, Proof
 
-
 #: Rows that count instead of measuring: any but zero is a failure.
 COUNTS = ("same number of iterates", "theta in [-pi, pi)")
 
@@ -74,7 +73,11 @@ def _stages(proof: Proof) -> Table:
     stages = stages_by_equation(proof.links)
     variants = list(dict.fromkeys(variant for cells in stages.values() for variant in cells))
     allowed = max((row.allowed for link in proof.links if link.name == "A-B" for row in link.rows), default=0.0)
-    table = _table(f"A-B: reference against generated float64, worst deviation on the row's scale (allowed {allowed:g})", "eq.", "stage")
+    table = _table(
+        f"A-B: reference against generated float64, worst deviation on the row's scale (allowed {allowed:g})",
+        "eq.",
+        "stage",
+    )
     table.columns[1].justify = "left"
     for variant in variants:
         table.add_column(variant, justify="right")
@@ -97,7 +100,13 @@ def _bits(proof: Proof) -> Table:
     table.columns[1].justify = "left"
     for link in proof.links:
         if link.name == "D-E":
-            table.add_row(link.variant, link.data, f"{link.compared:,}", f"{sum(row.worst for row in link.rows):.0f}", _mark(link.passed))
+            table.add_row(
+                link.variant,
+                link.data,
+                f"{link.compared:,}",
+                f"{sum(row.worst for row in link.rows):.0f}",
+                _mark(link.passed),
+            )
     return table
 
 
@@ -114,8 +123,16 @@ def _drift(proof: Proof) -> Table:
 
 
 def _effects(proof: Proof) -> Table:
-    table = _table("ICKF against CKF along the trajectory (float64)", "gain", "largest difference", *proof.effects[0].by_state, "it is")
+    table = _table(
+        "ICKF against CKF along the trajectory (float64)",
+        "gain",
+        "largest difference",
+        *proof.effects[0].by_state,
+        "it is",
+    )
     for effect in proof.effects:
         words = {"rounding": "rounding: iterating is proved idle", "real": "real"}.get(effect.verdict, "UNEXPLAINED")
-        table.add_row(effect.gain, f"{effect.in_sigma:.2g} sigma", *(f"{v:.1e}" for v in effect.by_state.values()), words)
+        table.add_row(
+            effect.gain, f"{effect.in_sigma:.2g} sigma", *(f"{v:.1e}" for v in effect.by_state.values()), words
+        )
     return table

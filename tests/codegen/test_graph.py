@@ -67,16 +67,18 @@ def test_c_prints_every_operator(point: list[float]) -> None:
     printer = CPrinter(HOST64)
     listing = lay_out(every_operator(), [])
     size = len(listing.outputs["w"])
-    source = "\n".join([
-        "#include <math.h>",
-        "typedef double float64; typedef struct { float64 sine, cosine; } sin_cos_pair;",
-        "#define ROUND 6755399441055744.0",
-        "#define BELOW_PI 3.1415926535897927",
-        "static sin_cos_pair sin_cos(float64 x) { sin_cos_pair r; r.sine = sin(x); r.cosine = cos(x); return r; }",
-        printer.format_helper(wrap_listing(DOUBLE)),
-        printer.format_block(listing),
-        "void call(const float64 *v, float64 *w) { operators(v, w); }",
-    ])
+    source = "\n".join(
+        [
+            "#include <math.h>",
+            "typedef double float64; typedef struct { float64 sine, cosine; } sin_cos_pair;",
+            "#define ROUND 6755399441055744.0",
+            "#define BELOW_PI 3.1415926535897927",
+            "static sin_cos_pair sin_cos(float64 x) { sin_cos_pair r; r.sine = sin(x); r.cosine = cos(x); return r; }",
+            printer.format_helper(wrap_listing(DOUBLE)),
+            printer.format_block(listing),
+            "void call(const float64 *v, float64 *w) { operators(v, w); }",
+        ]
+    )
     library = ctypes.CDLL(str(build_library({"operators.c": source}, {})))
     found, values = (ctypes.c_double * size)(), (ctypes.c_double * 3)(*point)
     library.call(values, found)
@@ -112,7 +114,9 @@ def test_remainder_other_than_a_turn_is_refused() -> None:
         read_tape(g, ca.Function("f", [x], [ca.remainder(x, 3.0)]), [[g.input("x")]])
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.1, "0.1f"), (2.0, "2.0f"), (1e-7, "1e-07f"), (-0.5, "-0.5f"), (8388608.0, "8.388608e+06f")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.1, "0.1f"), (2.0, "2.0f"), (1e-7, "1e-07f"), (-0.5, "-0.5f"), (8388608.0, "8.388608e+06f")]
+)
 def test_float_literals_read_back_to_the_same_bits(value: float, text: str) -> None:
     from codegen.targets import F28335
 

@@ -74,7 +74,9 @@ def test_coefficients_are_minimax(which: str) -> None:
     r = np.linspace(1e-4, math.pi / 2 * 1.0005, 20_001)
     coefficients = SIN_COEFFICIENTS if which == "sin" else COS_COEFFICIENTS
     with mp.workdps(30):
-        exact = np.array([float(mp.sin(v) - v) if which == "sin" else float(mp.cos(v) - 1 + mp.mpf(v) ** 2 / 2) for v in r])
+        exact = np.array(
+            [float(mp.sin(v) - v) if which == "sin" else float(mp.cos(v) - 1 + mp.mpf(v) ** 2 / 2) for v in r]
+        )
     power = 3 if which == "sin" else 4
     error = exact - r**power * np.polyval(coefficients[::-1], r * r)
     peak = np.max(np.abs(error))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -37,10 +39,16 @@ def test_sympy_derives_the_same_at_random_points(name: str, discretization: str)
     ours = ca.Function("ours", [model.x, model.u], outputs)
     x, f, h = second_statement(drive.model.machine, discretization)
     m = drive.motor
-    numbers = dict(
-        R=m.stator_resistance, L_d=m.inductance_d, L_q=m.inductance_q, psi_m=m.magnet_flux, p=m.pole_pairs,
-        J=m.inertia, D=m.friction, T=drive.model.sample_time,
-    )  # fmt: skip
+    numbers = {
+        "R": m.stator_resistance,
+        "L_d": m.inductance_d,
+        "L_q": m.inductance_q,
+        "psi_m": m.magnet_flux,
+        "p": m.pole_pairs,
+        "J": m.inertia,
+        "D": m.friction,
+        "T": drive.model.sample_time,
+    }
     known = {sp.Symbol(key, real=True): value for key, value in numbers.items()}
     free = [*x, *sp.symbols("v_alpha v_beta", real=True)]
     theirs = [sp.lambdify(free, expression.subs(known)) for expression in (f, h, f.jacobian(x), h.jacobian(x))]
@@ -48,7 +56,9 @@ def test_sympy_derives_the_same_at_random_points(name: str, discretization: str)
     for _ in range(20):
         point, u = rng.normal(0, [1, 1, 100, 2]), rng.normal(0, 100, 2)
         for mine, function in zip(ours(point, u), theirs, strict=True):
-            np.testing.assert_allclose(np.array(mine), np.array(function(*point, *u), dtype=float), rtol=1e-11, atol=1e-11)
+            np.testing.assert_allclose(
+                np.array(mine), np.array(function(*point, *u), dtype=float), rtol=1e-11, atol=1e-11
+            )
 
 
 def test_second_derivation_notices_a_wrong_sign(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +73,9 @@ def test_second_derivation_notices_a_wrong_sign(monkeypatch: pytest.MonkeyPatch)
 
 def test_jacobians_against_finite_differences(drive: Drive) -> None:
     model = build(drive)
-    values = ca.Function("values", [model.x, model.u], [model.numeric(ca.densify(e)) for e in (model.f, model.h, model.F, model.H)])
+    values = ca.Function(
+        "values", [model.x, model.u], [model.numeric(ca.densify(e)) for e in (model.f, model.h, model.F, model.H)]
+    )
     x, u, step = np.array([0.4, -0.3, 80.0, 1.1]), np.array([50.0, -20.0]), 1e-6
     _, _, F, H = (np.array(v) for v in values(x, u))
     for k in range(4):
@@ -108,7 +120,9 @@ def test_salient_flux_with_equal_inductances_is_the_surface_machine() -> None:
 
 def _error(drive: Drive, T: float, discretization: str | None = None, omega: float = 100.0) -> float:
     """Electrical error after 2 ms at constant speed, against DOP853 of the machine's own derivative."""
-    drive = variant(drive, model={"sample_time": T, "discretization": discretization or "exact"}, motor={"friction": 0.0})
+    drive = variant(
+        drive, model={"sample_time": T, "discretization": discretization or "exact"}, motor={"friction": 0.0}
+    )
     model = build(drive)
     step = ca.Function("step", [model.x, model.u], [model.numeric(model.f)])
     machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
@@ -116,9 +130,15 @@ def _error(drive: Drive, T: float, discretization: str | None = None, omega: flo
     theta_0 = 0.4
     omega_e = drive.motor.pole_pairs * omega
     v = (40.0, -25.0)
-    slope = ca.Function("slope", [t, z], [ca.vertcat(*machine.derivative((z[0], z[1]), v, omega_e, theta_0 + omega_e * t))])
-    start = np.array([*np.array(ca.Function("z0", [], [ca.vertcat(*machine.electrical_state((2.0, 1.0), theta_0))])()["o0"]).ravel()])
-    exact = solve_ivp(lambda t, z: np.array(slope(t, z)).ravel(), (0, 2e-3), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    slope = ca.Function(
+        "slope", [t, z], [ca.vertcat(*machine.derivative((z[0], z[1]), v, omega_e, theta_0 + omega_e * t))]
+    )
+    start = np.array(
+        [*np.array(ca.Function("z0", [], [ca.vertcat(*machine.electrical_state((2.0, 1.0), theta_0))])()["o0"]).ravel()]
+    )
+    exact = solve_ivp(
+        lambda t, z: np.array(slope(t, z)).ravel(), (0, 2e-3), start, method="DOP853", rtol=1e-12, atol=1e-12
+    ).y[:, -1]
     x = np.array([*start, omega, theta_0])
     for _ in range(round(2e-3 / T)):
         x = np.array(step(x, np.array(v))).ravel()
@@ -129,7 +149,7 @@ def _error(drive: Drive, T: float, discretization: str | None = None, omega: flo
 def test_exact_is_second_order(name: str) -> None:
     drive = load_drive(name)
     errors = [_error(drive, T) for T in (1e-4, 5e-5, 2.5e-5)]
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in itertools.pairwise(errors):
         assert 3.6 < coarse / fine < 4.4, errors
 
 

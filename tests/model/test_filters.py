@@ -135,7 +135,9 @@ def test_iteration_stays_where_h_is_nonlinear(gain: str) -> None:
 @pytest.mark.parametrize("gain", ["cubature", "jacobian"])
 def test_idle_proof_fails_for_a_barely_nonlinear_measurement(gain: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A measurement that bends by 1e-12 is not constant, and no proof may say so."""
-    monkeypatch.setattr(MACHINES["surface"], "currents", lambda self, z, theta: ((z[0] + 1e-12 * z[0] * z[1], z[1]), {}))
+    monkeypatch.setattr(
+        MACHINES["surface"], "currents", lambda self, z, theta: ((z[0] + 1e-12 * z[0] * z[1], z[1]), {})
+    )
     model = build(load_drive("paper_spmsm"))
     step = build_filter(model, "ickf", gain)
     assert step.iteration_proof is None

@@ -60,6 +60,14 @@ def test_hand_edits_survive_generate(tmp_path: Path) -> None:
     assert call("generate", "paper_spmsm", "--out", "out", "--force", cwd=tmp_path).returncode == 0
 
 
+def test_a_shipped_name_is_not_taken_over(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(PAPER.replace("2.875", "1.2"))
+    done = call("generate", str(tmp_path / "mine.toml"), cwd=GENERATED.parent)
+    assert done.returncode == 2
+    assert "belongs to a shipped drive" in done.stderr
+    assert call("generate", "paper_spmsm", "--check", cwd=tmp_path).returncode == 0
+
+
 def test_one_bad_drive_leaves_every_folder_alone(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_text(PAPER.replace("835e-6", "0.8"))
     done = call("generate", "paper_spmsm", "bad.toml", "--out", "out", cwd=tmp_path)

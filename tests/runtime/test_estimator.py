@@ -150,7 +150,9 @@ def _copy_of(name: str, target: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("backend", "file"), [("numpy", "paper_spmsm.py"), ("c", "paper_spmsm_ckf.c"), ("c", "pmsm_port.h")])
+@pytest.mark.parametrize(
+    ("backend", "file"), [("numpy", "paper_spmsm.py"), ("c", "paper_spmsm_ckf.c"), ("c", "pmsm_port.h")]
+)
 def test_an_edited_folder_is_refused(tmp_path: Path, backend: str, file: str) -> None:
     folder = _copy_of("paper_spmsm", tmp_path)
     runtime.load(folder, "ckf", backend, "float32")
@@ -209,7 +211,9 @@ print(sorted(heavy & set(sys.modules)))
     ],
 )
 def test_the_estimator_needs_numpy_alone(what: str) -> None:
-    done = subprocess.run([sys.executable, "-c", IMPORT_PROBE.format(what=what)], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORT_PROBE.format(what=what)], capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 

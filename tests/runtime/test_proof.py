@@ -25,7 +25,9 @@ from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Prover, prove, verify
 from tests.conftest import variant
 
-QUICK = Effort(trajectory=0.004, box_draws=20, bit_steps=300, drift_steps=500, optimisations=(("-O0",), ("-O3", "-march=native")))
+QUICK = Effort(
+    trajectory=0.004, box_draws=20, bit_steps=300, drift_steps=500, optimisations=(("-O0",), ("-O3", "-march=native"))
+)
 
 
 @pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
@@ -34,7 +36,11 @@ def test_chain_holds_quickly(name: str) -> None:
     proof, _ = verify(name, QUICK, seen.append)
     assert proof.passed, list(proof.failures())
     assert {link.name for link in proof.links} == {"model", "A-B", "B-D", "D-E"}
-    assert {link.variant for link in proof.links if link.name == "A-B"} == {"ckf", "ickf, cubature gain", "ickf, jacobian gain"}
+    assert {link.variant for link in proof.links if link.name == "A-B"} == {
+        "ckf",
+        "ickf, cubature gain",
+        "ickf, jacobian gain",
+    }
     assert all(row.compared > 0 for link in proof.links for row in link.rows)
     assert seen
 
@@ -42,7 +48,7 @@ def test_chain_holds_quickly(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
 def test_chain_holds_in_full(name: str) -> None:
-    """Every figure the README promises: 1e-10, 10 000 steps of identical bits at three optimisations, 100 000 at speed."""
+    """Every figure the README promises: 1e-10, 10 000 steps of identical bits, 100 000 steps at speed."""
     proof, _ = verify(name)
     assert proof.passed, list(proof.failures())
     for link in proof.links:
@@ -107,7 +113,9 @@ def _stale_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     original = cubature.spread
-    monkeypatch.setattr(cubature, "spread", lambda a, b: [[entry * 1.000001 for entry in row] for row in original(a, b)])
+    monkeypatch.setattr(
+        cubature, "spread", lambda a, b: [[entry * 1.000001 for entry in row] for row in original(a, b)]
+    )
 
 
 def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,7 +150,12 @@ MODEL_MUTANTS: list[tuple[str, str, Callable[[pytest.MonkeyPatch], None], str]] 
 
 @pytest.mark.parametrize(("name", "kind", "mutate", "equation"), MODEL_MUTANTS)
 def test_model_mutants_are_caught_at_their_equation(
-    name: str, kind: str, mutate: Callable[[pytest.MonkeyPatch], None], equation: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    name: str,
+    kind: str,
+    mutate: Callable[[pytest.MonkeyPatch], None],
+    equation: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     mutate(monkeypatch)
     link, _ = _ab(load_drive(name), tmp_path / name, kind)
@@ -170,7 +183,9 @@ PYTHON_MUTANTS = [
 
 
 @pytest.mark.parametrize(("pattern", "replacement", "equation"), PYTHON_MUTANTS)
-def test_mutants_of_the_generated_python_are_caught(pattern: str, replacement: str, equation: str, tmp_path: Path) -> None:
+def test_mutants_of_the_generated_python_are_caught(
+    pattern: str, replacement: str, equation: str, tmp_path: Path
+) -> None:
     drive = load_drive("paper_spmsm")
     package = generate(drive, samples=5)
     text = package.files["paper_spmsm.py"]
@@ -191,7 +206,9 @@ C_MUTANTS = [
 
 
 @pytest.mark.parametrize(("old", "new", "stage", "equation"), C_MUTANTS)
-def test_mutants_of_the_generated_c_are_caught_and_located(old: str, new: str, stage: str, equation: str, tmp_path: Path) -> None:
+def test_mutants_of_the_generated_c_are_caught_and_located(
+    old: str, new: str, stage: str, equation: str, tmp_path: Path
+) -> None:
     drive = load_drive("paper_spmsm")
     package = generate(drive, samples=5)
     text = package.files["paper_spmsm_ckf.c"]
@@ -218,7 +235,12 @@ def test_contraction_would_be_caught() -> None:
     """What -ffp-contract=off is for: with fused multiply-add the bits differ (on processors that have it)."""
     import subprocess
 
-    if "__FMA__" not in subprocess.run(["gcc", "-march=native", "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True, text=True).stdout:
+    if (
+        "__FMA__"
+        not in subprocess.run(
+            ["gcc", "-march=native", "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True, text=True
+        ).stdout
+    ):
         pytest.skip("this processor has no fused multiply-add")
     drive = load_drive("paper_spmsm")
     package = generate(drive, samples=5)

@@ -19,7 +19,9 @@ from tests.conftest import variant
 
 def test_reference_imports_nothing_it_is_to_check() -> None:
     tree = ast.parse(Path(reference.__file__).read_text())
-    names = {alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    names = {
+        alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
+    }
     names |= {str(node.module).split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     assert names == {"__future__", "math", "collections", "dataclasses", "typing", "numpy"}
 
@@ -93,7 +95,7 @@ def test_one_jacobian_iterate_is_the_kalman_update() -> None:
 
 
 def test_iterating_is_idle_on_the_papers_model() -> None:
-    """Both gains, five iterates, whatever N: the first iterate is the last. (So the paper's CKF/ICKF gap is not (27)-(34).)"""
+    """Both gains, five iterates: the first is the last. (So the paper's gap between CKF and ICKF is not (27)-(34).)"""
     drive = load_drive("paper_spmsm")
     data = make_trajectory(drive.model_dump(), steps=200)
     for gain in ("cubature", "jacobian"):

@@ -1,0 +1,43 @@
+# Two commands from nothing: `make run` does the main job, `make test` passes the tests.
+# Each sets up its own virtual environment in .venv first.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: run test quick lint types check clean
+
+run: $(VENV)/.ready
+	$(BIN)/pmsm-ickf run
+
+test: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -n auto
+
+# The tests without the slow ones: half a minute.
+quick: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -n auto -m "not slow"
+
+lint: $(VENV)/.ready-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.ready-dev
+	$(BIN)/mypy
+
+# What CI adds to the tests.
+check: lint types
+	$(BIN)/pmsm-ickf generate --check
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.ready: $(VENV)/bin/python pyproject.toml
+	$(BIN)/python -m pip install --quiet -e '.[report]'
+	touch $@
+
+$(VENV)/.ready-dev: $(VENV)/bin/python pyproject.toml
+	$(BIN)/python -m pip install --quiet -e '.[dev]'
+	touch $@ $(VENV)/.ready
+
+clean:
+	rm -rf $(VENV) build *.egg-info
