@@ -10,6 +10,7 @@ from pathlib import Path
 from codegen.folder import MANIFEST, difference, write_folder
 from codegen.generate import generate
 from model.drive import DriveError, load_drive, shipped_drives
+from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, verify
@@ -87,8 +88,12 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
 
 def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Proof], Path]:
     """Generate, verify, write the report page; the work of ``pmsm-ickf run``."""
+    from runtime.report.figures import pyplot
     from runtime.report.page import write_page
 
+    # What is missing is said now, not after the folders were rewritten or the proof was run.
+    find_compiler()
+    pyplot()
     written = generate_drives(drives, None, progress=progress)
     results = verify_drives(drives, None, progress)
     page = build / "report" / "index.html"

@@ -14,14 +14,20 @@
 #error "pmsm-ickf: -ffast-math and -Ofast change the results; compile without them"
 #endif
 
-/* The device header of the F2833x defines the same names under the same guard. */
+/* The F2833x device header defines these names under this guard: whichever of the two comes first must define
+ * all of them, because the other then defines none. */
 #ifndef DSP28_DATA_TYPES
 #define DSP28_DATA_TYPES
-typedef float float32;
+#ifdef __TMS320C28XX__
+typedef int int16;
+typedef long int32;
+typedef long long int64;
+typedef unsigned int Uint16;
+typedef unsigned long Uint32;
+typedef unsigned long long Uint64;
+typedef long double float64;
 #endif
-#ifndef PMSM_FLOAT64
-#define PMSM_FLOAT64
-typedef double float64; /* used by the host's comparison flavour only */
+typedef float float32;
 #endif
 
 /* Status of a step: 0 is good, otherwise these bits. */

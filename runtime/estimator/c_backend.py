@@ -114,7 +114,8 @@ def c_sources(folder: GeneratedFolder, kind: str, dtype: str) -> tuple[str, dict
 def declarations(header: str, prefix: str, dtype: str) -> str:
     """The header's struct and prototypes as cffi wants them: no comments, no preprocessor."""
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
-    text = "\n".join(line for line in text.splitlines() if not line.startswith("#") and 'extern "C"' not in line)
+    kept = (line for line in text.splitlines() if not line.startswith(("#", "typedef double", 'extern "C"')))
+    text = "\n".join(kept)
     text = text[: text.rindex(";") + 1]
     real = "float" if dtype == "float32" else "double"
     runner = (

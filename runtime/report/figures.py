@@ -16,7 +16,8 @@ from runtime.report.tables import COUNTS, stages_by_equation
 COLOURS = {"ckf": "#3b6ea8", "ickf, cubature gain": "#c8553d", "ickf, jacobian gain": "#e0a030", "truth": "#444444"}
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
+    """matplotlib, set up for SVG; UserError where it is not installed."""
     try:
         import matplotlib as mpl
     except ImportError:
@@ -43,7 +44,7 @@ def _pyplot() -> Any:
 def _svg(figure: Any) -> str:
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
-    _pyplot().close(figure)
+    pyplot().close(figure)
     svg = text.getvalue()
     return svg[svg.index("<svg") :]
 
@@ -51,7 +52,7 @@ def _svg(figure: Any) -> str:
 def stage_figure(proof: Proof) -> str:
     """Worst A-B deviation of every stage, by equation, against what is allowed."""
     stages = {key: cells for key, cells in stages_by_equation(proof.links).items() if key[1] not in COUNTS}
-    figure, axes = _pyplot().subplots(figsize=(7.5, 0.19 * len(stages) + 1.1))
+    figure, axes = pyplot().subplots(figsize=(7.5, 0.19 * len(stages) + 1.1))
     labels = [f"({equation})  {stage}" for equation, stage in stages]
     for variant in dict.fromkeys(variant for cells in stages.values() for variant in cells):
         points = [(max(cells[variant], 1e-17), k) for k, cells in enumerate(stages.values()) if variant in cells]
@@ -70,7 +71,7 @@ def stage_figure(proof: Proof) -> str:
 def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) -> str:
     """Float32 minus float64 over the long run: envelopes of each state, and of P."""
     panels = [*units, "P"]
-    figure, axes = _pyplot().subplots(len(panels), 1, figsize=(7.5, 1.25 * len(panels) + 0.6), sharex=True)
+    figure, axes = pyplot().subplots(len(panels), 1, figsize=(7.5, 1.25 * len(panels) + 0.6), sharex=True)
     for variant, drift in evidence.drift.items():
         t = sample_time * np.arange(1, len(drift.P) + 1)
         for k, axis in enumerate(axes):
@@ -86,7 +87,7 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
 
 def effect_figure(evidence: Evidence) -> str:
     """ICKF minus CKF in sigmas along the trajectory."""
-    figure, axes = _pyplot().subplots(figsize=(7.5, 2.4))
+    figure, axes = pyplot().subplots(figsize=(7.5, 2.4))
     for gain, difference in evidence.effects.items():
         time, top = _envelope(evidence.t, np.maximum(difference, 1e-17))
         axes.semilogy(time, top, lw=1, color=COLOURS[f"ickf, {gain} gain"], label=f"{gain} gain")
@@ -98,7 +99,7 @@ def effect_figure(evidence: Evidence) -> str:
 def trajectory_figure(evidence: Evidence) -> str:
     """What the proof ran on: speed, currents and voltages."""
     data = evidence.trajectory
-    figure, axes = _pyplot().subplots(3, 1, figsize=(7.5, 4.2), sharex=True)
+    figure, axes = pyplot().subplots(3, 1, figsize=(7.5, 4.2), sharex=True)
     axes[0].plot(data.t, data.omega * 30 / np.pi, color=COLOURS["truth"], lw=1.2)
     axes[0].set_ylabel("speed, r/min")
     for axis, values, label in ((axes[1], data.y, "i, A"), (axes[2], data.u, "v, V")):

@@ -9,6 +9,11 @@
 
 #include "pmsm_port.h"
 
+#ifndef PMSM_FLOAT64
+#define PMSM_FLOAT64
+typedef double float64; /* of this flavour only: the firmware knows no double */
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
