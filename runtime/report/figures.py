@@ -80,6 +80,7 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
             axis.semilogy(time, np.maximum(top, 1e-12), lw=1, color=COLOURS.get(variant), label=variant)
     for name, axis in zip(panels, axes, strict=True):
         axis.set_ylabel(f"{name}\n{units.get(name, 'relative')}", fontsize=8)
+        axis.yaxis.set_minor_formatter(lambda value, position: "")
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     axes[-1].set_xlabel("time, s")
     return _svg(figure)
