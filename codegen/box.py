@@ -9,7 +9,7 @@ import numpy as np
 
 from model.drive import Drive
 from model.machines import MACHINES
-from model.machines.base import Parameters
+from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
 from model.state_space import StateSpaceModel
 
@@ -56,9 +56,12 @@ def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
     theta = rng.uniform(-np.pi, np.pi, count) * (1 - 1e-6)
     machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
     current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
-    z = machine.electrical_state((current[0], current[1]), angle)
+    z = machine.electrical_state((current[0], current[1]), Rotor.at(angle))
     electrical = ca.Function("electrical", [current, angle], [ca.vertcat(*z)]).map(count)
-    return np.vstack([np.array(electrical(i, theta[None, :])), omega, theta])
+    rows = [np.array(electrical(i, theta[None, :])), omega, theta]
+    if drive.model.mechanics == "load_torque":
+        rows.append(rng.uniform(-box.load_torque, box.load_torque, count))
+    return np.vstack(rows)
 
 
 def _covariances(drive: Drive, rng: np.random.Generator, count: int, n: int) -> np.ndarray:

@@ -38,6 +38,7 @@ Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
 Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
+Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
 Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
 Variance = Annotated[float, Field(gt=0, le=1e12)]
 
@@ -62,7 +63,7 @@ class Model(_Section):
     """Which equations, and how they are sampled."""
 
     machine: Literal["surface", "salient_flux"]
-    mechanics: Literal["constant_speed"] = "constant_speed"
+    mechanics: Literal["constant_speed", "load_torque"] = "constant_speed"
     discretization: Literal["euler", "exact"]
     sample_time: SampleTime
     adaptive: Annotated[list[str], Field(max_length=0)] = []
@@ -90,6 +91,7 @@ class OperatingBox(_Section):
     current: Current = 1000.0
     voltage: Voltage = 2000.0
     speed: Speed = 500.0
+    load_torque: Torque = 20.0
 
 
 class Drive(_Section):
@@ -182,8 +184,10 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
 
 def _check_lengths(drive: Drive, where: str) -> None:
     from model.machines import MACHINES
+    from model.mechanics import MECHANICS
 
-    states = [quantity.name for quantity in MACHINES[drive.model.machine].states] + ["omega", "theta"]
+    rooms = (MACHINES[drive.model.machine], MECHANICS[drive.model.mechanics])
+    states = [quantity.name for room in rooms for quantity in room.states]
     for key in ("initial_state", "initial_covariance", "process_noise"):
         values = getattr(drive.filter, key)
         if values is not None and len(values) != len(states):

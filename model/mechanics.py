@@ -1,7 +1,9 @@
-"""The mechanical side: how speed and angle move from one sample to the next."""
+"""The mechanical side: how speed, angle and load move from one sample to the next."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -9,17 +11,18 @@ import casadi as ca
 from model.machines.base import Named, Parameters
 from model.quantities import Constants, Quantity
 
+OMEGA = Quantity("omega", r"\omega", "rad/s", "mechanical speed")
+THETA = Quantity("theta", r"\theta", "rad", "electrical rotor angle")
+LOAD_TORQUE = Quantity("load_torque", "T_L", "N m", "load torque")
 
-class ConstantSpeed:
-    """Rows 3 and 4 of eq. 7: the speed decays with friction, torque is left to the process noise.
+Next = tuple[list[Any], Named]
+Torque = Callable[[], Any]
 
-    States omega (mechanical rad/s) and theta (electrical rad).
-    """
 
-    states: ClassVar[tuple[Quantity, ...]] = (
-        Quantity("omega", r"\omega", "rad/s", "mechanical speed"),
-        Quantity("theta", r"\theta", "rad", "electrical rotor angle"),
-    )
+class Mechanics(ABC):
+    """States that begin with omega (mechanical rad/s) and theta (electrical rad)."""
+
+    states: ClassVar[tuple[Quantity, ...]]
 
     def __init__(self, parameters: Parameters, constants: Constants) -> None:
         self.par = parameters
@@ -29,17 +32,59 @@ class ConstantSpeed:
         """omega_e = p omega, electrical rad/s."""
         return self.constant("POLE_PAIRS", self.par.p, "p") * omega
 
-    def euler(self, omega: Any, theta: Any, omega_e: Any) -> tuple[tuple[Any, ...], Named]:
+    @abstractmethod
+    def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
+        """Forward Euler; ``torque()`` is the electromagnetic torque of the interval in N m."""
+
+    @abstractmethod
+    def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
+        """At least second order."""
+
+    def _decay(self, exact: bool) -> Any:
+        par = self.par
+        if exact:
+            return self.constant("DECAY_OMEGA", ca.exp(-par.T * par.D / par.J), "exp(-T D / J)")
+        return self.constant("DECAY_OMEGA", 1 - par.T * par.D / par.J, "1 - T D / J")
+
+
+class ConstantSpeed(Mechanics):
+    """Rows 3 and 4 of eq. 7: the speed decays with friction, torque is left to the process noise."""
+
+    states = (OMEGA, THETA)
+
+    def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
         """Eq. 7, rows 3 and 4."""
-        decay = self.constant("DECAY_OMEGA", 1 - self.par.T * self.par.D / self.par.J, "1 - T D / J")
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
-        return (decay * omega, theta + T * omega_e), {}
+        return [self._decay(exact=False) * x[0], x[1] + T * omega_e], {}
 
-    def exact(self, omega: Any, theta: Any, omega_e: Any) -> tuple[tuple[Any, ...], Named]:
+    def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
         """Exact decay of the speed; the angle moves with the mean of the speed before and after."""
-        decay = self.constant("DECAY_OMEGA", ca.exp(-self.par.T * self.par.D / self.par.J), "exp(-T D / J)")
+        decay = self._decay(exact=True)
         mean = self.constant("ADVANCE", self.par.T * (1 + decay) / 2, "T (1 + exp(-T D / J)) / 2, s")
-        return (decay * omega, theta + mean * omega_e), {}
+        return [decay * x[0], x[1] + mean * omega_e], {}
 
 
-MECHANICS: dict[str, type[ConstantSpeed]] = {"constant_speed": ConstantSpeed}
+class LoadTorque(Mechanics):
+    """Row 3 of eq. 1 with the load torque as a state that wanders: J domega/dt = T_e - T_L - D omega."""
+
+    states = (OMEGA, THETA, LOAD_TORQUE)
+
+    def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
+        T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
+        gain = self.constant("GAIN_OMEGA", self.par.T / self.par.J, "T / J, rad/s per N m")
+        T_e = torque()
+        return [self._decay(exact=False) * x[0] + gain * (T_e - x[2]), x[1] + T * omega_e, x[2]], {"torque": T_e}
+
+    def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
+        """Torque held over the interval; its gain (1 - exp(-T D / J)) / D to second order in T D / J, so D may be 0."""
+        decay = self._decay(exact=True)
+        gain = self.constant(
+            "GAIN_OMEGA", self.par.T * (1 + decay) / (2 * self.par.J), "T (1 + exp(-T D / J)) / (2 J), rad/s per N m"
+        )
+        half_p = self.constant("HALF_P_T", self.par.p * self.par.T / 2, "p T / 2, s")
+        T_e = torque()
+        omega = decay * x[0] + gain * (T_e - x[2])
+        return [omega, x[1] + half_p * (x[0] + omega), x[2]], {"torque": T_e}
+
+
+MECHANICS: dict[str, type[Mechanics]] = {"constant_speed": ConstantSpeed, "load_torque": LoadTorque}

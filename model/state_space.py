@@ -10,8 +10,8 @@ import casadi as ca
 
 from model.drive import Drive
 from model.machines import MACHINES, Machine
-from model.machines.base import Named, Parameters
-from model.mechanics import MECHANICS, ConstantSpeed
+from model.machines.base import Named, Parameters, Rotor
+from model.mechanics import MECHANICS, Mechanics
 from model.quantities import Constant, Constants, Quantity
 
 INPUTS = (
@@ -33,7 +33,7 @@ class StateSpaceModel:
     """
 
     machine: Machine
-    mechanics: ConstantSpeed
+    mechanics: Mechanics
     discretization: str
     _constants: Constants
 
@@ -62,17 +62,16 @@ class StateSpaceModel:
 
     def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:
         """f: the state one sample later, eq. 6 and 7."""
-        z, (omega, theta) = (x[0], x[1]), x[2:4]
-        omega_e = self.mechanics.electrical_speed(omega)
-        electrical = getattr(self.machine, self.discretization)
-        mechanical = getattr(self.mechanics, self.discretization)
-        z_next, named = electrical(z, (u[0], u[1]), omega_e, theta)
-        mech_next, more = mechanical(omega, theta, omega_e)
-        return [*z_next, *mech_next], {"omega_e": omega_e, **named, **more}
+        omega_e = self.mechanics.electrical_speed(x[2])
+        sample = self.machine.euler if self.discretization == "euler" else self.machine.exact
+        advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
+        electrical = sample((x[0], x[1]), (u[0], u[1]), omega_e, x[3])
+        mechanical, named = advance(x[2:], omega_e, lambda: self.machine.torque(*electrical.torque_at))
+        return [*electrical.z, *mechanical], {"omega_e": omega_e, **electrical.named, **named}
 
     def measure(self, x: list[Any]) -> tuple[list[Any], Named]:
         """h: the currents, eq. 5."""
-        i, named = self.machine.currents((x[0], x[1]), x[3])
+        i, named = self.machine.currents((x[0], x[1]), Rotor.at(x[3]))
         return list(i), named
 
     def measurement_jacobian(self, x: list[Any]) -> Any:
@@ -128,5 +127,5 @@ def default_initial_state(drive: Drive) -> list[float]:
     if drive.filter.initial_state is not None:
         return list(drive.filter.initial_state)
     machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
-    z = machine.electrical_state((ca.SX(0), ca.SX(0)), ca.SX(0))
-    return [float(z[0]), float(z[1]), 0.0, 0.0]
+    z = machine.electrical_state((ca.SX(0), ca.SX(0)), Rotor.at(ca.SX(0)))
+    return [float(z[0]), float(z[1])] + [0.0] * len(MECHANICS[drive.model.mechanics].states)

@@ -34,8 +34,8 @@ POLE_PAIRS = 4.0  # p
 DECAY_I = 0.9311377245508982  # 1 - T R / L
 GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
 GAIN_V = 0.023952095808383235  # T / L, A/V
-DECAY_OMEGA = 0.999995  # 1 - T D / J
 SAMPLE_TIME = 2e-05  # sample time, s
+DECAY_OMEGA = 0.999995  # 1 - T D / J
 
 
 def _sin_cos_f32(x):

@@ -24,8 +24,8 @@ extern float sqrtf(float x);
 #define DECAY_I 0.93113774f /* 1 - T R / L */
 #define GAIN_E 0.0041916166f /* T psi_m / L, A s/rad */
 #define GAIN_V 0.023952097f /* T / L, A/V */
-#define DECAY_OMEGA 0.999995f /* 1 - T D / J */
 #define SAMPLE_TIME 2e-05f /* sample time, s */
+#define DECAY_OMEGA 0.999995f /* 1 - T D / J */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f

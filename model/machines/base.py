@@ -51,6 +51,36 @@ class Parameters:
         return cls(*(ca.SX.sym(field.name) for field in fields(cls)))
 
 
+@dataclass(frozen=True)
+class Rotor:
+    """Where the rotor is: electrical angle in rad, with its sine and cosine."""
+
+    theta: Any
+    sin: Any
+    cos: Any
+
+    @classmethod
+    def at(cls, theta: Any) -> Rotor:
+        return cls(theta, ca.sin(theta), ca.cos(theta))
+
+    def to_stator(self, dq: Pair) -> Pair:
+        """d-q to alpha-beta."""
+        return self.cos * dq[0] - self.sin * dq[1], self.sin * dq[0] + self.cos * dq[1]
+
+    def to_rotor(self, ab: Pair) -> Pair:
+        """alpha-beta to d-q."""
+        return self.cos * ab[0] + self.sin * ab[1], self.cos * ab[1] - self.sin * ab[0]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """One electrical sample: the next states, and where (states, rotor) the torque of the interval is taken."""
+
+    z: Pair
+    torque_at: tuple[Pair, Rotor]
+    named: Named
+
+
 class Machine(ABC):
     """Electrical side of a PMSM in stator coordinates.
 
@@ -67,28 +97,44 @@ class Machine(ABC):
         self.constant = constants
 
     @abstractmethod
-    def derivative(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Pair:
-        """dz/dt of the electrical states z; v in V, omega_e in electrical rad/s, theta in electrical rad."""
+    def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
+        """dz/dt of the electrical states z; v in V, omega_e in electrical rad/s."""
 
     @abstractmethod
-    def currents(self, z: Pair, theta: Any) -> tuple[Pair, Named]:
+    def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
         """Stator currents i_alpha, i_beta in A, and named intermediates."""
 
     @abstractmethod
-    def electrical_state(self, i: Pair, theta: Any) -> Pair:
+    def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """Electromagnetic torque in N m."""
+
+    @abstractmethod
+    def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         """The electrical states that carry the currents i_alpha, i_beta (A): the inverse of :meth:`currents`."""
 
-    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Forward Euler over one sample."""
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
-        dz = self.derivative(z, v, omega_e, theta)
-        return (z[0] + T * dz[0], z[1] + T * dz[1]), {}
+        rotor = Rotor.at(theta)
+        dz = self.derivative(z, v, omega_e, rotor)
+        return Sampled((z[0] + T * dz[0], z[1] + T * dz[1]), (z, rotor), {})
 
-    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Second-order step over one sample, voltage and speed held."""
         half = self.constant("HALF_T", self.par.T / 2, "T / 2, s")
-        theta_mid = theta + half * omega_e
-        slope = self.derivative(z, v, omega_e, theta)
+        T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
+        middle = self._middle(theta, omega_e)
+        slope = self.derivative(z, v, omega_e, Rotor.at(theta))
         z_mid = (z[0] + half * slope[0], z[1] + half * slope[1])
-        slope_mid = self.derivative(z_mid, v, omega_e, theta_mid)
-        return (z[0] + self.par.T * slope_mid[0], z[1] + self.par.T * slope_mid[1]), {"theta_mid": theta_mid}
+        slope_mid = self.derivative(z_mid, v, omega_e, middle)
+        z_next = (z[0] + T * slope_mid[0], z[1] + T * slope_mid[1])
+        return Sampled(z_next, (z_mid, middle), {"theta_mid": middle.theta})
+
+    def _middle(self, theta: Any, omega_e: Any) -> Rotor:
+        """The rotor in the middle of the interval."""
+        return Rotor.at(theta + self.constant("HALF_T", self.par.T / 2, "T / 2, s") * omega_e)
+
+
+def midpoint(a: Pair, b: Pair) -> Pair:
+    """Half way between two pairs."""
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from model.machines.base import Machine, Named, Pair
+from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint
 from model.quantities import Quantity
 
 
@@ -27,39 +27,43 @@ class SalientFluxPMSM(Machine):
         "solved exactly"
     )
 
-    def derivative(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Pair:
+    def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
         """Stator voltage equation, Wb/s."""
-        i, _ = self.currents(z, theta)
+        i, _ = self.currents(z, rotor)
         return v[0] - self.par.R * i[0], v[1] - self.par.R * i[1]
 
-    def currents(self, z: Pair, theta: Any) -> tuple[Pair, Named]:
+    def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
         """Currents in A from flux linkages in Wb."""
         par = self.par
         per_L_d = self.constant("INV_L_D", 1 / par.L_d, "1 / L_d, A/Wb")
         per_L_q = self.constant("INV_L_Q", 1 / par.L_q, "1 / L_q, A/Wb")
         psi_m = self.constant("PSI_M", par.psi_m, "magnet flux linkage, Wb")
-        sin, cos = ca.sin(theta), ca.cos(theta)
-        psi_d, psi_q = _rotate_back(z, sin, cos)
+        psi_d, psi_q = rotor.to_rotor(z)
         i_d, i_q = per_L_d * (psi_d - psi_m), per_L_q * psi_q
-        named = {"psi_d": psi_d, "psi_q": psi_q, "i_d": i_d, "i_q": i_q}
-        return _rotate((i_d, i_q), sin, cos), named
+        return rotor.to_stator((i_d, i_q)), {"psi_d": psi_d, "psi_q": psi_q, "i_d": i_d, "i_q": i_q}
 
-    def electrical_state(self, i: Pair, theta: Any) -> Pair:
+    def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """1.5 p (psi x i)."""
+        gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p, "1.5 p")
+        i, _ = self.currents(z, rotor)
+        return gain * (z[0] * i[1] - z[1] * i[0])
+
+    def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         """psi = R(theta) (diag(L_d, L_q) R(-theta) i + [psi_m, 0])."""
-        sin, cos = ca.sin(theta), ca.cos(theta)
-        i_d, i_q = _rotate_back(i, sin, cos)
-        return _rotate((self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q), sin, cos)
+        i_d, i_q = rotor.to_rotor(i)
+        return rotor.to_stator((self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q))
 
-    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Forward Euler of the stator voltage equation."""
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         RT = self.constant("R_TIMES_T", self.par.R * self.par.T, "R T, ohm s")
-        i, named = self.currents(z, theta)
+        rotor = Rotor.at(theta)
+        i, named = self.currents(z, rotor)
         drive = (T * v[0], T * v[1])
-        z_next = tuple(z[k] + drive[k] - RT * i[k] for k in range(2))
-        return (z_next[0], z_next[1]), {**named, "drive_alpha": drive[0], "drive_beta": drive[1]}
+        z_next = (z[0] + drive[0] - RT * i[0], z[1] + drive[1] - RT * i[1])
+        return Sampled(z_next, (z, rotor), {**named, "drive_alpha": drive[0], "drive_beta": drive[1]})
 
-    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Exponential midpoint: rotate to the mid-interval rotor frame, decay, rotate back."""
         par = self.par
         decay_d = self.constant("DECAY_D", ca.exp(-par.T * par.R / par.L_d), "exp(-T R / L_d)")
@@ -67,21 +71,12 @@ class SalientFluxPMSM(Machine):
         gain_d = self.constant("GAIN_D", (1 - decay_d) * par.L_d / par.R, "(1 - exp(-T R / L_d)) L_d / R, s")
         gain_q = self.constant("GAIN_Q", (1 - decay_q) * par.L_q / par.R, "(1 - exp(-T R / L_q)) L_q / R, s")
         magnet = self.constant("MAGNET_D", (1 - decay_d) * par.psi_m, "(1 - exp(-T R / L_d)) psi_m, Wb")
-        half = self.constant("HALF_T", par.T / 2, "T / 2, s")
-        theta_mid = theta + half * omega_e
-        sin, cos = ca.sin(theta_mid), ca.cos(theta_mid)
-        psi_d, psi_q = _rotate_back(z, sin, cos)
-        v_d, v_q = _rotate_back(v, sin, cos)
+        middle = self._middle(theta, omega_e)
+        psi_d, psi_q = middle.to_rotor(z)
+        v_d, v_q = middle.to_rotor(v)
         psi_d_next = decay_d * psi_d + gain_d * v_d + magnet
         psi_q_next = decay_q * psi_q + gain_q * v_q
-        named = {"theta_mid": theta_mid, "psi_d_mid": psi_d, "psi_q_mid": psi_q, "v_d": v_d, "v_q": v_q}
+        z_next = middle.to_stator((psi_d_next, psi_q_next))
+        named = {"theta_mid": middle.theta, "psi_d_mid": psi_d, "psi_q_mid": psi_q, "v_d": v_d, "v_q": v_q}
         named |= {"psi_d_next": psi_d_next, "psi_q_next": psi_q_next}
-        return _rotate((psi_d_next, psi_q_next), sin, cos), named
-
-
-def _rotate(dq: Pair, sin: Any, cos: Any) -> Pair:
-    return cos * dq[0] - sin * dq[1], sin * dq[0] + cos * dq[1]
-
-
-def _rotate_back(ab: Pair, sin: Any, cos: Any) -> Pair:
-    return cos * ab[0] + sin * ab[1], cos * ab[1] - sin * ab[0]
+        return Sampled(z_next, (midpoint(z, z_next), middle), named)

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from model.machines.base import Machine, Named, Pair
+from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint
 from model.quantities import Quantity
 
 
@@ -21,44 +21,50 @@ class SurfacePMSM(Machine):
         "exact decay exp(-T R / L) of the currents; back-EMF held at the mid-interval angle theta + T omega_e / 2"
     )
 
-    def derivative(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Pair:
+    def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
         """Eq. 1, A/s."""
         par = self.par
-        e_alpha = -par.psi_m * omega_e * ca.sin(theta)  # back-EMF, V
-        e_beta = par.psi_m * omega_e * ca.cos(theta)
+        e_alpha = -par.psi_m * omega_e * rotor.sin  # back-EMF, V
+        e_beta = par.psi_m * omega_e * rotor.cos
         return (v[0] - par.R * z[0] - e_alpha) / par.L_d, (v[1] - par.R * z[1] - e_beta) / par.L_d
 
-    def currents(self, z: Pair, theta: Any) -> tuple[Pair, Named]:
+    def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
         """Eq. 5: the states themselves."""
         return z, {}
 
-    def electrical_state(self, i: Pair, theta: Any) -> Pair:
+    def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """1.5 p psi i_q (eq. 1)."""
+        gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p * self.par.psi_m, "1.5 p psi_m, N m/A")
+        return gain * rotor.to_rotor(z)[1]
+
+    def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         return i
 
-    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Eq. 7, rows 1 and 2."""
         par = self.par
         decay = self.constant("DECAY_I", 1 - par.T * par.R / par.L_d, "1 - T R / L")
         emf = self.constant("GAIN_E", par.T * par.psi_m / par.L_d, "T psi_m / L, A s/rad")
         gain = self.constant("GAIN_V", par.T / par.L_d, "T / L, A/V")
-        return self._advance(z, v, omega_e, theta, (decay, emf, gain))
+        rotor = Rotor.at(theta)
+        z_next, named = _advance(z, v, omega_e, rotor, (decay, emf, gain))
+        return Sampled(z_next, (z, rotor), named)
 
-    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> tuple[Pair, Named]:
+    def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """The linear part of eq. 1 solved exactly over T, the back-EMF taken at the mid-interval angle."""
         par = self.par
         decay = self.constant("DECAY_I", ca.exp(-par.T * par.R / par.L_d), "exp(-T R / L)")
         gain = self.constant("GAIN_V", (1 - decay) / par.R, "(1 - exp(-T R / L)) / R, A/V")
         emf = self.constant("GAIN_E", gain * par.psi_m, "psi_m (1 - exp(-T R / L)) / R, A s/rad")
-        half = self.constant("HALF_T", par.T / 2, "T / 2, s")
-        theta_mid = theta + half * omega_e
-        z_next, named = self._advance(z, v, omega_e, theta_mid, (decay, emf, gain))
-        return z_next, {"theta_mid": theta_mid, **named}
+        middle = self._middle(theta, omega_e)
+        z_next, named = _advance(z, v, omega_e, middle, (decay, emf, gain))
+        return Sampled(z_next, (midpoint(z, z_next), middle), {"theta_mid": middle.theta, **named})
 
-    @staticmethod
-    def _advance(z: Pair, v: Pair, omega_e: Any, theta: Any, c: tuple[Any, Any, Any]) -> tuple[Pair, Named]:
-        decay, emf, gain = c
-        emf_step = emf * omega_e  # back-EMF's share of the current's change, A
-        drive_alpha, drive_beta = gain * v[0], gain * v[1]  # the voltage's share, A
-        i_alpha = decay * z[0] + emf_step * ca.sin(theta) + drive_alpha
-        i_beta = decay * z[1] - emf_step * ca.cos(theta) + drive_beta
-        return (i_alpha, i_beta), {"emf_step": emf_step, "drive_alpha": drive_alpha, "drive_beta": drive_beta}
+
+def _advance(z: Pair, v: Pair, omega_e: Any, rotor: Rotor, c: tuple[Any, Any, Any]) -> tuple[Pair, Named]:
+    decay, emf, gain = c
+    emf_step = emf * omega_e  # back-EMF's share of the current's change, A
+    drive_alpha, drive_beta = gain * v[0], gain * v[1]  # the voltage's share, A
+    i_alpha = decay * z[0] + emf_step * rotor.sin + drive_alpha
+    i_beta = decay * z[1] - emf_step * rotor.cos + drive_beta
+    return (i_alpha, i_beta), {"emf_step": emf_step, "drive_alpha": drive_alpha, "drive_beta": drive_beta}

@@ -9,39 +9,51 @@ from model.drive import Drive
 from runtime.proof.result import Link, Row
 
 R, L_d, L_q, psi_m, p, J, D, T = sp.symbols("R L_d L_q psi_m p J D T", real=True)
-omega, theta, v_alpha, v_beta = sp.symbols("omega theta v_alpha v_beta", real=True)
+omega, theta, T_L, v_alpha, v_beta = sp.symbols("omega theta load_torque v_alpha v_beta", real=True)
 
 
-def second_statement(machine: str, discretization: str) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
+def second_statement(machine: str, discretization: str, mechanics: str) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
     """States, f and h, written here from the paper in complex phasors: not a translation of the model's code."""
-    if machine == "surface":
-        a, b = sp.symbols("i_alpha i_beta", real=True)
-        z, v = a + sp.I * b, v_alpha + sp.I * v_beta
-        e = sp.I * p * omega * psi_m  # back-EMF in the rotor frame
-        if discretization == "euler":
-            z_next = z + T / L_d * (v - R * z - e * sp.exp(sp.I * theta))
-        else:
-            steady = (v - e * sp.exp(sp.I * (theta + p * omega * T / 2))) / R
-            z_next = steady + (z - steady) * sp.exp(-T * R / L_d)
-        current = z
-    elif machine == "salient_flux":
-        a, b = sp.symbols("psi_alpha psi_beta", real=True)
-        z, v = a + sp.I * b, v_alpha + sp.I * v_beta
-        current = _current(z, theta)
-        if discretization == "euler":
-            z_next = z + T * (v - R * current)
-        else:
-            middle = theta + p * omega * T / 2
-            rotor_z, rotor_v = (sp.expand_complex(q * sp.exp(-sp.I * middle)) for q in (z, v))
-            d = _relax(sp.re(rotor_z), psi_m + L_d / R * sp.re(rotor_v), L_d)
-            q = _relax(sp.im(rotor_z), L_q / R * sp.im(rotor_v), L_q)
-            z_next = (d + sp.I * q) * sp.exp(sp.I * middle)
-    else:
-        raise KeyError(machine)
-    decay = 1 - T * D / J if discretization == "euler" else sp.exp(-T * D / J)
-    advance = T * p * omega if discretization == "euler" else T * p * (omega + decay * omega) / 2
-    f = sp.Matrix([*_parts(z_next), decay * omega, theta + advance])
-    return sp.Matrix([a, b, omega, theta]), f, sp.Matrix(_parts(current))
+    exact = discretization == "exact"
+    letter = {"surface": "i", "salient_flux": "psi"}[machine]
+    a, b = sp.symbols(f"{letter}_alpha {letter}_beta", real=True)
+    z, v = a + sp.I * b, v_alpha + sp.I * v_beta
+    middle = theta + p * omega * T / 2
+    z_next = (_surface if machine == "surface" else _salient_flux)(z, v, exact, middle)
+    current = z if machine == "surface" else _current(z, theta)
+    decay = sp.exp(-T * D / J) if exact else 1 - T * D / J
+    omega_next = decay * omega
+    states = [a, b, omega, theta]
+    if mechanics == "load_torque":
+        at, angle = ((z + z_next) / 2, middle) if exact else (z, theta)
+        omega_next += T / J * ((1 + decay) / 2 if exact else 1) * (_torque(machine, at, angle) - T_L)
+        states.append(T_L)
+    advance = T * p * ((omega + omega_next) / 2 if exact else omega)
+    f = sp.Matrix([*_parts(z_next), omega_next, theta + advance, *states[4:]])
+    return sp.Matrix(states), f, sp.Matrix(_parts(current))
+
+
+def _surface(z: sp.Expr, v: sp.Expr, exact: bool, middle: sp.Expr) -> sp.Expr:
+    e = sp.I * p * omega * psi_m  # back-EMF in the rotor frame
+    if not exact:
+        return z + T / L_d * (v - R * z - e * sp.exp(sp.I * theta))
+    steady = (v - e * sp.exp(sp.I * middle)) / R
+    return steady + (z - steady) * sp.exp(-T * R / L_d)
+
+
+def _salient_flux(z: sp.Expr, v: sp.Expr, exact: bool, middle: sp.Expr) -> sp.Expr:
+    if not exact:
+        return z + T * (v - R * _current(z, theta))
+    rotor_z, rotor_v = (sp.expand_complex(q * sp.exp(-sp.I * middle)) for q in (z, v))
+    d = _relax(sp.re(rotor_z), psi_m + L_d / R * sp.re(rotor_v), L_d)
+    q = _relax(sp.im(rotor_z), L_q / R * sp.im(rotor_v), L_q)
+    return (d + sp.I * q) * sp.exp(sp.I * middle)
+
+
+def _torque(machine: str, z: sp.Expr, angle: sp.Expr) -> sp.Expr:
+    """1.5 p Im(conj(psi) i); for the surface machine the magnet's flux alone makes torque."""
+    psi, i = (psi_m * sp.exp(sp.I * angle), z) if machine == "surface" else (z, _current(z, angle))
+    return sp.Rational(3, 2) * p * sp.im(sp.expand_complex(sp.conjugate(sp.expand_complex(psi)) * i))
 
 
 def _current(psi: sp.Expr, angle: sp.Expr) -> sp.Expr:
@@ -60,7 +72,7 @@ def _parts(z: sp.Expr) -> list[sp.Expr]:
 
 def compare_derivations(drive: Drive) -> Link:
     """Entry by entry, the difference of the two derivations must simplify to zero."""
-    x, f, h = second_statement(drive.model.machine, drive.model.discretization)
+    x, f, h = second_statement(drive.model.machine, drive.model.discretization, drive.model.mechanics)
     ours = equations(drive)
     rows = []
     for name, equation, mine, theirs in (

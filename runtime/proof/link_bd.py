@@ -17,7 +17,7 @@ Array = NDArray[Any]
 #: What float32 may add to the estimate while the filter runs at speed, by unit. A float32 current of some
 #: amperes is known to 2e-7 A, a speed of 105 rad/s to 4e-6 rad/s, an angle to 1e-7 rad; the filter feeds a
 #: step's rounding back through a gain below one, over some hundred steps of memory.
-ALLOWED_X = {"A": 1e-5, "Wb": 2e-6, "rad/s": 1e-3, "rad": 2e-6}
+ALLOWED_X = {"A": 1e-5, "Wb": 2e-6, "rad/s": 1e-3, "rad": 2e-6, "N m": 1e-3}
 #: P relative to sqrt(P_ii P_jj): a rounding of 6e-8 times the ratio of P_pred to P (some hundred).
 ALLOWED_P = 1e-4
 

@@ -30,7 +30,7 @@ class Plant(Protocol):
 
 @dataclass(frozen=True)
 class MotorData:
-    """SI units; ``p`` pole pairs, ``T`` sample time."""
+    """SI units; ``p`` pole pairs, ``T`` sample time. ``loaded``: the load torque is a fifth state."""
 
     R: float
     L_d: float
@@ -41,71 +41,90 @@ class MotorData:
     D: float
     T: float
     exact: bool
+    loaded: bool
+
+    def mechanics(self, x: Array, T_e: float) -> list[float]:
+        """omega, theta (and T_L) one sample later, under the electromagnetic torque T_e."""
+        w, th = x[2], x[3]
+        if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
+            w_next = (1 - self.T * self.D / self.J) * w
+            w_next += self.T / self.J * (T_e - x[4]) if self.loaded else 0.0
+            return [w_next, th + self.T * self.p * w, *x[4:]]
+        b = math.exp(-self.T * self.D / self.J)
+        w_next = b * w
+        w_next += self.T / self.J * (1 + b) / 2 * (T_e - x[4]) if self.loaded else 0.0
+        return [w_next, th + self.T * self.p * (w + w_next) / 2, *x[4:]]
 
 
 @dataclass(frozen=True)
 class SurfaceMotor:
-    """x = [i_alpha, i_beta, omega, theta], currents measured."""
+    """x = [i_alpha, i_beta, omega, theta(, T_L)], currents measured."""
 
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
         d = self.data
-        i_alpha, i_beta, w, th = x
+        i_alpha, i_beta, w, th = x[:4]
         w_e = d.p * w
         if not d.exact:  # (7)
-            return np.array(
-                [
-                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
-                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
-                    (1 - d.T * d.D / d.J) * w,
-                    th + d.T * w_e,
-                ]
-            )
+            i = np.array([
+                (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
+                (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
+            ])
+            return np.array([*i, *d.mechanics(x, self.torque(x[:2], th))])
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly.
         a = math.exp(-d.T * d.R / d.L_d)
         middle = th + d.T * w_e / 2
         e = d.psi * w_e * np.array([-math.sin(middle), math.cos(middle)])
         i = a * x[:2] + (1 - a) / d.R * (u - e)
-        b = math.exp(-d.T * d.D / d.J)
-        return np.array([i[0], i[1], b * w, th + d.T * d.p * (w + b * w) / 2])
+        return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle))])
+
+    def torque(self, i: Array, th: float) -> float:
+        """(1): 1.5 p psi i_q."""
+        return float(1.5 * self.data.p * self.data.psi * (i[1] * math.cos(th) - i[0] * math.sin(th)))
 
     def h(self, x: Array) -> Array:
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
-        return np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+        return np.eye(2, len(x))
 
 
 @dataclass(frozen=True)
 class SalientFluxMotor:
-    """x = [psi_alpha, psi_beta, omega, theta], currents measured: i = R(th) L^-1 (R(-th) psi - [psi_m, 0])."""
+    """x = [psi_alpha, psi_beta, omega, theta(, T_L)]; measured: i = R(th) L^-1 (R(-th) psi - [psi_m, 0])."""
 
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
         d = self.data
-        w, th = x[2], x[3]
-        w_e = d.p * w
+        th = x[3]
         if not d.exact:
-            psi = x[:2] + d.T * (u - d.R * self.h(x))
-            return np.array([psi[0], psi[1], (1 - d.T * d.D / d.J) * w, th + d.T * w_e])
+            psi = x[:2] + d.T * (u - d.R * self.currents(x[:2], th))
+            return np.array([*psi, *d.mechanics(x, self.torque(x[:2], th))])
         # Rotor frame held at the middle of the interval; there d psi/dt = v - R L^-1 (psi - psi_m), diagonal.
-        to_stator = rotation(th + d.T * w_e / 2)
+        middle = th + d.T * d.p * x[2] / 2
+        to_stator = rotation(middle)
         L = np.array([d.L_d, d.L_q])
         psi_m = np.array([d.psi, 0.0])
         a = np.exp(-d.T * d.R / L)
         steady = L / d.R * (to_stator.T @ u) + psi_m
         psi = to_stator @ (steady + a * (to_stator.T @ x[:2] - steady))
-        b = math.exp(-d.T * d.D / d.J)
-        return np.array([psi[0], psi[1], b * w, th + d.T * d.p * (w + b * w) / 2])
+        return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle))])
+
+    def torque(self, psi: Array, th: float) -> float:
+        """1.5 p (psi x i)."""
+        i = self.currents(psi, th)
+        return float(1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0]))
+
+    def currents(self, psi: Array, th: float) -> Array:
+        d = self.data
+        to_stator = rotation(th)
+        psi_dq = to_stator.T @ psi
+        return np.asarray(to_stator @ ((psi_dq - np.array([d.psi, 0.0])) / np.array([d.L_d, d.L_q])))
 
     def h(self, x: Array) -> Array:
-        d = self.data
-        to_stator = rotation(x[3])
-        psi_dq = to_stator.T @ x[:2]
-        result: Array = to_stator @ ((psi_dq - np.array([d.psi, 0.0])) / np.array([d.L_d, d.L_q]))
-        return result
+        return self.currents(x[:2], x[3])
 
     def H(self, x: Array) -> Array:
         """By the product rule: di/dpsi = R L^-1 R^T; di/dth = R' i_dq + R L^-1 R'^T psi."""
@@ -114,7 +133,7 @@ class SalientFluxMotor:
         turned = to_stator @ np.array([[0.0, -1.0], [1.0, 0.0]])  # dR/dth
         inverse = np.diag([1 / d.L_d, 1 / d.L_q])
         i_dq = inverse @ (to_stator.T @ x[:2] - np.array([d.psi, 0.0]))
-        H = np.zeros((2, 4))
+        H = np.zeros((2, len(x)))
         H[:, :2] = to_stator @ inverse @ to_stator.T
         H[:, 3] = turned @ i_dq + to_stator @ inverse @ turned.T @ x[:2]
         return H
@@ -139,9 +158,8 @@ def make_motor(parameters: Mapping[str, Any]) -> Plant:
         D=m["friction"],
         T=model["sample_time"],
         exact=model["discretization"] == "exact",
+        loaded={"constant_speed": False, "load_torque": True}[model.get("mechanics", "constant_speed")],
     )
-    if model.get("mechanics", "constant_speed") != "constant_speed":
-        raise ValueError(f"the reference has no mechanics '{model['mechanics']}'")
     motors: dict[str, type[SurfaceMotor] | type[SalientFluxMotor]] = {
         "surface": SurfaceMotor,
         "salient_flux": SalientFluxMotor,

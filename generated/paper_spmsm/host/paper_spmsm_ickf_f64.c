@@ -30,8 +30,8 @@ extern double cos(double x);
 #define DECAY_I 0.9311377245508982 /* 1 - T R / L */
 #define GAIN_E 0.004191616766467066 /* T psi_m / L, A s/rad */
 #define GAIN_V 0.023952095808383235 /* T / L, A/V */
-#define DECAY_OMEGA 0.999995 /* 1 - T D / J */
 #define SAMPLE_TIME 2e-05 /* sample time, s */
+#define DECAY_OMEGA 0.999995 /* 1 - T D / J */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
