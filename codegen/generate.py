@@ -18,7 +18,9 @@ from codegen.certificate import SAMPLES, Certificate, certify
 from codegen.cost import Cost, step_cost
 from codegen.folder import with_manifest
 from codegen.layout import Listing, lay_out
+from codegen.printers.python import PythonPrinter
 from codegen.render import Description, render_filter, render_module, render_port
+from codegen.render_drive import controller_context, render_foc, render_plant
 from codegen.report import render_report
 from codegen.targets import F28335, HOST64
 from model.drive import Drive
@@ -44,7 +46,8 @@ def generate(drive: Drive, samples: int = SAMPLES) -> Package:
         kind: step_cost(step.body, listings, drive.filter.max_iterations, len(model.states))
         for kind, step in steps.items()
     }
-    module = render_module(_describe(drive, model), steps, listings)
+    about = _describe(drive, model)
+    module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
     certificates = certify_module(drive, model, steps, module, samples)
     files = assemble(drive, model, steps, listings, costs, certificates, module)
     return Package(drive, model, steps, files)
@@ -90,6 +93,10 @@ def assemble(
             header, source = render_filter(about, step, listings, target, costs[kind], certificates[kind])
             stem = f"{folder}{drive.name}_{kind}{target.tag}"
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
+        foc = f"{drive.name}_{kind}_foc"
+        files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind)
+    plant = f"host/{drive.name}_plant"
+    files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files["REPORT.md"] = render_report(about, steps, costs, certificates)
     return with_manifest(files, _facts(drive, model, steps, costs, certificates))
 

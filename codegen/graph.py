@@ -95,6 +95,8 @@ _BINARY = {
     ca.OP_SUB: "sub",
     ca.OP_MUL: "mul",
     ca.OP_DIV: "div",
+    ca.OP_FMIN: "min",
+    ca.OP_FMAX: "max",
 }
 _UNARY = {
     ca.OP_NEG: "neg",
@@ -156,5 +158,5 @@ def _replay(graph: Graph, op: int, args: list[int]) -> int:
     names = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
     raise UnsupportedOperationError(
         f"no printer for CasADi operation {names.get(op, op)}; "
-        "known: + - * / sqrt sin cos, x**2, and remainder(x, 2 pi) for wrapping an angle"
+        "known: + - * / fmin fmax sqrt sin cos, x**2, and remainder(x, 2 pi) for wrapping an angle"
     )

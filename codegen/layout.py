@@ -175,10 +175,10 @@ def _pair(graph: Graph, names: dict[int, str], angle: int, section: Section, don
 
 
 def _by_equation(stages: tuple[Stage, ...], nodes: dict[str, list[int]]) -> list[tuple[str, str, list[int]]]:
-    """Neighbouring stages of one equation share a section."""
+    """Neighbouring stages of one equation share a section; without equations each meaning begins one."""
     groups: list[tuple[str, list[str], list[int]]] = []
     for stage in stages:
-        if not groups or groups[-1][0] != stage.equation:
+        if not groups or groups[-1][0] != stage.equation or (stage.meaning and not stage.equation):
             groups.append((stage.equation, [], []))
         if stage.meaning:
             groups[-1][1].append(stage.meaning)

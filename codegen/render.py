@@ -102,8 +102,8 @@ def render_filter(
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
         pair=pair,
-        trig_note=_trig_note(target),
-        sin_cos=_sin_cos(printer),
+        trig_note=trig_note(target),
+        sin_cos=sin_cos_text(printer),
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
@@ -148,7 +148,7 @@ def _prototypes(target: Target) -> list[str]:
     return [f"{c_type} {name}({c_type} x)" for name in names]
 
 
-def _trig_note(target: Target) -> list[str]:
+def trig_note(target: Target) -> list[str]:
     if not target.generated_trig:
         return ["Sine and cosine of the platform."]
     bound = sin_cos_bound()
@@ -159,7 +159,7 @@ def _trig_note(target: Target) -> list[str]:
     ]
 
 
-def _sin_cos(printer: CPrinter) -> str:
+def sin_cos_text(printer: CPrinter) -> str:
     if printer.target.generated_trig:
         return printer.format_helper(sin_cos_listing())
     lines = ["static sin_cos_pair sin_cos(float64 x)", "{", f"{INDENT}sin_cos_pair result;"]
@@ -221,8 +221,10 @@ def _repeats(body: tuple[Node, ...]) -> bool:
     )
 
 
-def render_module(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> str:
-    """The Python module of a drive, all its kinds."""
+def render_module(
+    about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], controller: dict[str, Any]
+) -> str:
+    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render_drive`)."""
     drive, model = about.drive, about.model
     printer = PythonPrinter()
     helpers = [
@@ -242,8 +244,12 @@ def render_module(about: Description, steps: dict[str, FilterStep], listings: di
         gain=drive.filter.gain,
         sample_time=repr(drive.model.sample_time),
         defaults={key: repr(value) for key, value in _tuning(about).items()},
-        constants=[{"name": c.name, "value": repr(c.value), "formula": c.formula} for c in model.constants],
+        constants=[
+            {"name": c.name, "value": repr(c.value), "formula": c.formula}
+            for c in {c.name: c for c in (*model.constants, *controller["control_constants"])}.values()
+        ],
         helpers=helpers,
+        **controller,
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[
             {"kind": kind, "loops": _repeats(step.body), "program": "\n".join(printer.format_program(step.body))}

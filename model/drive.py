@@ -38,6 +38,7 @@ Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
 Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
+Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
 Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
 Variance = Annotated[float, Field(gt=0, le=1e12)]
@@ -94,6 +95,15 @@ class OperatingBox(_Section):
     load_torque: Torque = 20.0
 
 
+class Control(_Section):
+    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
+
+    dc_link: Voltage = 311.0
+    max_current: Current = 20.0
+    current_bandwidth: Bandwidth = 1500.0
+    speed_bandwidth: Bandwidth = 60.0
+
+
 class Drive(_Section):
     """A validated drive file. ``sha256`` is the hash of the file's text; it goes into the generated header."""
 
@@ -102,6 +112,7 @@ class Drive(_Section):
     model: Model
     filter: Filter
     operating_box: OperatingBox = OperatingBox()
+    control: Control = Control()
     sha256: str = ""
 
     @model_validator(mode="after")
@@ -202,6 +213,7 @@ _SECTIONS: dict[str, type[_Section]] = {
     "model": Model,
     "filter": Filter,
     "operating_box": OperatingBox,
+    "control": Control,
 }
 
 

@@ -40,8 +40,8 @@ class CPrinter(ExpressionPrinter):
     def format_wrap(self, argument: str) -> str:
         return f"wrap_angle({argument})"
 
-    def format_select(self, left: str, comparison: str, right: str) -> str:
-        return f"({left} {comparison} {right}) ? {left} : {right}"
+    def format_extreme(self, op: str, left: str, right: str) -> str:
+        return f"{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
     # --- statements
 

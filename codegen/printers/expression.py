@@ -28,8 +28,8 @@ class ExpressionPrinter:
     def format_wrap(self, argument: str) -> str:
         raise NotImplementedError
 
-    def format_select(self, left: str, comparison: str, right: str) -> str:
-        """``left`` where ``left comparison right`` holds, else ``right``."""
+    def format_extreme(self, op: str, left: str, right: str) -> str:
+        """The smaller (``min``) or larger (``max``) of two; the second one where they do not compare."""
         raise NotImplementedError
 
     def reference(self, listing: Listing, node: int) -> str:
@@ -58,8 +58,7 @@ class ExpressionPrinter:
         if node.op == "wrap":
             return self.format_wrap(args[0][0]), 4
         if node.op in {"min", "max"}:
-            comparison = "<" if node.op == "min" else ">"
-            return self.format_select(args[0][0], comparison, args[1][0]), 4
+            return self.format_extreme(node.op, args[0][0], args[1][0]), 4
         raise ValueError(f"no printer for operation '{node.op}'")
 
     @staticmethod

@@ -26,8 +26,8 @@ class PythonPrinter(ExpressionPrinter):
     def format_wrap(self, argument: str) -> str:
         return f"math.wrap({argument})"
 
-    def format_select(self, left: str, comparison: str, right: str) -> str:
-        return f"np.where({left} {comparison} {right}, {left}, {right})[()]"
+    def format_extreme(self, op: str, left: str, right: str) -> str:
+        return f"_{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
     # --- statements
 
@@ -58,7 +58,7 @@ class PythonPrinter(ExpressionPrinter):
         for port in block.inputs:
             lines += self._format_input(port.name, len(port.entries), listing.used_inputs[port.name])
         lines += [*self.format_body(listing), ""]
-        if listing.stages:
+        if any(stage.scale != "none" for stage in block.stages):
             lines += self._format_stages(listing)
         results = [self._tuple(listing, nodes) for nodes in listing.outputs.values()]
         if len(results) == 1:

@@ -11,7 +11,7 @@ STATES = ('psi_alpha', 'psi_beta', 'omega', 'theta')
 UNITS = ('Wb', 'Wb', 'rad/s', 'rad')
 ANGLE = 3  # index of the state that lives on a circle
 KINDS = ('ckf', 'ickf')
-GAIN = "jacobian"  # of the ickf
+ICKF_GAIN = "jacobian"
 SAMPLE_TIME = 0.0001  # s
 
 #: Tuning as the drive file states it; data, not code.
@@ -41,6 +41,22 @@ GAIN_Q = 9.9647887809923e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 MAGNET_D = 0.005422840606703382  # (1 - exp(-T R / L_d)) psi_m, Wb
 HALF_T = 5e-05  # T / 2, s
 ADVANCE = 0.0001  # T (1 + exp(-T D / J)) / 2, s
+L_D = 0.036  # L_d, H
+L_Q = 0.051  # L_q, H
+TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
+A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
+MTPA_FLUX = 18.166666666666668  # psi_m / (2 (L_q - L_d)), A
+SALIENCY = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
+
+
+def _smaller(a, b):
+    """The smaller of two, lane by lane; the second one where they do not compare."""
+    return np.where(a < b, a, b)[()]
+
+
+def _larger(a, b):
+    """The larger of two, lane by lane; the second one where they do not compare."""
+    return np.where(a > b, a, b)[()]
 
 
 def _sin_cos_f32(x):
@@ -65,8 +81,8 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside [-pi, pi)
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.7762184143066406e-05 - turns * -5.563627070159782e-08
-    capped = np.where(r < BELOW_PI, r, BELOW_PI)[()]
-    return np.where(capped > -3.141592502593994, capped, -3.141592502593994)[()]
+    capped = _smaller(r, BELOW_PI)
+    return _larger(capped, -3.141592502593994)
 
 
 def _wrap_angle_f64(x):
@@ -75,8 +91,8 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside [-pi, pi)
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    capped = np.where(r < BELOW_PI, r, BELOW_PI)[()]
-    return np.where(capped > -3.1415926535897927, capped, -3.1415926535897927)[()]
+    capped = _smaller(r, BELOW_PI)
+    return _larger(capped, -3.1415926535897927)
 
 
 def _sin_cos_f64(x):
@@ -830,6 +846,112 @@ def ickf_step(f, u, y, math, stages=None):
         x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
     f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
     return status
+
+
+def clarke(phase, math, stages=None):
+    """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
+    (i_a, i_b) = phase
+
+    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+
+
+def control(i, rotor, command, gain, integrator, math, stages=None):
+    """Field-oriented control."""
+    (i_alpha, i_beta) = i
+    (omega, theta) = rotor
+    (omega_ref, v_dc) = command
+    (gain_speed_p, gain_speed_i, gain_current_d_p, gain_current_q_p, gain_current_i, gain_max_current,
+        gain_dead_share, gain_dead_current, gain_advance) = gain
+    (integral_speed, integral_d, integral_q) = integrator
+
+    # --- Park
+    sin_theta, cos_theta = math.sin_cos(theta)
+    i_d = cos_theta * i_alpha + sin_theta * i_beta
+    i_q = cos_theta * i_beta - sin_theta * i_alpha
+
+    # --- speed PI
+    error_omega = omega_ref - omega
+    torque_limit = TORQUE_PER_A * gain_max_current
+    torque_wanted = gain_speed_p * error_omega + integral_speed
+    torque_ref = _larger(-torque_limit, _smaller(torque_limit, torque_wanted))
+    integral_speed_next = (integral_speed + gain_speed_i * (error_omega +
+        (torque_ref - torque_wanted) / gain_speed_p))
+
+    # --- current references
+    i_q_at_zero_i_d = A_PER_TORQUE * torque_ref
+    i_d_ref = MTPA_FLUX - np.sqrt(MTPA_FLUX * MTPA_FLUX + i_q_at_zero_i_d * i_q_at_zero_i_d)
+    i_q_ref = i_q_at_zero_i_d / (1.0 - SALIENCY * i_d_ref)
+
+    # --- current PI with decoupling
+    error_d = i_d_ref - i_d
+    error_q = i_q_ref - i_q
+    omega_e = POLE_PAIRS * omega
+    v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q)
+    v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
+
+    # --- voltage hexagon's inner circle
+    v_max = 0.5773502691896258 * v_dc
+    shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
+    v_d = shrink * v_d_wanted
+    v_q = shrink * v_q_wanted
+
+    # --- anti-windup by back-calculation
+    integral_d_next = integral_d + gain_current_i * (error_d + (v_d - v_d_wanted) / gain_current_d_p)
+    integral_q_next = integral_q + gain_current_i * (error_q + (v_q - v_q_wanted) / gain_current_q_p)
+
+    # --- inverse Park at the angle in the middle of the acting interval
+    theta_acting = theta + omega_e * gain_advance
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
+    v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
+
+    # --- dead-time compensation
+    minus_half_i_alpha = -0.5 * i_alpha
+    cross_i_beta = 0.8660254037844386 * i_beta
+    i_b = minus_half_i_alpha + cross_i_beta
+    i_c = minus_half_i_alpha - cross_i_beta
+    sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
+    sign_i_b = _larger(-1.0, _smaller(1.0, i_b / gain_dead_current))
+    sign_i_c = _larger(-1.0, _smaller(1.0, i_c / gain_dead_current))
+
+    # --- SVPWM
+    minus_half_v_alpha = -0.5 * v_alpha
+    cross_v_beta = 0.8660254037844386 * v_beta
+    v_b = minus_half_v_alpha + cross_v_beta
+    v_c = minus_half_v_alpha - cross_v_beta
+    v_highest = _larger(v_alpha, _larger(v_b, v_c))
+    v_lowest = _smaller(v_alpha, _smaller(v_b, v_c))
+    v_common = 0.5 * (v_highest + v_lowest)
+
+    return (
+        (_smaller(1.0, _larger(0.0, 0.5 + (v_alpha - v_common) / v_dc + gain_dead_share * sign_i_a)),
+            _smaller(1.0, _larger(0.0, 0.5 + (v_b - v_common) / v_dc + gain_dead_share * sign_i_b)),
+            _smaller(1.0, _larger(0.0, 0.5 + (v_c - v_common) / v_dc + gain_dead_share * sign_i_c)),),
+        (v_alpha, v_beta,),
+        (integral_speed_next, integral_d_next, integral_q_next,),
+    )
+
+
+#: Gains of the field-oriented controller, as the drive file's bandwidths make them.
+GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'dead_share', 'dead_current', 'advance')
+GAIN = (1.7999999999999998, 0.0054, 53.99999999999999, 76.5, 0.54, 20.0, 0.0, 0.3, 5e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance
+ADVANCE_DELAYED = 0.00015000000000000001  # s, replaces GAIN[8] where the voltage acts a sample later
+
+
+def foc_step(c, filter_step, phase, command, math):
+    """One sample of the controller ``c`` (filter, gain, integrator, v_acting, v_queued, sensed, sensored, delay).
+
+    phase: i_a, i_b in A; command: speed reference rad/s, DC link V. Returns duty cycles and the filter's status.
+    """
+    i = clarke(phase, math)
+    status = filter_step(c.filter, c.v_acting, i, math)
+    rotor = c.sensed if c.sensored else (c.filter.x[2], c.filter.x[3])
+    duty, v, c.integrator = control(i, rotor, command, c.gain, c.integrator, math)
+    if c.delay:
+        c.v_acting, c.v_queued = c.v_queued, v
+    else:
+        c.v_acting = v
+    return duty, status
 
 
 STEPS = {"ckf": ckf_step, "ickf": ickf_step}

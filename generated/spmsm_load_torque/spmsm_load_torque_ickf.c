@@ -61,14 +61,24 @@ static sin_cos_pair sin_cos(float32 x)
     return result;
 }
 
+static float32 smaller(float32 a, float32 b)
+{
+    return (a < b) ? a : b;
+}
+
+static float32 larger(float32 a, float32 b)
+{
+    return (a > b) ? a : b;
+}
+
 /* The same angle in [-pi, pi). */
 static float32 wrap_angle(float32 x)
 {
     /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.7762184e-05f - turns * -5.563627e-08f;
-    const float32 capped = (r < BELOW_PI) ? r : BELOW_PI;
-    return (capped > -3.1415925f) ? capped : -3.1415925f;
+    const float32 capped = smaller(r, BELOW_PI);
+    return larger(capped, -3.1415925f);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. */

@@ -47,7 +47,11 @@ POINTS = [[0.7, -1.3, 2.1], [-3.0, 0.25, -0.5], [12.5, 7.0, 1e-3]]
 def test_python_prints_every_operator(point: list[float]) -> None:
     listing = lay_out(every_operator(), [])
     wrap = PythonPrinter().format_helper(wrap_listing(DOUBLE), "f64")
-    namespace: dict[str, Any] = {"np": np}
+    namespace: dict[str, Any] = {
+        "np": np,
+        "_smaller": lambda a, b: np.where(a < b, a, b)[()],
+        "_larger": lambda a, b: np.where(a > b, a, b)[()],
+    }
     exec(f"{wrap}\n{PythonPrinter().format_block(listing)}", namespace)
 
     class Math:
@@ -74,7 +78,9 @@ def test_c_prints_every_operator(point: list[float]) -> None:
             "#define ROUND 6755399441055744.0",
             "#define BELOW_PI 3.1415926535897927",
             "static sin_cos_pair sin_cos(float64 x) { sin_cos_pair r; r.sine = sin(x); r.cosine = cos(x); return r; }",
-            printer.format_helper(wrap_listing(DOUBLE)),
+            "static float64 smaller(float64 a, float64 b) { return (a < b) ? a : b; }",
+        "static float64 larger(float64 a, float64 b) { return (a > b) ? a : b; }",
+        printer.format_helper(wrap_listing(DOUBLE)),
             printer.format_block(listing),
             "void call(const float64 *v, float64 *w) { operators(v, w); }",
         ]

@@ -23,7 +23,11 @@ from codegen.trig import (
     wrap_listing,
 )
 
-NAMESPACE: dict[str, Any] = {"np": np}
+NAMESPACE: dict[str, Any] = {
+    "np": np,
+    "_smaller": lambda a, b: np.where(a < b, a, b)[()],
+    "_larger": lambda a, b: np.where(a > b, a, b)[()],
+}
 exec(PythonPrinter().format_helper(wrap_listing(SINGLE), "f32"), NAMESPACE)
 exec(PythonPrinter().format_helper(wrap_listing(DOUBLE), "f64"), NAMESPACE)
 wrap_f32, wrap_f64 = NAMESPACE["_wrap_angle_f32"], NAMESPACE["_wrap_angle_f64"]

@@ -54,14 +54,24 @@ static sin_cos_pair sin_cos(float64 x)
     return result;
 }
 
+static float64 smaller(float64 a, float64 b)
+{
+    return (a < b) ? a : b;
+}
+
+static float64 larger(float64 a, float64 b)
+{
+    return (a > b) ? a : b;
+}
+
 /* The same angle in [-pi, pi). */
 static float64 wrap_angle(float64 x)
 {
     /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    const float64 capped = (r < BELOW_PI) ? r : BELOW_PI;
-    return (capped > -3.1415926535897927) ? capped : -3.1415926535897927;
+    const float64 capped = smaller(r, BELOW_PI);
+    return larger(capped, -3.1415926535897927);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. */

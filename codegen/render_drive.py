@@ -1,0 +1,77 @@
+"""Templates around the filter filled in: the whole controller for the chip, the plant for the host."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from codegen.layout import Listing, lay_out
+from codegen.printers.c import CPrinter
+from codegen.printers.python import PythonPrinter
+from codegen.render import Description, render, sin_cos_text, trig_note
+from codegen.targets import F28335, HOST64
+from model.controller import Gains, clarke_block, control_block, design
+from model.plant import STATES, outputs_block, plant_block
+from model.quantities import Constant, Constants
+
+
+def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
+    """The controller's block, laid out, and its named constants."""
+    constants = Constants(named=True)
+    block = control_block(about.drive, constants)
+    found = list(constants.items.values())
+    return lay_out(block, found), found
+
+
+def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
+    """What both languages say about the controller."""
+    listing, constants = control_listing(about)
+    return {
+        "clarke": printer.format_block(lay_out(clarke_block(), [])),
+        "control_text": printer.format_block(listing),
+        "control_constants": constants,
+        "gains": tuple(Gains.names()),
+        "gain_values": [printer.format_literal(value) for value in design(about.drive).values],
+        "advance_delayed": printer.format_literal(design(about.drive, delay=1).advance),
+    }
+
+
+def render_foc(about: Description, kind: str) -> tuple[str, str]:
+    """Header and source of the controller around one filter, float32 for the chip."""
+    printer = CPrinter(F28335)
+    context = controller_context(about, printer)
+    listing, constants = control_listing(about)
+    used = {listing.graph[node].name for node in listing.live if listing.graph[node].op == "const"}
+    common = {
+        "p": f"{about.drive.name}_{kind}",
+        "drive": about.drive.name,
+        "sha": about.drive.sha256,
+        "sample_time": about.sample_time,
+        "gains": context["gains"],
+    }
+    header = render("foc.h.j2", **common)
+    source = render(
+        "foc.c.j2",
+        **{**context, **common},
+        control=about.drive.control,
+        constants=[
+            {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula} for c in constants if c.name in used
+        ],
+        round=printer.format_literal(F28335.precision.rounding),
+        trig_note=trig_note(F28335),
+        sin_cos=sin_cos_text(printer),
+    )
+    return header, source
+
+
+def render_plant(about: Description) -> tuple[str, str]:
+    """Header and source of the motor for simulation, float64."""
+    printer = CPrinter(HOST64)
+    common = {"drive": about.drive.name, "sha": about.drive.sha256, "n": len(STATES)}
+    header = render("plant.h.j2", **common, states=", ".join(STATES))
+    source = render(
+        "plant.c.j2",
+        **common,
+        substep=printer.format_block(lay_out(plant_block(about.drive), [])),
+        outputs=printer.format_block(lay_out(outputs_block(about.drive), [])),
+    )
+    return header, source

@@ -1,0 +1,330 @@
+"""Closed-loop simulation: the generated controller drives the generated motor through an inverter model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.drive.scenario import RPM, Scenario
+from runtime.errors import UserError
+from runtime.estimator.c_backend import c_sources, declarations
+from runtime.estimator.compiler import build_library
+from runtime.estimator.folder import GeneratedFolder
+
+Array = NDArray[Any]
+Progress = Callable[[float], None]
+
+SIMULATOR = Path(__file__).with_name("simulator.c")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Inverter and sensors. Times in s, currents in A; ``theta`` is the rotor's electrical angle at the start, rad."""
+
+    inverter: str = "averaged"  # averaged | pwm
+    dead_time: float = 0.0
+    delay: int = 0
+    noise: float = 0.05  # rms of each of the two current sensors
+    offset: tuple[float, float] = (0.0, 0.0)
+    bits: int = 0  # 0: no quantisation
+    range: float = 50.0  # full scale of the converter
+    compensate: bool = True  # the controller knows the dead time
+    sensored: bool = False
+    theta: float = 0.0
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run in the recorded-data format, with the estimate beside the truth. Arrays of N samples.
+
+    t s; u (N, 2) V; i (N, 2) A as measured; omega, theta, load_torque, torque: truth, theta unwrapped;
+    x (N, n) the estimate; duty (N, 3); status (N,).
+    """
+
+    scenario: Scenario
+    kind: str
+    state_names: tuple[str, ...]
+    t: Array
+    u: Array
+    i: Array
+    omega: Array
+    theta: Array
+    load_torque: Array
+    torque: Array
+    x: Array
+    duty: Array
+    status: Array
+
+    @property
+    def speed_error(self) -> Array:
+        """Estimated minus true speed, r/min."""
+        return (self.x[:, 2].astype(float) - self.omega) * RPM
+
+    @property
+    def angle_error(self) -> Array:
+        """Estimated minus true electrical angle, degrees, in [-180, 180)."""
+        return np.degrees(np.remainder(self.x[:, 3].astype(float) - self.theta + np.pi, 2 * np.pi) - np.pi)
+
+    @property
+    def locked(self) -> bool:
+        """Over the last 50 ms: angle within 30 degrees, true speed within 10 % of the reference, all finite."""
+        late = self.t >= self.t[-1] - 0.05
+        wanted = self.scenario.speed
+        finite = bool(np.all(np.isfinite(self.x)) and np.all(np.isfinite(self.omega)))
+        near = np.max(np.abs(self.omega[late] * RPM - wanted)) <= 0.1 * wanted
+        return finite and bool(near and np.max(np.abs(self.angle_error[late])) <= 30.0)
+
+    def figures(self) -> dict[str, float]:
+        """Largest speed error before and after the load step (r/min), rms over the last 50 ms, largest angle error
+        after the start (degrees electrical)."""
+        start = self.t < min(self.scenario.load_at, self.scenario.duration)
+        late = self.t >= self.t[-1] - 0.05
+        moving = self.t >= self.scenario.ramp
+        error = self.speed_error
+        after = ~start if self.scenario.load else late
+        return {
+            "start": float(np.max(np.abs(error[start]))),
+            "load_step": float(np.max(np.abs(error[after]))),
+            "steady_rms": float(np.sqrt(np.mean(error[late] ** 2))),
+            "angle": float(np.max(np.abs(self.angle_error[moving]))),
+        }
+
+    def columns(self) -> dict[str, Array]:
+        """The recorded-data format."""
+        columns = {"t": self.t, "u_alpha": self.u[:, 0], "u_beta": self.u[:, 1]}
+        columns |= {"i_alpha": self.i[:, 0], "i_beta": self.i[:, 1]}
+        return columns | {"omega": self.omega, "theta": self.theta, "load_torque": self.load_torque}
+
+    def save(self, path: Path) -> None:
+        """Write .npz or .csv (with a header), by the path's suffix."""
+        columns = self.columns()
+        if path.suffix == ".npz":
+            np.savez(path, **columns)
+        elif path.suffix == ".csv":
+            table = np.column_stack(list(columns.values()))
+            np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+        else:
+            raise UserError(f"'{path}': recorded data is .npz or .csv.")
+
+
+class Simulator:
+    """One drive's compiled simulation; make it once, run it often."""
+
+    def __init__(self, folder: GeneratedFolder, kind: str) -> None:
+        if kind not in folder.kinds:
+            raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+        self.folder, self.kind = folder, kind
+        self.module = folder.module
+        self._prefix, sources = c_sources(folder, kind, "float32")
+        foc, plant = f"{self._prefix}_foc", f"{folder.drive}_plant"
+        for name, place in ((foc, ""), (plant, "host/")):
+            sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
+        defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
+        library = build_library({**sources, "simulator.c": SIMULATOR.read_text(encoding="utf-8")}, defines, ("-O2",))
+        self._foc = foc
+        self._ffi, self._library = _open(library, sources, self._prefix, foc)
+
+    def run(
+        self,
+        scenario: Scenario,
+        conditions: Conditions | None = None,
+        controller: str = "c",
+        tuning: dict[str, tuple[float, ...]] | None = None,
+        progress: Progress = lambda share: None,
+    ) -> Run:
+        """Simulate a scenario.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        conditions : Conditions, optional
+        controller : {"c", "numpy"}
+            The generated C, or its NumPy twin: the same bits.
+        tuning : dict, optional
+            Replaces Q, R, x_0 or P_0 of the drive file, as one would on the running firmware.
+        progress : callable
+            Called with the share done, 0 to 1.
+        """
+        conditions = conditions or Conditions()
+        T = self.module.SAMPLE_TIME
+        steps = round(scenario.duration / T)
+        t = T * np.arange(steps)
+        rng = np.random.default_rng(conditions.seed)
+        inputs = Inputs(
+            noise=rng.normal(0.0, conditions.noise, (steps, 2)) if conditions.noise else np.zeros((steps, 2)),
+            speed=scenario.speed_reference(t),
+            load=scenario.load_torque(t),
+        )
+        machine = self._machine(conditions)
+        loop = {"c": self._run_c, "numpy": self._run_numpy}.get(controller)
+        if loop is None:
+            raise UserError(f"controller '{controller}' is not c or numpy.")
+        gain = self._gain(conditions)
+        rows, x, duty, status = loop(machine, conditions, gain, tuning or {}, inputs, progress)
+        i = np.column_stack([rows[:, 0], (rows[:, 0] + 2 * rows[:, 1]) / np.sqrt(3)])
+        names = self.module.STATES
+        truth = (rows[:, 4], rows[:, 5], inputs.load, rows[:, 6])
+        return Run(scenario, self.kind, names, t, rows[:, 2:4], i, *truth, x=x, duty=duty, status=status)
+
+    def _machine(self, conditions: Conditions) -> Any:
+        """A fresh simulator struct: the motor at rest."""
+        m = self._ffi.new("simulator *")
+        parameters = self.folder.manifest["parameters"]
+        # At rest without current the electrical states are the filter's x_0 turned by the angle.
+        x_0 = complex(*self.module.DEFAULTS["x_0"][:2]) * np.exp(1j * conditions.theta)
+        m.s[0:6] = [x_0.real, x_0.imag, 0.0, conditions.theta, np.cos(conditions.theta), np.sin(conditions.theta)]
+        m.duty_next[0:3] = [0.5, 0.5, 0.5]
+        m.T = self.module.SAMPLE_TIME
+        m.v_dc = parameters["control"]["dc_link"]
+        m.dead_time = conditions.dead_time
+        m.offset[0:2] = list(conditions.offset)
+        m.step = 2 * conditions.range / 2**conditions.bits if conditions.bits else 0.0
+        m.range = conditions.range
+        m.h_max = min(12.5e-6, m.T / 2)
+        m.delay = conditions.delay
+        m.switching = {"averaged": 0, "pwm": 1}[conditions.inverter]
+        return m
+
+    def _gain(self, conditions: Conditions) -> tuple[float, ...]:
+        """The controller's data for these conditions."""
+        names = self.module.GAIN_NAMES
+        gain = dict(zip(names, self.module.GAIN, strict=True))
+        if conditions.delay:
+            gain["advance"] = self.module.ADVANCE_DELAYED
+        if conditions.inverter == "pwm" and conditions.compensate:
+            gain["dead_share"] = conditions.dead_time / self.module.SAMPLE_TIME
+        return tuple(gain[name] for name in names)
+
+    def _run_c(
+        self,
+        machine: Any,
+        conditions: Conditions,
+        gain: tuple[float, ...],
+        tuning: dict[str, tuple[float, ...]],
+        inputs: Inputs,
+        progress: Progress,
+    ) -> tuple[Array, ...]:
+        """Software in the loop: the generated C, a tenth of a second of drive time at a call."""
+        controller = self._ffi.new(f"{self._foc}_t *")
+        getattr(self._library, f"{self._foc}_init")(controller, conditions.delay)
+        controller.sensored = int(conditions.sensored)
+        controller.gain[0 : len(gain)] = list(gain)
+        for name, values in tuning.items():
+            getattr(controller.filter, name)[0 : len(values)] = list(values)
+        getattr(self._library, f"{self._prefix}_reset")(self._ffi.addressof(controller, "filter"))
+        steps, n = len(inputs.speed), len(self.module.STATES)
+        rows, x = np.empty((steps, 7)), np.empty((steps, n), dtype=np.float32)
+        duty, status = np.empty((steps, 3), dtype=np.float32), np.empty(steps, dtype=np.int32)
+        chunk = max(1, round(0.1 / machine.T))
+        for first in range(0, steps, chunk):
+            part = slice(first, min(first + chunk, steps))
+            arrays = [inputs.noise[part], inputs.speed[part], inputs.load[part], rows[part], x[part], duty[part], status[part]]
+            types = ["double *"] * 4 + ["float *"] * 2 + ["int *"]
+            pointers = [self._ffi.cast(c, a.ctypes.data) for c, a in zip(types, arrays, strict=True)]
+            self._library.simulator_run(machine, controller, part.stop - first, n, *pointers)
+            progress(part.stop / steps)
+        return rows, x, duty, status
+
+    def _run_numpy(
+        self,
+        machine: Any,
+        conditions: Conditions,
+        gain: tuple[float, ...],
+        tuning: dict[str, tuple[float, ...]],
+        inputs: Inputs,
+        progress: Progress,
+    ) -> tuple[Array, ...]:
+        """The NumPy twin in the same loop, around the same motor, inverter and sensors."""
+        module, ffi, library = self.module, self._ffi, self._library
+        math = module.MATH["float32"]
+        controller = numpy_controller({**module.DEFAULTS, **tuning}, gain, conditions)
+        steps = len(inputs.speed)
+        rows, x = np.empty((steps, 7)), np.empty((steps, len(module.STATES)), dtype=np.float32)
+        duty, status = np.empty((steps, 3), dtype=np.float32), np.empty(steps, dtype=np.int32)
+        phase, i, torque = ffi.new("float[2]"), ffi.new("double[2]"), ffi.new("double[1]")
+        outputs = getattr(library, f"{self.folder.drive}_plant_outputs")
+        for k in range(steps):
+            library.simulator_sense(machine, [float(v) for v in inputs.noise[k]], phase)
+            outputs(machine.s, i, torque)
+            rows[k] = (phase[0], phase[1], *controller.v_acting, machine.s[2], machine.s[3], torque[0])
+            turned = float(np.remainder(machine.s[3] + np.pi, 2 * np.pi) - np.pi)
+            controller.sensed = (np.float32(machine.s[2]), np.float32(turned))
+            measured = (np.float32(phase[0]), np.float32(phase[1]))
+            command = (np.float32(inputs.speed[k]), np.float32(machine.v_dc))
+            duties, status[k] = module.foc_step(controller, module.STEPS[self.kind], measured, command, math)
+            x[k], duty[k] = controller.filter.x, duties
+            library.simulator_actuate(machine, [float(d) for d in duties], inputs.load[k])
+            if k % 1000 == 999:
+                progress((k + 1) / steps)
+        return rows, x, duty, status
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a run is given, one row a sample: sensor noise (N, 2) A, speed reference rad/s, load N m."""
+
+    noise: Array
+    speed: Array
+    load: Array
+
+
+def numpy_controller(defaults: dict[str, Any], gain: tuple[float, ...], conditions: Conditions) -> SimpleNamespace:
+    """The controller's state for the NumPy twin, as ``_foc_init`` leaves it."""
+    single = np.float32
+    tuning = {name: _single(value) for name, value in defaults.items()}
+    n = len(tuning["x_0"])
+    P = tuple(tuning["P_0"][i] if i == j else single(0) for i in range(n) for j in range(i + 1))
+    zeros = (single(0), single(0))
+    estimator = SimpleNamespace(**tuning, x=tuning["x_0"], P=P, u_held=zeros, iterations=0)
+    return SimpleNamespace(
+        filter=estimator,
+        gain=tuple(single(value) for value in gain),
+        integrator=(single(0), single(0), single(0)),
+        v_acting=zeros,
+        v_queued=zeros,
+        sensed=zeros,
+        sensored=conditions.sensored,
+        delay=conditions.delay,
+    )
+
+
+def _single(value: Any) -> Any:
+    """Numbers and tuples of numbers in float32; counts stay."""
+    if isinstance(value, tuple):
+        return tuple(np.float32(item) for item in value)
+    return value if isinstance(value, int) else np.float32(value)
+
+
+def _open(library: Path, sources: dict[str, str], prefix: str, foc: str) -> tuple[Any, Any]:
+    """cffi's view of controller, plant outputs and simulator."""
+    import cffi
+
+    ffi = cffi.FFI()
+    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").rpartition("void runner_run")[0]
+    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").rpartition("void runner_run")[0].split(";", 1)[1]
+    source = SIMULATOR.read_text(encoding="utf-8")
+    struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
+    struct = "\n".join(line.partition("/*")[0] for line in struct.splitlines())
+    plant = foc.removesuffix("_foc")
+    drive = plant.rpartition("_")[0]
+    ffi.cdef(
+        filter_part
+        + foc_part
+        + struct
+        + f"""
+        void {drive}_plant_outputs(const double s[6], double i[2], double torque[1]);
+        void {drive}_plant_advance(double s[6], const double v[2], double load, double h, int n);
+        void simulator_sense(const simulator *m, const double noise[2], float phase[2]);
+        void simulator_actuate(simulator *m, const float duty[3], double load);
+        void simulator_run(simulator *m, {foc}_t *c, int steps, int n, const double *noise, const double *speed,
+                           const double *load, double *out, float *x, float *duty_out, int *status);
+        """
+    )
+    return ffi, ffi.dlopen(str(library))

@@ -1,0 +1,157 @@
+/* simulator.c: a sensorless drive on the host. Hand-written; the motor and the controller it calls are generated.
+ *
+ * PLANT names the motor (PLANT_advance, PLANT_outputs), FOC the controller (FOC_t, FOC_step), and HEADERS_PLANT,
+ * HEADER_FOC their headers. Once a sample: sense (noise, offset, quantisation), control, then the inverter and the
+ * motor until the next sample. The pieces are exported too, so that another controller can take the loop's place. */
+#include HEADER_PLANT
+#include HEADER_FOC
+#include <math.h>
+
+#define JOIN_(a, b) a##b
+#define JOIN(a, b) JOIN_(a, b)
+
+typedef struct {
+    double s[6];         /* the motor: electrical states, omega, theta, cos theta, sin theta */
+    double duty[3];      /* acting in this interval */
+    double duty_next[3]; /* with computation delay: acting in the next one */
+    double T;            /* s */
+    double v_dc;         /* V */
+    double dead_time;    /* s */
+    double offset[2];    /* A, of the two current sensors */
+    double step;         /* A, of one count of the converter; 0: no quantisation */
+    double range;        /* A, full scale of the converter */
+    double h_max;        /* s, longest Runge-Kutta step */
+    int delay;           /* samples: 0 or 1 */
+    int switching;       /* 0: averaged inverter, 1: carrier comparison */
+} simulator;
+
+static const double ROOT_3 = 1.7320508075688772;
+
+/* Two phase currents as the controller gets them. */
+void simulator_sense(const simulator *m, const double noise[2], float phase[2])
+{
+    double i[2], torque[1], measured[2];
+    int k;
+    JOIN(PLANT, _outputs)(m->s, i, torque);
+    measured[0] = i[0];
+    measured[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
+    for (k = 0; k < 2; k++) {
+        double value = measured[k] + noise[k] + m->offset[k];
+        if (m->step > 0.0) {
+            value = fmax(-m->range, fmin(m->range - m->step, m->step * floor(value / m->step + 0.5)));
+        }
+        phase[k] = (float)value;
+    }
+}
+
+static void advance(simulator *m, const double leg[3], double load, double length)
+{
+    double v[2];
+    int n = (int)ceil(length / m->h_max - 1e-9);
+    if (length <= 0.0) {
+        return;
+    }
+    n = n < 1 ? 1 : n;
+    v[0] = m->v_dc * (2.0 * leg[0] - leg[1] - leg[2]) / 3.0;
+    v[1] = m->v_dc * (leg[1] - leg[2]) / ROOT_3;
+    JOIN(PLANT, _advance)(m->s, v, load, length / n, n);
+}
+
+/* Half a carrier period in which every leg changes state once: at `edge` (s from its start) from `before`. */
+static void half_period(simulator *m, const double edge[3], double before, double load)
+{
+    double leg[3], at = 0.0;
+    int done[3], k, left;
+    for (k = 0; k < 3; k++) {
+        leg[k] = before;
+        done[k] = 0;
+    }
+    for (left = 3; left > 0; left--) {
+        int next = -1;
+        for (k = 0; k < 3; k++) {
+            if (!done[k] && (next < 0 || edge[k] < edge[next])) {
+                next = k;
+            }
+        }
+        advance(m, leg, load, edge[next] - at);
+        at = edge[next];
+        leg[next] = 1.0 - before;
+        done[next] = 1;
+    }
+    advance(m, leg, load, 0.5 * m->T - at);
+}
+
+/* Dead time: a leg whose current flows out (i > 0) turns on late, one whose current flows in turns off late. */
+static void dead_time(const simulator *m, int rising, double edge[3])
+{
+    double i[2], torque[1], phase[3];
+    int k;
+    JOIN(PLANT, _outputs)(m->s, i, torque);
+    phase[0] = i[0];
+    phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
+    phase[2] = -phase[0] - phase[1];
+    for (k = 0; k < 3; k++) {
+        if ((phase[k] > 0.0) == (rising != 0)) {
+            edge[k] = fmin(0.5 * m->T, edge[k] + m->dead_time);
+        }
+    }
+}
+
+/* One sample of inverter and motor with the controller's duty cycles and the load torque in N m. */
+void simulator_actuate(simulator *m, const float duty[3], double load)
+{
+    double edge[3];
+    int k;
+    for (k = 0; k < 3; k++) {
+        m->duty[k] = m->delay ? m->duty_next[k] : (double)duty[k];
+        m->duty_next[k] = (double)duty[k];
+    }
+    if (!m->switching) {
+        advance(m, m->duty, load, m->T);
+        return;
+    }
+    for (k = 0; k < 3; k++) {
+        edge[k] = 0.5 * m->T * (1.0 - m->duty[k]);
+    }
+    dead_time(m, 1, edge);
+    half_period(m, edge, 0.0, load);
+    for (k = 0; k < 3; k++) {
+        edge[k] = 0.5 * m->T * m->duty[k];
+    }
+    dead_time(m, 0, edge);
+    half_period(m, edge, 1.0, load);
+}
+
+/* A whole run. Rows of `out`, one a sample, at the instant of sampling: i_alpha, i_beta (as measured), u_alpha,
+ * u_beta (the filter's), omega, theta, torque (true), omega, theta (used by the controller). x: the estimate. */
+void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const double *noise, const double *speed,
+                   const double *load, double *out, float *x, float *duty_out, int *status)
+{
+    int k, j;
+    for (k = 0; k < steps; k++) {
+        float phase[2], command[2], duty[3];
+        double i[2], torque[1];
+        double *row = out + 7 * k;
+        simulator_sense(m, noise + 2 * k, phase);
+        JOIN(PLANT, _outputs)(m->s, i, torque);
+        row[0] = (double)phase[0];
+        row[1] = (double)phase[1];
+        row[2] = (double)c->v_acting[0];
+        row[3] = (double)c->v_acting[1];
+        row[4] = m->s[2];
+        row[5] = m->s[3];
+        row[6] = torque[0];
+        command[0] = (float)speed[k];
+        command[1] = (float)m->v_dc;
+        c->sensed[0] = (float)m->s[2];
+        c->sensed[1] = (float)remainder(m->s[3], 6.283185307179586);
+        status[k] = JOIN(FOC, _step)(c, phase, command, duty);
+        for (j = 0; j < n; j++) {
+            x[n * k + j] = c->filter.x[j];
+        }
+        for (j = 0; j < 3; j++) {
+            duty_out[3 * k + j] = duty[j];
+        }
+        simulator_actuate(m, duty, load[k]);
+    }
+}
