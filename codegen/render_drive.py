@@ -54,7 +54,9 @@ def render_foc(about: Description, kind: str) -> tuple[str, str]:
         **{**context, **common},
         control=about.drive.control,
         constants=[
-            {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula} for c in constants if c.name in used
+            {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
+            for c in constants
+            if c.name in used
         ],
         round=printer.format_literal(F28335.precision.rounding),
         trig_note=trig_note(F28335),

@@ -168,7 +168,9 @@ def _dead_time(b: BlockBuilder, gain: Any, i: list[Any]) -> list[Any]:
     names = ["i_a", "i_b", "i_c"]
     signs = [ca.fmax(-1.0, ca.fmin(1.0, phase / gain.dead_current)) for phase in phases]
     _record(b, "dead-time compensation", {"minus_half_i_alpha": half, "cross_i_beta": cross})
-    _record(b, "", {**dict(zip(names, phases, strict=True)), **{f"sign_{n}": s for n, s in zip(names, signs, strict=True)}})
+    _record(
+        b, "", {**dict(zip(names, phases, strict=True)), **{f"sign_{n}": s for n, s in zip(names, signs, strict=True)}}
+    )
     return [gain.dead_share * sign for sign in signs]
 
 

@@ -12,7 +12,7 @@ from model.drive import Drive, load_drive
 
 os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pmsm-ickf-tests"))
 
-DRIVES = ("paper_spmsm", "ipmsm_flux")
+DRIVES = ("paper_spmsm", "ipmsm_flux", "spmsm_load_torque")
 
 
 def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:

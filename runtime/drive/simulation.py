@@ -106,7 +106,7 @@ class Run:
         """Write .npz or .csv (with a header), by the path's suffix."""
         columns = self.columns()
         if path.suffix == ".npz":
-            np.savez(path, **columns)
+            np.savez(path, allow_pickle=False, **columns)
         elif path.suffix == ".csv":
             table = np.column_stack(list(columns.values()))
             np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
@@ -225,7 +225,15 @@ class Simulator:
         chunk = max(1, round(0.1 / machine.T))
         for first in range(0, steps, chunk):
             part = slice(first, min(first + chunk, steps))
-            arrays = [inputs.noise[part], inputs.speed[part], inputs.load[part], rows[part], x[part], duty[part], status[part]]
+            arrays = [
+                inputs.noise[part],
+                inputs.speed[part],
+                inputs.load[part],
+                rows[part],
+                x[part],
+                duty[part],
+                status[part],
+            ]
             types = ["double *"] * 4 + ["float *"] * 2 + ["int *"]
             pointers = [self._ffi.cast(c, a.ctypes.data) for c, a in zip(types, arrays, strict=True)]
             self._library.simulator_run(machine, controller, part.stop - first, n, *pointers)

@@ -67,10 +67,12 @@ class SurfaceMotor:
         i_alpha, i_beta, w, th = x[:4]
         w_e = d.p * w
         if not d.exact:  # (7)
-            i = np.array([
-                (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
-                (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
-            ])
+            i = np.array(
+                [
+                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
+                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
+                ]
+            )
             return np.array([*i, *d.mechanics(x, self.torque(x[:2], th))])
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly.
         a = math.exp(-d.T * d.R / d.L_d)

@@ -52,7 +52,7 @@ def test_regeneration_is_byte_identical_anywhere_anytime(tmp_path: Path) -> None
         text = [(str(path.relative_to(folder)), hashlib.sha256(path.read_bytes()).hexdigest()) for path in files]
         digests.append(text)
     assert digests[0] == digests[1]
-    assert len(digests[0]) == 2 * 12
+    assert len(digests[0]) == 3 * 18
 
 
 def _c_files(drive: Drive) -> list[Path]:
@@ -62,7 +62,7 @@ def _c_files(drive: Drive) -> list[Path]:
 @pytest.mark.parametrize("optimisation", ["-O0", "-O2"])
 def test_generated_c_is_clean_under_strict_warnings(drive: Drive, optimisation: str, tmp_path: Path) -> None:
     folder = GENERATED / drive.name
-    assert len(_c_files(drive)) == 4
+    assert len(_c_files(drive)) == 7
     for path in _c_files(drive):
         command = [
             "gcc",
@@ -82,7 +82,7 @@ def test_generated_c_is_clean_under_strict_warnings(drive: Drive, optimisation: 
 def test_strict_warnings_catch_a_hidden_double(drive: Drive, tmp_path: Path) -> None:
     """The gate can fail: one unsuffixed literal."""
     folder = GENERATED / drive.name
-    source = (folder / f"{drive.name}_ckf.c").read_text().replace("0.125f", "0.125", 1)
+    source = (folder / f"{drive.name}_ckf.c").read_text().replace("ROUND 1.2582912e+07f", "ROUND 1.2582912e+07", 1)
     (tmp_path / "x.c").write_text(source)
     command = ["gcc", *STRICT, f"-I{folder}", "-c", str(tmp_path / "x.c"), "-o", str(tmp_path / "x.o")]
     assert subprocess.run(command, capture_output=True, check=False).returncode != 0
@@ -112,7 +112,10 @@ def test_firmware_c_has_no_char_double_or_foreign_call(drive: Drive) -> None:
         uses = _Uses()
         for function in functions:
             uses.visit(function)
-        assert uses.calls - {function.decl.name for function in functions} == {"sqrtf"}
+        foreign = {"sqrtf"}
+        if path.stem.endswith("_foc"):
+            foreign |= {f"{path.stem.removesuffix('_foc')}_init", f"{path.stem.removesuffix('_foc')}_step"}
+        assert uses.calls - {function.decl.name for function in functions} == foreign
         assert uses.types <= {"float32", "int", "void", "sin_cos_pair", f"{path.stem}_t"}
 
 
@@ -120,7 +123,7 @@ def test_literals_of_the_firmware_carry_the_suffix(drive: Drive) -> None:
     for path in sorted((GENERATED / drive.name).glob("*.c")):
         code = re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
         literals = re.findall(r"(?<![\w.])\d+\.\d*(?:e[+-]?\d+)?\w?", code)
-        assert len(literals) > 30
+        assert len(literals) > 20
         assert all(literal.endswith("f") for literal in literals)
 
 
@@ -128,7 +131,7 @@ def test_every_local_has_a_meaning(drive: Drive) -> None:
     """No numbered temporaries: what no stage names is named after what it is made of."""
     for path in sorted((GENERATED / drive.name).glob("*.c")):
         names = re.findall(r"^    const float32 (\w+) =", path.read_text(), flags=re.MULTILINE)
-        assert len(names) > 200
+        assert len(names) > (40 if path.stem.endswith("_foc") else 200)
         assert not [name for name in names if re.fullmatch(r"(_?tmp|t|v|w|shared|angle)_?\d*", name)]
 
 
@@ -167,7 +170,7 @@ def test_data_stays_data() -> None:
 @pytest.mark.parametrize("name", DRIVES)
 def test_report_says_what_was_proved(name: str) -> None:
     report = (GENERATED / name / "REPORT.md").read_text()
-    assert ("Proved idle." in report) == (name == "paper_spmsm")
+    assert ("Proved idle." in report) == (name != "ipmsm_flux")
     assert "nothing was run on the chip" in report
 
 

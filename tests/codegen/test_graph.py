@@ -79,8 +79,8 @@ def test_c_prints_every_operator(point: list[float]) -> None:
             "#define BELOW_PI 3.1415926535897927",
             "static sin_cos_pair sin_cos(float64 x) { sin_cos_pair r; r.sine = sin(x); r.cosine = cos(x); return r; }",
             "static float64 smaller(float64 a, float64 b) { return (a < b) ? a : b; }",
-        "static float64 larger(float64 a, float64 b) { return (a > b) ? a : b; }",
-        printer.format_helper(wrap_listing(DOUBLE)),
+            "static float64 larger(float64 a, float64 b) { return (a > b) ? a : b; }",
+            printer.format_helper(wrap_listing(DOUBLE)),
             printer.format_block(listing),
             "void call(const float64 *v, float64 *w) { operators(v, w); }",
         ]

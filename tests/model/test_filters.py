@@ -42,7 +42,10 @@ class _Transition(TransitionModel):  # type: ignore[misc]
     f: Any = Property(doc="x, u -> x'")
     Q: np.ndarray = Property(doc="variances")
     u: np.ndarray = np.zeros(2)
-    ndim_state = 4
+
+    @property
+    def ndim_state(self) -> int:
+        return len(self.Q)
 
     def function(self, state: Any, noise: bool = False, **kwargs: Any) -> Any:
         return _columns(lambda x: np.array(self.f(x, self.u)).ravel(), state.state_vector)
@@ -83,7 +86,7 @@ def test_ckf_against_stone_soup(drive: Drive) -> None:
     f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
     transition = _Transition(f, np.array(drive.filter.process_noise))
-    measurement = _Measurement(4, (0, 1, 2, 3), h, np.array(drive.filter.measurement_noise))
+    measurement = _Measurement(len(model.states), tuple(range(len(model.states))), h, np.array(drive.filter.measurement_noise))
     predictor, updater = CubatureKalmanPredictor(transition), CubatureKalmanUpdater(measurement)
 
     data = make_trajectory(drive.model_dump(), steps=400)

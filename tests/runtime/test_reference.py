@@ -29,15 +29,17 @@ def test_reference_imports_nothing_it_is_to_check() -> None:
 @pytest.mark.parametrize("discretization", ["euler", "exact"])
 def test_jacobian_against_finite_differences(drive: Drive, discretization: str) -> None:
     motor = make_motor(variant(drive, model={"discretization": discretization}).model_dump())
-    x = np.array([0.3, -0.4, 50.0, 0.8])
-    for k in range(4):
-        shift = 1e-6 * np.eye(4)[k]
+    n = len(drive.filter.process_noise)
+    x = np.array([0.3, -0.4, 50.0, 0.8, 1.0])[:n]
+    for k in range(n):
+        shift = 1e-6 * np.eye(n)[k]
         difference = (motor.h(x + shift) - motor.h(x - shift)) / 2e-6
         np.testing.assert_allclose(motor.H(x)[:, k], difference, rtol=1e-7, atol=1e-7)
 
 
 def _filter(drive: Drive, kind: str, gain: str, **changes: object) -> reference.Reference:
-    start = np.array([drive.motor.magnet_flux if drive.name == "ipmsm_flux" else 0.0, 0.0, 0.0, 0.0])
+    start = np.zeros(len(drive.filter.process_noise))
+    start[0] = drive.motor.magnet_flux if drive.name == "ipmsm_flux" else 0.0
     built = make_reference(drive.model_dump(), kind, gain, start)
     for name, value in changes.items():
         setattr(built, name, value)
@@ -51,9 +53,9 @@ def test_centred_sums_are_the_printed_ones(drive: Drive) -> None:
     for u, y in zip(data.u, data.y, strict=True):
         s = f.step(u, y)
         X, x, Y, m = s["X_prop"], s["x_pred"], s["Y"], s["y_pred"]
-        printed = X @ X.T / 8 - np.outer(x, x) + np.diag(f.Q)
+        printed = X @ X.T / X.shape[1] - np.outer(x, x) + np.diag(f.Q)
         np.testing.assert_allclose(s["P_pred"], printed, atol=1e-9 * np.abs(printed).max())
-        printed = Y @ Y.T / 8 - np.outer(m, m) + np.diag(f.R)
+        printed = Y @ Y.T / Y.shape[1] - np.outer(m, m) + np.diag(f.R)
         np.testing.assert_allclose(s["Pyy"], printed, atol=1e-9 * np.abs(Y).max() ** 2)
 
 
@@ -78,8 +80,8 @@ def test_jacobian_iterates_descend_the_cost(drive: Drive) -> None:
 
     best = s["iterates"][-1]["x_next"]
     assert cost(best) <= cost(x_pred)
-    for k in range(4):
-        step = 1e-4 * np.sqrt(P_pred[k, k]) * np.eye(4)[k]
+    for k in range(len(best)):
+        step = 1e-4 * np.sqrt(P_pred[k, k]) * np.eye(len(best))[k]
         slope = (cost(best + step) - cost(best - step)) / 2e-4
         assert abs(slope) < 1e-4 * max(1.0, cost(x_pred))
 
@@ -123,14 +125,14 @@ def test_estimates_follow_the_motor(drive: Drive) -> None:
 def test_trajectory_obeys_the_motor(drive: Drive) -> None:
     """Without noise the discrete model predicts the measured currents: voltages really are interval means."""
     data = make_trajectory(drive.model_dump(), noise=0.0, steps=round(0.1 / drive.model.sample_time))
-    motor = make_motor(variant(drive, model={"discretization": "exact"}).model_dump())
+    motor = make_motor(variant(drive, model={"discretization": "exact", "mechanics": "load_torque"}).model_dump())
     surface = drive.model.machine == "surface"
     worst = 0.0
     for k in range(1, len(data.t), 7):
         electrical = data.y[k - 1] if surface else data.psi[k - 1]
-        x = np.array([*electrical, data.omega[k - 1], data.theta[k - 1]])
+        x = np.array([*electrical, data.omega[k - 1], data.theta[k - 1], 0.0])
         worst = max(worst, float(np.max(np.abs(motor.f(x, data.u[k])[:2] - (data.y[k] if surface else data.psi[k])))))
-    assert worst < (2e-3 if surface else 1e-4)
+    assert worst < (5e-3 if surface else 1e-4)  # A, Wb: the back-EMF's second-order error at 100 us
 
 
 def test_wrap() -> None:
