@@ -7,13 +7,24 @@ are matched in either order (both give the same bits), and printed in the order 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import operator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 COMMUTATIVE = frozenset({"add", "mul"})
+
+#: Operations on constants alone are done here, once: in Python two literals would meet in double, in C in float.
+_FOLD: dict[str, Callable[..., float]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+    "sqrt": math.sqrt,
+}
 
 
 @dataclass(frozen=True)
@@ -57,21 +68,21 @@ class Graph:
         return self._add(Node("const", name=name, value=value), ("const", name, repr(value)))
 
     def op(self, op: str, *args: int) -> int:
-        """An operation; the few rewrites here change no bit of its result."""
-        simplified = self._exact_rewrite(op, args)
+        """An operation; the few rewrites here change no bit of its result, and constants are folded in double."""
+        simplified = self._rewrite(op, args)
         if simplified is not None:
             return simplified
         key = (op, *(sorted(args) if op in COMMUTATIVE else args))
         return self._add(Node(op, tuple(args)), key)
 
-    def _exact_rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
+    def _rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
         constants = [self.nodes[arg].value if self.nodes[arg].op == "const" else None for arg in args]
+        if op in _FOLD and None not in constants:
+            return self.const(_FOLD[op](*constants))
         if op == "mul" and 1.0 in constants:
             return args[1 - constants.index(1.0)]
         if op == "div" and constants[1] is not None and math.frexp(constants[1])[0] == 0.5:
             return self.op("mul", args[0], self.const(1.0 / constants[1]))  # a power of two: exact either way
-        if op == "neg" and constants[0] is not None:
-            return self.const(-constants[0])
         return None
 
     def reachable(self, roots: Iterable[int]) -> list[int]:
