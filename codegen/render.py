@@ -29,7 +29,12 @@ _ENVIRONMENT = jinja2.Environment(
     undefined=jinja2.StrictUndefined,
 )
 
-FILTER_TITLES = {"ckf": "cubature Kalman filter", "ickf": "iterated cubature Kalman filter"}
+FILTER_TITLES = {
+    "ckf": "cubature Kalman filter",
+    "ickf": "iterated cubature Kalman filter",
+    "ekf": "extended Kalman filter",
+    "ukf": "unscented Kalman filter",
+}
 MACHINE_TITLES = {"surface": "surface PMSM, current states", "salient_flux": "salient PMSM, flux-linkage states"}
 
 

@@ -73,7 +73,7 @@ class Model(_Section):
 class Filter(_Section):
     """Kinds to generate and their tuning; every number here stays data in the generated struct."""
 
-    kinds: Annotated[list[Literal["ckf", "ickf"]], Field(min_length=1)]
+    kinds: Annotated[list[Literal["ekf", "ukf", "ckf", "ickf"]], Field(min_length=1)]
     gain: Literal["cubature", "jacobian"] = "cubature"
     max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
     tolerance: Annotated[float, Field(gt=0, le=1.0)] = 1e-6
@@ -124,6 +124,22 @@ class Drive(_Section):
                 "machine 'surface' needs them equal. Did you mean machine = 'salient_flux'?"
             )
         return self
+
+
+#: T R / L up to which forward Euler follows the current well enough to stay locked (0.34 does not, 0.17 does).
+EULER_LIMIT = 0.2
+
+
+def cautions(drive: Drive) -> list[str]:
+    """What is allowed but likely a mistake, one line each."""
+    m = drive.motor
+    ratio = drive.model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
+    if drive.model.discretization == "euler" and ratio > EULER_LIMIT:
+        return [
+            f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose lock. "
+            f"Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * drive.model.sample_time:.3g} s."
+        ]
+    return []
 
 
 def shipped_drives() -> list[str]:

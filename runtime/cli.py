@@ -20,7 +20,7 @@ from codegen import __version__
 from codegen.folder import FolderError
 from model.drive import DriveError
 from runtime.errors import UserError
-from runtime.tasks import Progress, Written, generate_drives, run_all, verify_drives
+from runtime.tasks import Progress, Written, generate_drives, run_all, simulate_drive, verify_drives
 
 app = typer.Typer(
     name="pmsm-ickf",
@@ -96,6 +96,46 @@ def generate(
                 console.print(item.diff, markup=False, highlight=False, soft_wrap=True)
     _show_written(written)
     if any(item.state == "stale" for item in written):
+        raise typer.Exit(1)
+
+
+@app.command()
+def simulate(
+    drive: Annotated[
+        str, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file.")
+    ] = "paper_spmsm",
+    scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load, load_step, or all.")] = "all",
+    filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
+    inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
+    dead_time: Annotated[float, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s (pwm).")] = 0.0,
+    delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
+    noise: Annotated[float, typer.Option(metavar="A", min=0, help="Current sensor noise, rms.")] = 0.05,
+    bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
+    sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
+    theta: Annotated[float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start.")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
+    controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
+    sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write recorded data (npz) and figures (svg).")
+    ] = None,
+) -> None:
+    """Close the loop: the generated controller drives the motor, sensorless from standstill."""
+    from runtime.report.drive_tables import claims, claims_table, runs_table, sweep_table
+
+    conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
+    conditions |= {"sensored": sensored, "theta": theta, "seed": seed}
+    with working() as progress:
+        result = simulate_drive(drive, scenario, filters.split(","), conditions, controller, sweep, json, out, progress)
+    console.print(runs_table(result.runs))
+    if drive == "paper_spmsm" and claims(result.runs):
+        console.print()
+        console.print(claims_table(claims(result.runs)))
+    if result.sweep:
+        console.print("\nLargest speed error while starting, by sample time:")
+        console.print(sweep_table(result.sweep))
+    if not all(run.locked for run in result.runs):
         raise typer.Exit(1)
 
 

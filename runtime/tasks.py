@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from codegen.folder import MANIFEST, difference, write_folder
 from codegen.generate import generate
 from model.drive import DriveError, load_drive, shipped_drives
+from runtime.drive.experiment import SweepPoint, run_facts, sample_time_sweep, simulate
+from runtime.drive.scenario import SCENARIOS
+from runtime.drive.simulation import Conditions, Run
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED
 from runtime.proof.result import Proof
@@ -84,6 +88,50 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
             json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n"
         )
     return results
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Runs of a drive, scenario by scenario and filter by filter, and the sample-time sweep if asked for."""
+
+    runs: list[Run]
+    sweep: list[SweepPoint]
+
+
+def simulate_drive(
+    drive: str,
+    scenario: str,
+    kinds: Sequence[str],
+    conditions: dict[str, Any],
+    controller: str,
+    sweep: bool,
+    json_path: Path | None,
+    out: Path | None,
+    progress: Progress,
+) -> Simulated:
+    """Run one or all scenarios; write figures, data and JSON where asked."""
+    setting = Conditions(**conditions)
+    names = list(SCENARIOS) if scenario == "all" else [scenario]
+    runs = [run for name in names for run in simulate(drive, name, kinds, setting, controller, progress)]
+    points = sample_time_sweep(drive, conditions=setting, progress=progress) if sweep else []
+    if json_path is not None:
+        facts = {"drive": drive, "runs": [run_facts(run) for run in runs], "sweep": [asdict(point) for point in points]}
+        json_path.write_text(json.dumps(facts, indent=2) + "\n")
+    if out is not None:
+        _write_runs(out, names, runs, points)
+    return Simulated(runs, points)
+
+
+def _write_runs(out: Path, names: Sequence[str], runs: Sequence[Run], points: Sequence[SweepPoint]) -> None:
+    from runtime.report.drive_figures import run_figure, sweep_figure
+
+    out.mkdir(parents=True, exist_ok=True)
+    for run in runs:
+        run.save(out / f"{run.scenario.name}_{run.kind}.npz")
+    for name in names:
+        (out / f"{name}.svg").write_text(run_figure([run for run in runs if run.scenario.name == name]))
+    if points:
+        (out / "sample_time.svg").write_text(sweep_figure(points))
 
 
 def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Proof], Path]:

@@ -9,15 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from model.filters.ckf import build_ckf
+from model.filters.ekf import build_ekf
 from model.filters.ickf import build_ickf
 from model.filters.program import FilterStep
+from model.filters.ukf import build_ukf
 from model.state_space import StateSpaceModel
 
-FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {"ckf": build_ckf, "ickf": build_ickf}
+FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {
+    "ckf": build_ckf,
+    "ickf": build_ickf,
+    "ekf": build_ekf,
+    "ukf": build_ukf,
+}
 
 
 def build_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
-    """The symbolic step of a filter ``kind`` (``ckf``, ``ickf``); ``gain`` matters to the ICKF only."""
+    """The symbolic step of a filter (``ekf``, ``ukf``, ``ckf``, ``ickf``); ``gain`` matters to the ICKF only."""
     return FILTERS[kind](model, gain)
 
 

@@ -48,10 +48,15 @@ def cholesky(P: Matrix) -> Matrix:
     return S
 
 
-def points(b: BlockBuilder, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str) -> list[Vector]:
-    """The 2n points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names."""
+def points(
+    b: BlockBuilder, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str, radius: float | None = None
+) -> list[Vector]:
+    """The 2n points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names.
+
+    ``radius`` replaces sqrt(n) for filters that weigh the centre too.
+    """
     n = len(centre)
-    root_n = math.sqrt(n)
+    root_n = radius or math.sqrt(n)
     rows = [(i, c) for i in range(n) for c in range(i + 1)]
     step = {(i, c): root_n * S[i][c] for i, c in rows}
     b.stage(

@@ -20,6 +20,8 @@ from runtime.estimator.folder import GeneratedFolder
 Array = NDArray[Any]
 Progress = Callable[[float], None]
 
+INVERTERS = ("averaged", "pwm")
+
 SIMULATOR = Path(__file__).with_name("simulator.c")
 
 
@@ -153,6 +155,8 @@ class Simulator:
             Called with the share done, 0 to 1.
         """
         conditions = conditions or Conditions()
+        if conditions.inverter not in INVERTERS:
+            raise UserError(f"no inverter '{conditions.inverter}'; there are: {', '.join(INVERTERS)}.")
         T = self.module.SAMPLE_TIME
         steps = round(scenario.duration / T)
         t = T * np.arange(steps)
@@ -189,7 +193,7 @@ class Simulator:
         m.range = conditions.range
         m.h_max = min(12.5e-6, m.T / 2)
         m.delay = conditions.delay
-        m.switching = {"averaged": 0, "pwm": 1}[conditions.inverter]
+        m.switching = INVERTERS.index(conditions.inverter)
         return m
 
     def _gain(self, conditions: Conditions) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ the paper (numbers in brackets are its equations). Readability before speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -43,7 +43,7 @@ class MotorData:
     exact: bool
     loaded: bool
 
-    def mechanics(self, x: Array, T_e: float) -> list[float]:
+    def mechanics(self, x: Array, T_e: Any) -> list[Any]:
         """omega, theta (and T_L) one sample later, under the electromagnetic torque T_e."""
         w, th = x[2], x[3]
         if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
@@ -69,21 +69,21 @@ class SurfaceMotor:
         if not d.exact:  # (7)
             i = np.array(
                 [
-                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * math.sin(th) + d.T / d.L_d * u[0],
-                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * math.cos(th) + d.T / d.L_d * u[1],
+                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * np.sin(th) + d.T / d.L_d * u[0],
+                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * np.cos(th) + d.T / d.L_d * u[1],
                 ]
             )
             return np.array([*i, *d.mechanics(x, self.torque(x[:2], th))])
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly.
         a = math.exp(-d.T * d.R / d.L_d)
         middle = th + d.T * w_e / 2
-        e = d.psi * w_e * np.array([-math.sin(middle), math.cos(middle)])
+        e = d.psi * w_e * np.array([-np.sin(middle), np.cos(middle)])
         i = a * x[:2] + (1 - a) / d.R * (u - e)
         return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle))])
 
-    def torque(self, i: Array, th: float) -> float:
+    def torque(self, i: Array, th: Any) -> Any:
         """(1): 1.5 p psi i_q."""
-        return float(1.5 * self.data.p * self.data.psi * (i[1] * math.cos(th) - i[0] * math.sin(th)))
+        return 1.5 * self.data.p * self.data.psi * (i[1] * np.cos(th) - i[0] * np.sin(th))
 
     def h(self, x: Array) -> Array:
         return x[:2].copy()  # (5)
@@ -114,12 +114,12 @@ class SalientFluxMotor:
         psi = to_stator @ (steady + a * (to_stator.T @ x[:2] - steady))
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle))])
 
-    def torque(self, psi: Array, th: float) -> float:
+    def torque(self, psi: Array, th: Any) -> Any:
         """1.5 p (psi x i)."""
         i = self.currents(psi, th)
-        return float(1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0]))
+        return 1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0])
 
-    def currents(self, psi: Array, th: float) -> Array:
+    def currents(self, psi: Array, th: Any) -> Array:
         d = self.data
         to_stator = rotation(th)
         psi_dq = to_stator.T @ psi
@@ -141,9 +141,9 @@ class SalientFluxMotor:
         return H
 
 
-def rotation(angle: float) -> Array:
+def rotation(angle: Any) -> Array:
     """d-q to alpha-beta."""
-    s, c = math.sin(angle), math.cos(angle)
+    s, c = np.sin(angle), np.cos(angle)
     return np.array([[c, -s], [s, c]])
 
 
@@ -187,8 +187,11 @@ class Reference:
     def step(self, u: Array, y: Array) -> Stages:
         """One time update with u (V), one measurement update with y (A)."""
         self.stages = {}
-        x_pred, P_pred = self._time_update(u)
-        update = self._ckf_update if self.kind == "ckf" else self._ickf_update
+        predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
+        update = {"ekf": self._ekf_update, "ukf": self._ukf_update, "ickf": self._ickf_update}.get(
+            self.kind, self._ckf_update
+        )
+        x_pred, P_pred = predict(u)
         self.x, self.P = update(x_pred, P_pred, y)
         self.x[3] = wrap(self.x[3])
         self.stages |= {"x": self.x, "P": self.P}
@@ -252,6 +255,61 @@ class Reference:
                 break
         self.stages["iterates"] = iterates
         return x_j, P_pred - K @ Pyy @ K.T  # (34), (32)
+
+    # --- not in the paper: the two filters people compare with
+
+    def _ekf_prediction(self, u: Array) -> tuple[Array, Array]:
+        F = jacobian(lambda x: self.motor.f(x, u), self.x)
+        x_pred, P_pred = self.motor.f(self.x, u), F @ self.P @ F.T + np.diag(self.Q)
+        self.stages |= {"x_pred": x_pred, "F": F, "P_pred": P_pred}
+        return x_pred, P_pred
+
+    def _ekf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
+        H = self.motor.H(x_pred)
+        Pxy = P_pred @ H.T
+        Pyy = H @ Pxy + np.diag(self.R)
+        K = Pxy @ np.linalg.inv(Pyy)
+        innovation = y - self.motor.h(x_pred)
+        self.stages |= {"H": H, "Pxy": Pxy, "Pyy": Pyy, "K": K, "innovation": innovation}
+        return x_pred + K @ innovation, P_pred - K @ Pyy @ K.T
+
+    def _sigma_points(self, S: Array, centre: Array) -> tuple[Array, Array]:
+        """Julier and Uhlmann, kappa = 1: the centre with weight 1 / (n + 1), the others share the rest."""
+        n = len(centre)
+        reach = math.sqrt(n + 1.0) * S
+        X = np.column_stack([centre, centre[:, None] + reach, centre[:, None] - reach])
+        return X, np.array([1.0 / (n + 1.0)] + [0.5 / (n + 1.0)] * (2 * n))
+
+    def _ukf_prediction(self, u: Array) -> tuple[Array, Array]:
+        S = np.linalg.cholesky(self.P)
+        X, w = self._sigma_points(S, self.x)
+        X_prop = np.array([self.motor.f(X[:, i], u) for i in range(X.shape[1])]).T
+        x_pred = X_prop @ w
+        d = X_prop - x_pred[:, None]
+        P_pred = d @ np.diag(w) @ d.T + np.diag(self.Q)
+        self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
+        return x_pred, P_pred
+
+    def _ukf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
+        S = np.linalg.cholesky(P_pred)
+        X, w = self._sigma_points(S, x_pred)
+        Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T
+        y_pred = Y @ w
+        d_x, d_y = X - x_pred[:, None], Y - y_pred[:, None]
+        Pyy = d_y @ np.diag(w) @ d_y.T + np.diag(self.R)
+        Pxy = d_x @ np.diag(w) @ d_y.T
+        K = Pxy @ np.linalg.inv(Pyy)
+        innovation = y - y_pred
+        self.stages |= {"S_pred": S, "X_pred": X, "Y": Y, "y_pred": y_pred, "Pyy": Pyy, "Pxy": Pxy, "K": K}
+        self.stages |= {"innovation": innovation}
+        return x_pred + K @ innovation, P_pred - K @ Pyy @ K.T
+
+
+def jacobian(function: Callable[[Array], Array], x: Array) -> Array:
+    """df/dx by complex steps: exact to rounding, whatever f's formula."""
+    h = 1e-30
+    columns = [function(x + 1j * h * row).imag / h for row in np.eye(len(x))]
+    return np.array(columns).T
 
 
 def covariance(a: Array, a_mean: Array, b: Array, b_mean: Array) -> Array:

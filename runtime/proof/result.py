@@ -80,7 +80,7 @@ class Link:
 
     @property
     def variant(self) -> str:
-        return self.kind if self.kind == "ckf" else f"{self.kind}, {self.gain} gain"
+        return f"{self.kind}, {self.gain} gain" if self.kind == "ickf" else self.kind
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ def pyplot() -> Any:
     return plt
 
 
-def _svg(figure: Any) -> str:
+def svg_text(figure: Any) -> str:
+    """A figure as the text of an <svg> element."""
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
     pyplot().close(figure)
@@ -65,7 +66,7 @@ def stage_figure(proof: Proof) -> str:
     )
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) -> str:
@@ -83,7 +84,7 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
         axis.yaxis.set_minor_formatter(lambda value, position: "")
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     axes[-1].set_xlabel("time, s")
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def effect_figure(evidence: Evidence) -> str:
@@ -94,7 +95,7 @@ def effect_figure(evidence: Evidence) -> str:
         axes.semilogy(time, top, lw=1, color=COLOURS[f"ickf, {gain} gain"], label=f"{gain} gain")
     axes.set(xlabel="time, s", ylabel="ICKF - CKF, sigmas")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def trajectory_figure(evidence: Evidence) -> str:
@@ -109,7 +110,7 @@ def trajectory_figure(evidence: Evidence) -> str:
         axis.set_ylabel(label)
         axis.legend(loc="upper left", ncols=2, fontsize=8)
     axes[2].set_xlabel("time, s")
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def _envelope(t: Any, values: Any, bins: int = 600) -> tuple[Any, Any]:

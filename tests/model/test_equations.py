@@ -136,7 +136,13 @@ def _error(drive: Drive, T: float, discretization: str | None = None, omega: flo
         "slope", [t, z], [ca.vertcat(*machine.derivative((z[0], z[1]), v, omega_e, Rotor.at(theta_0 + omega_e * t)))]
     )
     start = np.array(
-        [*np.array(ca.Function("z0", [], [ca.vertcat(*machine.electrical_state((2.0, 1.0), Rotor.at(ca.SX(theta_0))))])()["o0"]).ravel()]
+        [
+            *np.array(
+                ca.Function("z0", [], [ca.vertcat(*machine.electrical_state((2.0, 1.0), Rotor.at(ca.SX(theta_0))))])()[
+                    "o0"
+                ]
+            ).ravel()
+        ]
     )
     exact = solve_ivp(
         lambda t, z: np.array(slope(t, z)).ravel(), (0, 2e-3), start, method="DOP853", rtol=1e-12, atol=1e-12

@@ -86,7 +86,9 @@ def test_ckf_against_stone_soup(drive: Drive) -> None:
     f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
     transition = _Transition(f, np.array(drive.filter.process_noise))
-    measurement = _Measurement(len(model.states), tuple(range(len(model.states))), h, np.array(drive.filter.measurement_noise))
+    measurement = _Measurement(
+        len(model.states), tuple(range(len(model.states))), h, np.array(drive.filter.measurement_noise)
+    )
     predictor, updater = CubatureKalmanPredictor(transition), CubatureKalmanUpdater(measurement)
 
     data = make_trajectory(drive.model_dump(), steps=400)

@@ -32,13 +32,18 @@ def simulators() -> dict[str, Simulator]:
 def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) -> None:
     """0.1 s with a voltage that changes every sample and a load: 1e-7 of each state's range, against rtol 1e-10."""
     simulator = simulators[drive.name]
-    par, machine = Parameters.numeric(drive), MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
+    par, machine = (
+        Parameters.numeric(drive),
+        MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False)),
+    )
     x, v, load = ca.SX.sym("x", 4), ca.SX.sym("v", 2), ca.SX.sym("load")
     rotor = Rotor.at(x[3])
     z = (x[0], x[1])
     omega_e = par.p * x[2]
     torque = machine.torque(z, rotor)
-    slope = ca.vertcat(*machine.derivative(z, (v[0], v[1]), omega_e, rotor), (torque - load - par.D * x[2]) / par.J, omega_e)
+    slope = ca.vertcat(
+        *machine.derivative(z, (v[0], v[1]), omega_e, rotor), (torque - load - par.D * x[2]) / par.J, omega_e
+    )
     ode = ca.Function("ode", [x, v, load], [slope])
 
     T, steps, load_torque = 100e-6, 1000, 2.0
@@ -51,7 +56,12 @@ def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) ->
     trace = []
     for u in voltages:
         exact = solve_ivp(
-            lambda _, s, u=u: np.array(ode(s, u, load_torque)).ravel(), (0, T), exact, method="DOP853", rtol=1e-10, atol=1e-12
+            lambda _, s, u=u: np.array(ode(s, u, load_torque)).ravel(),
+            (0, T),
+            exact,
+            method="DOP853",
+            rtol=1e-10,
+            atol=1e-12,
         ).y[:, -1]
         advance(ours, [float(c) for c in u], load_torque, T / 8, 8)
         trace.append((exact, np.array([ours[k] for k in range(4)])))
@@ -60,7 +70,9 @@ def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) ->
     assert np.max(np.abs(our_trace - exact_trace) / scale) <= 1e-7
 
 
-@pytest.mark.parametrize("conditions", [Conditions(), Conditions(sensored=True), HARD], ids=["averaged", "sensored", "pwm"])
+@pytest.mark.parametrize(
+    "conditions", [Conditions(), Conditions(sensored=True), HARD], ids=["averaged", "sensored", "pwm"]
+)
 @pytest.mark.parametrize("kind", ["ckf", "ickf"])
 def test_controller_c_and_numpy_twin_have_the_same_bits(drive: Drive, kind: str, conditions: Conditions) -> None:
     simulator = Simulator(find_folder(drive.name), kind)
@@ -121,7 +133,9 @@ def test_lost_lock_is_said(simulators: dict[str, Simulator]) -> None:
 
 def test_salient_drive_uses_its_reluctance(simulators: dict[str, Simulator]) -> None:
     """MTPA: under load the d current is negative, and for this torque the stator current is least there."""
-    run = simulators["ipmsm_flux"].run(Scenario("loaded", load=10.0, duration=0.5), Conditions(sensored=True, noise=0.0))
+    run = simulators["ipmsm_flux"].run(
+        Scenario("loaded", load=10.0, duration=0.5), Conditions(sensored=True, noise=0.0)
+    )
     turned = (run.i[-200:, 0] + 1j * run.i[-200:, 1]) * np.exp(-1j * run.theta[-200:])
     i_d, i_q = float(turned.real.mean()), float(turned.imag.mean())
     m = load_drive("ipmsm_flux").motor

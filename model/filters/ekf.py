@@ -1,0 +1,83 @@
+"""Extended Kalman filter: the floor of cost, and the yardstick the paper's family is measured by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from model.filters.cubature import Matrix, Vector, coast, gain, pack, packed_names, reduced, unpack, wrapped
+from model.filters.program import BlockBuilder, Call, FilterStep, IfAccepted
+from model.quantities import Block
+from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
+
+
+def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
+    """The EKF's step: linearised at the estimate, then at the prediction. ``gain`` changes nothing."""
+    update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))
+    return FilterStep("ekf", "jacobian", model, (Call(time_update(model)), update))
+
+
+def time_update(model: StateSpaceModel) -> Block:
+    """x_pred = f(x, u), P_pred = F P F^T + Q."""
+    states = [state.name for state in model.states]
+    n = len(states)
+    b = BlockBuilder("ekf_time_update", "Time update of the EKF")
+    x = b.input("x", states)
+    P = unpack(b.input("P", packed_names("P", n)), n)
+    Q = b.input("Q", [f"Q_{i}" for i in range(n)])
+    u = b.input("u", [quantity.name for quantity in INPUTS])
+    x_pred, named = model.propagate(x, u)
+    b.working("EKF", named, "here")
+    b.stage("x_pred", "EKF", "x_pred = f(x, u)", x_pred, [f"{s}_pred" for s in states], scale="state")
+    F = ca.substitute(model.F, ca.vertcat(model.x, model.u), ca.vertcat(*x, *u))
+    rows = b.matrix("F", "EKF", "F = df/dx", [[F[i, j] for j in range(n)] for i in range(n)])
+    FP = b.matrix("FP", "EKF", "F P", _product(rows, P), scale="none")
+    P_pred = _product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])
+    for i in range(n):
+        P_pred[i][i] = P_pred[i][i] + Q[i]
+    b.lower("P_pred", "EKF", "P_pred = F P F^T + Q", P_pred)
+    b.output("x_pred", x_pred)
+    b.output("P_pred", pack(P_pred))
+    return b.build()
+
+
+def measurement_update(model: StateSpaceModel) -> Block:
+    """The Kalman update with H at the prediction."""
+    states = [state.name for state in model.states]
+    n = len(states)
+    b = BlockBuilder("ekf_measurement_update", "Measurement update of the EKF")
+    x_pred = b.input("x_pred", [f"{s}_pred" for s in states])
+    P_pred = unpack(b.input("P_pred", packed_names("P_pred", n)), n)
+    R = b.input("R", ["R_0", "R_1"])
+    y = b.input("y", [f"{quantity.name}_meas" for quantity in OUTPUTS])
+    h, named = model.measure(x_pred)
+    b.working("EKF", named, "pred")
+    jacobian = model.measurement_jacobian(x_pred)
+    H = b.matrix("H", "EKF", "H = dh/dx at x_pred", [[jacobian[k, i] for i in range(n)] for k in range(2)])
+    transposed = [[H[k][i] for k in range(2)] for i in range(n)]
+    Pxy = b.matrix("Pxy", "EKF", "P_pred H^T", _product(P_pred, transposed), scale="cross")
+    Pyy = _product(H, Pxy)
+    Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
+    Pyy[0][1] = Pyy[1][0]
+    b.lower("Pyy", "EKF", "H P_pred H^T + R", Pyy)
+    K = gain(b, "EKF", Pxy, Pyy)
+    innovation = [y[k] - h[k] for k in range(2)]
+    labels = [f"innovation_{quantity.name}" for quantity in OUTPUTS]
+    b.stage("innovation", "EKF", "y - h(x_pred)", innovation, labels, scale="output")
+    x = wrapped([x_pred[i] + (K[i][0] * innovation[0] + K[i][1] * innovation[1]) for i in range(n)], model)
+    b.stage("x", "EKF", "x = x_pred + K (y - h(x_pred)), theta wrapped", x, [f"{s}_new" for s in states], scale="state")
+    P = reduced(b, "EKF", P_pred, K, Pyy)
+    b.output("x", x)
+    b.output("P", pack(P))
+    return b.build()
+
+
+def _product(a: Matrix, b: Matrix) -> Matrix:
+    """Matrix product that leaves structural zeros out."""
+    return [[_dot(row, [b[k][j] for k in range(len(b))]) for j in range(len(b[0]))] for row in a]
+
+
+def _dot(a: Vector, b: Vector) -> Any:
+    terms = [p * q for p, q in zip(a, b, strict=True) if not (ca.SX(p).is_zero() or ca.SX(q).is_zero())]
+    return sum(terms[1:], terms[0]) if terms else ca.SX(0)

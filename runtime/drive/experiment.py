@@ -1,0 +1,119 @@
+"""What ``pmsm-ickf simulate`` does: a scenario with some filters, and the sweep over the sample time."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from codegen.folder import write_folder
+from codegen.generate import generate
+from model.drive import Drive, load_drive
+from runtime.drive.scenario import find_scenario
+from runtime.drive.simulation import Conditions, Run, Simulator
+from runtime.errors import UserError
+from runtime.estimator.compiler import find_compiler
+from runtime.estimator.folder import GeneratedFolder
+from runtime.proof.verify import generated_folder
+
+Progress = Callable[[str], None]
+
+KINDS = ("ckf", "ickf", "ekf", "ukf")
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One cell of the sample-time sweep: figures as :meth:`Run.figures`, and whether the filter stayed locked."""
+
+    sample_time: float
+    discretization: str
+    locked: bool
+    figures: dict[str, float]
+
+
+def changed(drive: Drive, **sections: dict[str, Any]) -> Drive:
+    """A drive with keys of some sections replaced."""
+    update = {name: getattr(drive, name).model_copy(update=keys) for name, keys in sections.items()}
+    return drive.model_copy(update=update)
+
+
+def simulate(
+    drive_name: str,
+    scenario: str = "load_step",
+    kinds: Sequence[str] = ("ckf", "ickf"),
+    conditions: Conditions | None = None,
+    controller: str = "c",
+    progress: Progress = lambda text: None,
+) -> list[Run]:
+    """Run a scenario with each filter. A filter the drive does not ship is generated for the occasion.
+
+    Raises
+    ------
+    UserError
+        Unknown drive, scenario or filter; no compiler.
+    """
+    find_compiler()
+    task = find_scenario(scenario)
+    drive = load_drive(drive_name)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
+    runs = []
+    with ExitStack() as stack:
+        folders = {kind: _folder(drive_name, drive, kind, stack) for kind in kinds}
+        for kind, folder in folders.items():
+            progress(f"{drive.name}: {scenario}, {kind}: compiling")
+            simulator = Simulator(folder, kind)
+            runs.append(
+                simulator.run(task, conditions, controller, progress=_percent(progress, drive.name, scenario, kind))
+            )
+    return runs
+
+
+def _percent(progress: Progress, drive: str, scenario: str, kind: str) -> Callable[[float], None]:
+    return lambda share: progress(f"{drive}: {scenario}, {kind}: {100 * share:.0f} %")
+
+
+def _folder(drive_name: str, drive: Drive, kind: str, stack: ExitStack) -> GeneratedFolder:
+    """The drive's own folder if it has the filter, else one made in a temporary place."""
+    path = generated_folder(drive_name)
+    if kind in drive.filter.kinds and (path / "manifest.json").is_file():
+        return GeneratedFolder(path)
+    return _temporary(changed(drive, filter={"kinds": [kind]}), stack)
+
+
+def _temporary(drive: Drive, stack: ExitStack) -> GeneratedFolder:
+    path = Path(stack.enter_context(tempfile.TemporaryDirectory())) / drive.name
+    write_folder(path, generate(drive, samples=10).files)
+    return GeneratedFolder(path)
+
+
+def sample_time_sweep(
+    drive_name: str,
+    sample_times: Sequence[float] = (100e-6, 50e-6, 20e-6, 10e-6),
+    kind: str = "ckf",
+    conditions: Conditions | None = None,
+    progress: Progress = lambda text: None,
+) -> list[SweepPoint]:
+    """The same motor and tuning at several sample times, Euler and exact: what decides."""
+    find_compiler()
+    drive = load_drive(drive_name)
+    task = find_scenario("load_step")
+    points = []
+    for T in sample_times:
+        for discretization in ("euler", "exact"):
+            progress(f"{drive.name}: T = {T * 1e6:g} us, {discretization}")
+            model = {"sample_time": T, "discretization": discretization}
+            with ExitStack() as stack:
+                folder = _temporary(changed(drive, model=model, filter={"kinds": [kind]}), stack)
+                run = Simulator(folder, kind).run(task, conditions)
+            points.append(SweepPoint(T, discretization, run.locked, run.figures()))
+    return points
+
+
+def run_facts(run: Run) -> dict[str, Any]:
+    """One run as plain data."""
+    return {"filter": run.kind, "scenario": run.scenario.name, "locked": run.locked, **run.figures()}
