@@ -136,8 +136,8 @@ def cautions(drive: Drive) -> list[str]:
     ratio = drive.model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
     if drive.model.discretization == "euler" and ratio > EULER_LIMIT:
         return [
-            f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose lock. "
-            f"Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * drive.model.sample_time:.3g} s."
+            f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose "
+            f"lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * drive.model.sample_time:.3g} s."
         ]
     return []
 

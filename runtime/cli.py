@@ -61,14 +61,18 @@ def run(
     drives: Drives = None,
     build: Annotated[Path, typer.Option("--build", metavar="DIR", help="Where the report page goes.")] = Path("build"),
 ) -> None:
-    """Everything: regenerate, verify, and write build/report/index.html."""
+    """Everything: regenerate, verify, simulate, and write build/report/index.html."""
+    from runtime.report.drive_tables import runs_table
+
     with working() as progress:
-        written, proofs, page = run_all(drives or [], build, progress)
+        written, chapters, page = run_all(drives or [], build, progress)
     _show_written(written)
-    for proof in proofs:
+    for chapter in chapters:
+        proof = chapter.proof
         _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
+        console.print(runs_table(chapter.runs))
     console.print(f"Report: {page}", highlight=False, soft_wrap=True)
-    if not all(proof.passed for proof in proofs):
+    if not all(chapter.good for chapter in chapters):
         raise typer.Exit(1)
 
 
@@ -133,7 +137,7 @@ def simulate(
         console.print()
         console.print(claims_table(claims(result.runs)))
     if result.sweep:
-        console.print("\nLargest speed error while starting, by sample time:")
+        console.print("\nLargest speed error after a step of the speed reference, by sample time:")
         console.print(sweep_table(result.sweep))
     if not all(run.locked for run in result.runs):
         raise typer.Exit(1)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import queue
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +15,14 @@ from typing import Any
 from codegen.folder import MANIFEST, difference, write_folder
 from codegen.generate import generate
 from model.drive import DriveError, load_drive, shipped_drives
-from runtime.drive.experiment import SweepPoint, run_facts, sample_time_sweep, simulate
+from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Conditions, Run
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, verify
+from runtime.report.chapter import Chapter
 
 Progress = Callable[[str], None]
 
@@ -78,16 +83,39 @@ def generate_drives(
 
 
 def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progress) -> list[tuple[Proof, Evidence]]:
-    """Prove every drive; write the machine-readable result if asked."""
-    results = []
-    for drive in drives or shipped_drives():
-        results.append(verify(drive, progress=lambda text, drive=drive: progress(f"{drive}: {text}")))  # type: ignore[misc]
+    """Prove every drive, several at once where there are cores; write the machine-readable result if asked."""
+    names = list(drives) or shipped_drives()
+    workers = min(len(names), os.cpu_count() or 1)
+    if workers > 1:
+        results = _verify_parallel(names, workers, progress)
+    else:
+        results = [_verify_one(name, progress) for name in names]
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
         json_path.write_text(
             json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n"
         )
     return results
+
+
+def _verify_one(drive: str, progress: Progress) -> tuple[Proof, Evidence]:
+    return verify(drive, progress=lambda text: progress(f"{drive}: {text}"))
+
+
+def _verify_parallel(names: Sequence[str], workers: int, progress: Progress) -> list[tuple[Proof, Evidence]]:
+    """One process a drive; their words arrive through a queue."""
+    with (
+        multiprocessing.Manager() as manager,
+        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool,
+    ):
+        words = manager.Queue()
+        futures = [pool.submit(_verify_one, name, words.put) for name in names]
+        while not all(future.done() for future in futures):
+            try:
+                progress(words.get(timeout=0.2))
+            except queue.Empty:
+                continue
+        return [future.result() for future in futures]
 
 
 @dataclass(frozen=True)
@@ -134,21 +162,26 @@ def _write_runs(out: Path, names: Sequence[str], runs: Sequence[Run], points: Se
         (out / "sample_time.svg").write_text(sweep_figure(points))
 
 
-def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Proof], Path]:
-    """Generate, verify, write the report page; the work of ``pmsm-ickf run``."""
+def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Chapter], Path]:
+    """Generate, verify, simulate, write the report page; the work of ``pmsm-ickf run``."""
     from runtime.report.figures import pyplot
     from runtime.report.page import write_page
 
     # What is missing is said now, not after the folders were rewritten or the proof was run.
     find_compiler()
     pyplot()
-    written = generate_drives(drives, None, progress=progress)
-    results = verify_drives(drives, None, progress)
-    page = build / "report" / "index.html"
+    names = list(drives) or shipped_drives()
+    written = generate_drives(names, None, progress=progress)
+    results = verify_drives(names, None, progress)
+    chapters = []
+    for name, (proof, evidence) in zip(names, results, strict=True):
+        drive = load_drive(name)
+        kinds = KINDS if name == "paper_spmsm" else drive.filter.kinds
+        runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
+        hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
+        sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
+        chapters.append(Chapter(drive, proof, evidence, runs, hard, sweep))
     progress("writing the report page")
-    chapters = [
-        (load_drive(drive), proof, evidence)
-        for drive, (proof, evidence) in zip(drives or shipped_drives(), results, strict=True)
-    ]
+    page = build / "report" / "index.html"
     write_page(page, chapters)
-    return written, [proof for proof, _ in results], page
+    return written, chapters, page

@@ -12,7 +12,7 @@ from typing import Any
 from codegen.folder import write_folder
 from codegen.generate import generate
 from model.drive import Drive, load_drive
-from runtime.drive.scenario import find_scenario
+from runtime.drive.scenario import STEP_START, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
@@ -20,6 +20,9 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.verify import generated_folder
 
 Progress = Callable[[str], None]
+
+#: What a cheap inverter does: carrier comparison, 2 us of dead time, 12 bits, a sample of computation delay.
+HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
 
 KINDS = ("ckf", "ickf", "ekf", "ukf")
 
@@ -98,10 +101,9 @@ def sample_time_sweep(
     conditions: Conditions | None = None,
     progress: Progress = lambda text: None,
 ) -> list[SweepPoint]:
-    """The same motor and tuning at several sample times, Euler and exact: what decides."""
+    """The same motor and tuning at several sample times, Euler and exact, after a step of the speed reference."""
     find_compiler()
     drive = load_drive(drive_name)
-    task = find_scenario("load_step")
     points = []
     for T in sample_times:
         for discretization in ("euler", "exact"):
@@ -109,7 +111,7 @@ def sample_time_sweep(
             model = {"sample_time": T, "discretization": discretization}
             with ExitStack() as stack:
                 folder = _temporary(changed(drive, model=model, filter={"kinds": [kind]}), stack)
-                run = Simulator(folder, kind).run(task, conditions)
+                run = Simulator(folder, kind).run(STEP_START, conditions)
             points.append(SweepPoint(T, discretization, run.locked, run.figures()))
     return points
 

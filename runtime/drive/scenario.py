@@ -34,6 +34,12 @@ class Scenario:
         return np.where(t >= self.load_at - 1e-12, self.load, 0.0)
 
 
+#: From here on a start counts as over: errors of position are read after it, s.
+STARTED = 0.15
+
+#: The hardest start: a step of the reference, so that the torque limit alone sets the pace. Used for the sweep.
+STEP_START = Scenario("step_start", ramp=1e-3, load=5.0)
+
 SCENARIOS = {
     "no_load": Scenario("no_load"),
     "load_step": Scenario("load_step", load=5.0),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.scenario import RPM, Scenario
+from runtime.drive.scenario import RPM, STARTED, Scenario
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library
@@ -88,7 +88,7 @@ class Run:
         after the start (degrees electrical)."""
         start = self.t < min(self.scenario.load_at, self.scenario.duration)
         late = self.t >= self.t[-1] - 0.05
-        moving = self.t >= self.scenario.ramp
+        moving = self.t >= min(STARTED, self.t[-1])
         error = self.speed_error
         after = ~start if self.scenario.load else late
         return {

@@ -14,9 +14,10 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from codegen import __version__
 from codegen.equations import Readable, readable
 from codegen.folder import read_manifest
-from model.drive import Drive
-from runtime.proof.result import Proof
-from runtime.proof.verify import Evidence, generated_folder
+from runtime.proof.verify import generated_folder
+from runtime.report.chapter import Chapter
+from runtime.report.drive_figures import run_figure, sweep_figure
+from runtime.report.drive_tables import claims, sweep_cell
 from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
 from runtime.report.tables import COUNTS, stages_by_equation
 
@@ -29,18 +30,20 @@ _ENVIRONMENT = jinja2.Environment(
 )
 
 
-def write_page(path: Path, chapters: list[tuple[Drive, Proof, Evidence]]) -> None:
+def write_page(path: Path, chapters: list[Chapter]) -> None:
     """Write the page for some drives, one chapter each."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = _ENVIRONMENT.get_template("page.html.j2").render(
         version=__version__,
-        chapters=[_chapter(*chapter) for chapter in chapters],
-        passed=all(proof.passed for _, proof, _ in chapters),
+        chapters=[_chapter(chapter) for chapter in chapters],
+        passed=all(chapter.proof.passed for chapter in chapters),
+        sweep_cell=sweep_cell,
     )
     path.write_text(text, encoding="utf-8")
 
 
-def _chapter(drive: Drive, proof: Proof, evidence: Evidence) -> dict[str, Any]:
+def _chapter(chapter: Chapter) -> dict[str, Any]:
+    drive, proof, evidence = chapter.drive, chapter.proof, chapter.evidence
     manifest = read_manifest(generated_folder(drive.name))
     units = {state["name"]: state["unit"] for state in manifest["states"]}
     equations = readable(drive)
@@ -62,13 +65,25 @@ def _chapter(drive: Drive, proof: Proof, evidence: Evidence) -> dict[str, Any]:
         "counts": COUNTS,
         "variants": list(dict.fromkeys(variant for cells in stages.values() for variant in cells)),
         "failures": list(proof.failures()),
+        "runs": [(run, run.figures()) for run in chapter.runs],
+        "hard": [(run, run.figures()) for run in chapter.hard],
+        "claims": claims(chapter.runs) if drive.name == "paper_spmsm" else [],
+        "sweep": chapter.sweep,
         "figures": {
             "trajectory": Markup(trajectory_figure(evidence)),
             "stages": Markup(stage_figure(proof)),
             "drift": Markup(drift_figure(evidence, drive.model.sample_time, units)),
             "effects": Markup(effect_figure(evidence)) if evidence.effects else "",
+            "runs": _run_figures(chapter),
+            "sweep": Markup(sweep_figure(chapter.sweep)) if chapter.sweep else "",
         },
     }
+
+
+def _run_figures(chapter: Chapter) -> list[tuple[str, Markup]]:
+    """One figure a scenario, all filters together."""
+    names = list(dict.fromkeys(run.scenario.name for run in chapter.runs))
+    return [(name, Markup(run_figure([run for run in chapter.runs if run.scenario.name == name]))) for name in names]
 
 
 class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]

@@ -1,0 +1,28 @@
+"""What the page says of one drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model.drive import Drive
+from runtime.drive.experiment import SweepPoint
+from runtime.drive.simulation import Run
+from runtime.proof.result import Proof
+from runtime.proof.verify import Evidence
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Proof and simulations of a drive. ``hard``: the load step under a cheap inverter's conditions."""
+
+    drive: Drive
+    proof: Proof
+    evidence: Evidence
+    runs: list[Run]
+    hard: list[Run]
+    sweep: list[SweepPoint]
+
+    @property
+    def good(self) -> bool:
+        """Proved, and locked in every scenario with an ideal inverter."""
+        return self.proof.passed and all(run.locked for run in self.runs)
