@@ -132,12 +132,12 @@ EULER_LIMIT = 0.2
 
 def cautions(drive: Drive) -> list[str]:
     """What is allowed but likely a mistake, one line each."""
-    m = drive.motor
-    ratio = drive.model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
-    if drive.model.discretization == "euler" and ratio > EULER_LIMIT:
+    m, model = drive.motor, drive.model
+    ratio = model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
+    if model.discretization == "euler" and ratio > EULER_LIMIT:
         return [
             f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose "
-            f"lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * drive.model.sample_time:.3g} s."
+            f"lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * model.sample_time:.3g} s."
         ]
     return []
 

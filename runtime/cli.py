@@ -18,7 +18,7 @@ from rich.table import Table
 
 from codegen import __version__
 from codegen.folder import FolderError
-from model.drive import DriveError
+from model.drive import DriveError, cautions, load_drive
 from runtime.errors import UserError
 from runtime.tasks import Progress, Written, generate_drives, run_all, simulate_drive, verify_drives
 
@@ -92,6 +92,7 @@ def generate(
     force: Annotated[bool, typer.Option("--force", help="Overwrite a folder that was edited by hand.")] = False,
 ) -> None:
     """Generate C for the F28335, host C and Python from drive files."""
+    _caution(drives)
     with working() as progress:
         written = generate_drives(drives or [], out, check, force, progress)
     if check:
@@ -130,6 +131,7 @@ def simulate(
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
     conditions |= {"sensored": sensored, "theta": theta, "seed": seed}
+    _caution([drive])
     with working() as progress:
         result = simulate_drive(drive, scenario, filters.split(","), conditions, controller, sweep, json, out, progress)
     console.print(runs_table(result.runs))
@@ -159,6 +161,13 @@ def verify(
         _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
     if not all(proof.passed for proof, _ in results):
         raise typer.Exit(1)
+
+
+def _caution(drives: list[str] | None) -> None:
+    """What is allowed but likely a mistake goes to stderr, before the work."""
+    for name in drives or []:
+        for line in cautions(load_drive(name)):
+            print(f"pmsm-ickf: caution: {line}", file=sys.stderr)
 
 
 def _show_written(written: list[Written]) -> None:

@@ -146,18 +146,21 @@ def simulate_drive(
         facts = {"drive": drive, "runs": [run_facts(run) for run in runs], "sweep": [asdict(point) for point in points]}
         json_path.write_text(json.dumps(facts, indent=2) + "\n")
     if out is not None:
-        _write_runs(out, names, runs, points)
+        _write_runs(out, names, runs, points, numbered=drive == "paper_spmsm")
     return Simulated(runs, points)
 
 
-def _write_runs(out: Path, names: Sequence[str], runs: Sequence[Run], points: Sequence[SweepPoint]) -> None:
+def _write_runs(
+    out: Path, names: Sequence[str], runs: Sequence[Run], points: Sequence[SweepPoint], numbered: bool
+) -> None:
     from runtime.report.drive_figures import run_figure, sweep_figure
 
     out.mkdir(parents=True, exist_ok=True)
     for run in runs:
         run.save(out / f"{run.scenario.name}_{run.kind}.npz")
     for name in names:
-        (out / f"{name}.svg").write_text(run_figure([run for run in runs if run.scenario.name == name]))
+        chosen = [run for run in runs if run.scenario.name == name]
+        (out / f"{name}.svg").write_text(run_figure(chosen, numbered))
     if points:
         (out / "sample_time.svg").write_text(sweep_figure(points))
 

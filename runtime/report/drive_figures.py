@@ -19,30 +19,44 @@ DASHES = {"ckf": "-", "ickf": "--", "ekf": "-.", "ukf": ":"}
 NUMBERS = {"no_load": (4, 5, 6, 7), "load_step": (8, 9, 10, 11)}
 
 
-def run_figure(runs: Sequence[Run]) -> str:
-    """Four panels of one scenario, all filters together."""
+def run_figure(runs: Sequence[Run], numbered: bool = False) -> str:
+    """Four panels of one scenario, all filters together.
+
+    Each filter closes its own loop, so each has a truth of its own: errors are against that; the position panel
+    shows the first filter and its truth. ``numbered`` writes the paper's figure numbers.
+    """
     scenario = runs[0].scenario
     figure, axes = pyplot().subplots(4, 1, figsize=(7.5, 8.0), sharex=False)
     for run in runs:
-        style: dict[str, Any] = {"color": COLOURS[run.kind], "ls": DASHES[run.kind], "lw": 1.1, "label": run.kind}
-        axes[0].plot(run.t, run.x[:, 2] * RPM, **style)
-        axes[1].plot(run.t, run.speed_error, **style)
-        late = run.t >= run.t[-1] - 0.03
-        axes[2].plot(run.t[late], run.x[late, 3], **style)
-        axes[3].plot(run.t, run.angle_error, **style)
-    truth = runs[0]
-    late = truth.t >= truth.t[-1] - 0.03
-    axes[0].plot(truth.t, truth.omega * RPM, color=COLOURS["truth"], lw=0.8, label="true")
-    wrapped = np.remainder(truth.theta[late] + np.pi, 2 * np.pi) - np.pi
-    axes[2].plot(truth.t[late], wrapped, color=COLOURS["truth"], lw=0.8, label="true")
-    labels = ("speed, r/min", "speed error, r/min", "position, rad electrical", "position error, deg electrical")
-    numbers = NUMBERS.get(scenario.name, (0, 0, 0, 0))
+        style: dict[str, Any] = {"color": COLOURS[run.kind], "ls": DASHES[run.kind], "lw": 0.9}
+        axes[0].plot(run.t, run.omega * RPM, label=f"{run.kind}, true", **style)
+        _band(axes[1], run.t, run.speed_error, run.kind, style)
+        _band(axes[3], run.t, run.angle_error, run.kind, style)
+    first = runs[0]
+    late = first.t >= first.t[-1] - 0.03
+    axes[2].plot(first.t[late], first.x[late, 3], color=COLOURS[first.kind], lw=1.4, label=f"{first.kind}, estimate")
+    wrapped = np.remainder(first.theta[late] + np.pi, 2 * np.pi) - np.pi
+    axes[2].plot(first.t[late], wrapped, color=COLOURS["truth"], ls="--", lw=0.9, label="true")
+    labels = ("speed, r/min", "speed error, r/min", "position,\nrad electrical", "position error,\ndeg electrical")
+    numbers = NUMBERS.get(scenario.name, (0, 0, 0, 0)) if numbered else (0, 0, 0, 0)
     for axis, label, number in zip(axes, labels, numbers, strict=True):
         axis.set_ylabel(label, fontsize=8)
         axis.set_title(f"fig. {number}" if number else "", loc="left", fontsize=8)
-    axes[0].legend(loc="lower right", ncols=len(runs) + 1)
+        axis.legend(loc="lower right", ncols=len(runs), fontsize=7, bbox_to_anchor=(1.0, 0.97))
     axes[3].set_xlabel("time, s")
     return svg_text(figure)
+
+
+def _band(axis: Any, t: Any, values: Any, label: str, style: dict[str, Any]) -> None:
+    """A noisy quantity as the band between its extremes in each of some 250 slices of time."""
+    width = max(1, len(values) // 250)
+    count = len(values) // width
+    slices = values[: count * width].reshape(count, width)
+    middle = t[: count * width].reshape(count, width).mean(axis=1)
+    low, high = slices.min(axis=1), slices.max(axis=1)
+    axis.fill_between(middle, low, high, color=style["color"], alpha=0.12, lw=0)
+    axis.plot(middle, low, **style)
+    axis.plot(middle, high, label=label, **style)
 
 
 def sweep_figure(points: Sequence[SweepPoint]) -> str:

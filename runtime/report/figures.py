@@ -108,7 +108,7 @@ def trajectory_figure(evidence: Evidence) -> str:
         for k, (name, colour) in enumerate((("alpha", "#3b6ea8"), ("beta", "#c8553d"))):
             axis.plot(data.t, values[:, k], lw=0.7, color=colour, label=name)
         axis.set_ylabel(label)
-        axis.legend(loc="upper left", ncols=2, fontsize=8)
+    axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 0.95), ncols=2, fontsize=8)
     axes[2].set_xlabel("time, s")
     return svg_text(figure)
 

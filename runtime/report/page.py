@@ -83,7 +83,9 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
 def _run_figures(chapter: Chapter) -> list[tuple[str, Markup]]:
     """One figure a scenario, all filters together."""
     names = list(dict.fromkeys(run.scenario.name for run in chapter.runs))
-    return [(name, Markup(run_figure([run for run in chapter.runs if run.scenario.name == name]))) for name in names]
+    chosen = {name: [run for run in chapter.runs if run.scenario.name == name] for name in names}
+    numbered = chapter.drive.name == "paper_spmsm"
+    return [(name, Markup(run_figure(runs, numbered))) for name, runs in chosen.items()]
 
 
 class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]

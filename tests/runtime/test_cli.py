@@ -123,7 +123,7 @@ def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
     done = call("run", "--build", "b", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     page = (tmp_path / "b" / "report" / "index.html").read_text()
-    assert page.count("<svg") == 8
+    assert page.count("<svg") == 3 * (4 + 2) + 1
     assert "all links hold" in page
     assert not re.findall(r"(?:src|href)=\"(?!#)", page), "nothing is fetched from elsewhere"
     assert GENERATED.is_dir()
@@ -132,3 +132,57 @@ def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
 def test_help_and_version(tmp_path: Path) -> None:
     assert "generate" in call("--help", cwd=tmp_path).stdout
     assert re.fullmatch(r"\d+\.\d+\.\d+\n", call("--version", cwd=tmp_path).stdout)
+
+
+def test_simulate_reports_saves_and_exits_well(tmp_path: Path) -> None:
+    arguments = (
+        "spmsm_load_torque",
+        "--scenario",
+        "load_step",
+        "--filters",
+        "ckf,ekf",
+        "--json",
+        "s.json",
+        "--out",
+        "o",
+    )
+    done = call("simulate", *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    data = json.loads((tmp_path / "s.json").read_text())
+    assert [run["filter"] for run in data["runs"]] == ["ckf", "ekf"]
+    assert all(run["locked"] for run in data["runs"])
+    assert {path.name for path in (tmp_path / "o").iterdir()} == {
+        "load_step_ckf.npz",
+        "load_step_ekf.npz",
+        "load_step.svg",
+    }
+
+
+def test_simulate_says_when_lock_is_lost(tmp_path: Path) -> None:
+    done = call("simulate", "--theta", "3.1", "--scenario", "no_load", "--filters", "ckf", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "LOST LOCK" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--scenario", "dance"), "no scenario 'dance'; there are: no_load, load_step"),
+        (("--filters", "ckf,pf"), "no filter 'pf'; there are: ckf, ickf, ekf, ukf"),
+        (("--inverter", "magic"), "no inverter 'magic'"),
+        (("--controller", "rust"), "controller 'rust' is not c or numpy"),
+    ],
+)
+def test_simulate_refuses_unknown_words(arguments: tuple[str, ...], expected: str, tmp_path: Path) -> None:
+    done = call("simulate", "spmsm_load_torque", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert expected in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_coarse_euler_is_cautioned(tmp_path: Path) -> None:
+    (tmp_path / "coarse.toml").write_text(PAPER.replace("paper_spmsm", "coarse").replace("20e-6", "100e-6"))
+    done = call("generate", "coarse.toml", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "caution: drive 'coarse': forward Euler with T R / L = 0.34" in done.stderr
+    assert "sample_time <= 5.81e-05 s" in done.stderr

@@ -23,14 +23,25 @@ from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.result import Link
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Prover, prove, verify
-from tests.conftest import variant
+from tests.conftest import DRIVES, variant
 
 QUICK = Effort(
     trajectory=0.004, box_draws=20, bit_steps=300, drift_steps=500, optimisations=(("-O0",), ("-O3", "-march=native"))
 )
 
 
-@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
+@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_path: Path) -> None:
+    drive = variant(load_drive(name), filter={"kinds": [kind]})
+    package = generate(drive, samples=5)
+    write_folder(tmp_path / name, package.files)
+    prover = _prover(drive, package, tmp_path / name)
+    for link in [*prover.link_a_b(kind), prover._box(kind), prover._bits(kind).link(("-O2",))]:
+        assert link.passed, str(link.divergence)
+
+
+@pytest.mark.parametrize("name", DRIVES)
 def test_chain_holds_quickly(name: str) -> None:
     seen: list[str] = []
     proof, _ = verify(name, QUICK, seen.append)
@@ -46,7 +57,7 @@ def test_chain_holds_quickly(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
+@pytest.mark.parametrize("name", DRIVES)
 def test_chain_holds_in_full(name: str) -> None:
     """Every figure the README promises: 1e-10, 10 000 steps of identical bits, 100 000 steps at speed."""
     proof, _ = verify(name)
@@ -56,7 +67,7 @@ def test_chain_holds_in_full(name: str) -> None:
             assert all(row.allowed <= 1e-10 for row in link.rows)
         if link.name == "D-E":
             assert all(row.allowed == 0.0 for row in link.rows)
-    assert {effect.verdict for effect in proof.effects} == {"rounding" if name == "paper_spmsm" else "real"}
+    assert {effect.verdict for effect in proof.effects} == {"real" if name == "ipmsm_flux" else "rounding"}
     assert {effect.gain for effect in proof.effects} == {"cubature", "jacobian"}
 
 

@@ -97,7 +97,7 @@ def _worst(simulator: Simulator, seeds: range = range(1, 6)) -> dict[str, float]
 
 
 def test_paper_drive_reaches_the_papers_claim(simulators: dict[str, Simulator]) -> None:
-    """Sensorless from standstill, 20 us: under 20 r/min while starting, under 10 after the load step (the README's seed).
+    """Sensorless from standstill, 20 us, README's seed: under 20 r/min while starting, under 10 after the load step.
 
     Other noise gives other maxima: 12 to 23 and 7 to 10 r/min over eight seeds.
     """
