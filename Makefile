@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test quick lint types check clean
+.PHONY: run test quick lint types check bench clean
 
 run: $(VENV)/.ready
 	$(BIN)/pmsm-ickf run
@@ -16,6 +16,9 @@ test: $(VENV)/.ready-dev
 # The tests without the slow ones: half a minute.
 quick: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto -m "not slow"
+
+bench: $(VENV)/.ready
+	$(BIN)/python benchmarks/simulation.py
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check .

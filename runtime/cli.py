@@ -116,6 +116,7 @@ def simulate(
     delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
     noise: Annotated[float, typer.Option(metavar="A", min=0, help="Current sensor noise, rms.")] = 0.05,
     bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
+    offset: Annotated[float, typer.Option(metavar="A", help="Offset of phase a's current sensor.")] = 0.0,
     sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
     theta: Annotated[float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start.")] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
@@ -130,7 +131,7 @@ def simulate(
     from runtime.report.drive_tables import claims, claims_table, runs_table, sweep_table
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
-    conditions |= {"sensored": sensored, "theta": theta, "seed": seed}
+    conditions |= {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
     _caution([drive])
     with working() as progress:
         result = simulate_drive(drive, scenario, filters.split(","), conditions, controller, sweep, json, out, progress)
