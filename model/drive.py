@@ -16,6 +16,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from model.machines import MACHINES
+from model.mechanics import MECHANICS
+
 DRIVES = Path(__file__).parent / "drives"
 
 
@@ -210,9 +213,6 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
 
 
 def _check_lengths(drive: Drive, where: str) -> None:
-    from model.machines import MACHINES
-    from model.mechanics import MECHANICS
-
     rooms = (MACHINES[drive.model.machine], MECHANICS[drive.model.mechanics])
     states = [quantity.name for room in rooms for quantity in room.states]
     for key in ("initial_state", "initial_covariance", "process_noise"):

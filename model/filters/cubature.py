@@ -1,15 +1,16 @@
-"""The cubature rule and the pieces every filter here is made of, eq. 11-26."""
+"""The cubature rule and the pieces the filters are made of, eq. 11-26."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from model.filters.program import BlockBuilder
 from model.quantities import Block
-from model.state_space import INPUTS, StateSpaceModel
+from model.state_space import OUTPUTS, StateSpaceModel
 
 Vector = list[Any]
 Matrix = list[list[Any]]
@@ -32,9 +33,41 @@ def pack(matrix: Matrix) -> Vector:
     return [matrix[i][j] for i in range(len(matrix)) for j in range(i + 1)]
 
 
-def suffixes(n: int) -> list[str]:
-    """The 2n points' names: column of S and side, eq. 11 with its I block first."""
-    return [f"{c}p" for c in range(n)] + [f"{c}m" for c in range(n)]
+@dataclass(frozen=True)
+class Rule:
+    """Which points a filter draws and how it weighs them.
+
+    With ``kappa`` 0 the cubature rule (eq. 11, 12): 2n points, equal weights. With kappa > 0 the centre joins
+    with weight kappa / (n + kappa) (Julier and Uhlmann 1997).
+    """
+
+    kind: str
+    kappa: float = 0.0
+
+    def equation(self, number: str) -> str:
+        """The paper's number where the rule is the paper's, else the filter's name."""
+        return self.kind.upper() if self.kappa else number
+
+    @property
+    def reach_text(self) -> str:
+        return "sqrt(n + kappa)" if self.kappa else "sqrt(n)"
+
+    def reach(self, n: int) -> float:
+        """How far the points lie from the centre, in columns of S."""
+        return math.sqrt(n + self.kappa)
+
+    def weights(self, n: int) -> tuple[float, float]:
+        """Of the centre, and of each other point."""
+        return self.kappa / (n + self.kappa), 0.5 / (n + self.kappa)
+
+
+CUBATURE = Rule("ckf")
+
+
+def sides(count: int) -> list[str]:
+    """Names of the points: column of S and side, eq. 11 with its I block first; the centre, if any, is ``c``."""
+    n = count // 2
+    return ["c"] * (count % 2) + [f"{c}p" for c in range(n)] + [f"{c}m" for c in range(n)]
 
 
 def cholesky(P: Matrix) -> Matrix:
@@ -49,45 +82,34 @@ def cholesky(P: Matrix) -> Matrix:
 
 
 def points(
-    b: BlockBuilder, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str, radius: float | None = None
+    b: BlockBuilder, rule: Rule, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str
 ) -> list[Vector]:
-    """The 2n points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names.
-
-    ``radius`` replaces sqrt(n) for filters that weigh the centre too.
-    """
+    """The points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names."""
     n = len(centre)
-    root_n = radius or math.sqrt(n)
     rows = [(i, c) for i in range(n) for c in range(i + 1)]
-    step = {(i, c): root_n * S[i][c] for i, c in rows}
-    b.stage(
-        f"d{tag}",
-        equation,
-        "sqrt(n) S",
-        [step[k] for k in rows],
-        [f"d{tag}_{states[i]}_{c}" for i, c in rows],
-        scale="none",
-    )
+    step = {(i, c): rule.reach(n) * S[i][c] for i, c in rows}
+    names = [f"d{tag}_{states[i]}_{c}" for i, c in rows]
+    b.stage(f"d{tag}", equation, f"{rule.reach_text} S", [step[k] for k in rows], names, scale="none")
     plus = [[centre[i] + step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
     minus = [[centre[i] - step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
-    return plus + minus
+    return [*([centre] if rule.kappa else []), *plus, *minus]
 
 
 def record_points(
     b: BlockBuilder, name: str, equation: str, meaning: str, pts: list[Vector], names: list[str], kind: str
 ) -> None:
     """Record points as a stage, row-major (one row a state or output, one column a point)."""
-    sides = suffixes(len(pts) // 2)
-    entries = [pts[k][i] for i in range(len(names)) for k in range(len(pts))]
-    labels = [f"{names[i]}_{sides[k]}" for i in range(len(names)) for k in range(len(pts))]
+    entries = [point[i] for i in range(len(names)) for point in pts]
+    labels = [f"{name}_{side}" for name in names for side in sides(len(pts))]
     b.stage(name, equation, meaning, entries, labels, scale=kind, columns=len(pts))
 
 
-def mean(b: BlockBuilder, equation: str, pts: list[Vector], names: list[str]) -> Vector:
-    """Equal weights 1/m, eq. 12, 16 and 21, taken about the first point; ``names`` are the rows'.
+def mean(b: BlockBuilder, rule: Rule, equation: str, pts: list[Vector], names: list[str]) -> Vector:
+    """Weighted mean, eq. 16 and 21, taken about the first point; ``names`` are the rows'.
 
     The plain sum of 2n angles is some 25 rad, whose float32 spacing alone is 2e-6 rad.
     """
-    weight = 1.0 / len(pts)
+    _, weight = rule.weights(len(pts) // 2)
     first = pts[0]
     offset = [weight * _sum([point[i] - first[i] for point in pts[1:]]) for i in range(len(first))]
     b.stage(f"offset_{names[0]}", equation, "", offset, [f"offset_{name}" for name in names], scale="none")
@@ -101,63 +123,27 @@ def _sum(terms: Vector) -> Any:
     return total
 
 
-def spread(a: list[Vector], b: list[Vector]) -> Matrix:
-    """Mean of a_i b_i^T over deviations: the centred form of eq. 17, 22, 23.
+def spread(rule: Rule, a: list[Vector], b: list[Vector]) -> Matrix:
+    """Weighted mean of a_i b_i^T over deviations: the centred form of eq. 17, 22, 23.
 
     As printed, sum XX^T/m - x x^T, these equations cancel in float32 once theta or a current is large.
     """
-    weight = 1.0 / len(a)
-    return [
-        [weight * _sum([p[i] * q[j] for p, q in zip(a, b, strict=True)]) for j in range(len(b[0]))]
-        for i in range(len(a[0]))
-    ]
+    centre, weight = rule.weights(len(a) // 2)
+
+    def entry(i: int, j: int) -> Any:
+        products = [p[i] * q[j] for p, q in zip(a, b, strict=True)]
+        return centre * products[0] + weight * _sum(products[1:]) if rule.kappa else weight * _sum(products)
+
+    return [[entry(i, j) for j in range(len(b[0]))] for i in range(len(a[0]))]
 
 
 def deviations(b: BlockBuilder, equation: str, pts: list[Vector], centre: Vector, names: list[str]) -> list[Vector]:
     """Points minus their mean, named ``dev_<name>_<point>``."""
-    sides = suffixes(len(pts) // 2)
     dev = [[value - m for value, m in zip(point, centre, strict=True)] for point in pts]
-    for side, point in zip(sides, dev, strict=True):
+    for side, point in zip(sides(len(pts)), dev, strict=True):
         labels = [f"dev_{name}_{side}" for name in names]
         b.stage(labels[0], equation, "", point, labels, scale="none")
     return dev
-
-
-def time_update(model: StateSpaceModel) -> Block:
-    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred."""
-    states = [state.name for state in model.states]
-    n = len(states)
-    b = BlockBuilder("time_update", "Time update, eq. 13-17")
-    x = b.input("x", states)
-    P = unpack(b.input("P", packed_names("P", n)), n)
-    Q = b.input("Q", [f"Q_{i}" for i in range(n)])
-    u = b.input("u", [quantity.name for quantity in INPUTS])
-
-    S = b.lower("S", "13", "S = chol(P)", cholesky(P))
-    X = points(b, "14", S, x, states, "")
-    record_points(b, "X", "14", "X_i = x +- sqrt(n) S_i", X, states, "state")
-    X_prop = []
-    for side, point in zip(suffixes(n), X, strict=True):
-        value, named = model.propagate(point, u)
-        b.working("15", named, side)
-        X_prop.append(value)
-    record_points(b, "X_prop", "15", "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
-    x_pred = b.stage(
-        "x_pred",
-        "16",
-        "x_pred = mean X_i', about the first point",
-        mean(b, "16", X_prop, states),
-        [f"{s}_pred" for s in states],
-        scale="state",
-    )
-    dev = deviations(b, "17", X_prop, x_pred, states)
-    P_pred = spread(dev, dev)
-    for i in range(n):
-        P_pred[i][i] = P_pred[i][i] + Q[i]
-    b.lower("P_pred", "17", "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P_pred)
-    b.output("x_pred", x_pred)
-    b.output("P_pred", pack(P_pred))
-    return b.build()
 
 
 def coast(model: StateSpaceModel) -> Block:
@@ -182,7 +168,7 @@ def measured_points(
 ) -> list[Vector]:
     """h at every point, eq. 20, its intermediates named."""
     Y = []
-    for side, point in zip(suffixes(len(pts) // 2), pts, strict=True):
+    for side, point in zip(sides(len(pts)), pts, strict=True):
         value, named = model.measure(point)
         b.working(equation, named, f"{tag}{side}")
         Y.append(value)
@@ -198,6 +184,29 @@ def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
     b.stage("Pyy_inv", equation, "Pyy^-1", [W_00, W_10, W_11], ["Pyy_inv_00", "Pyy_inv_10", "Pyy_inv_11"], scale="none")
     K = [[row[0] * W_00 + row[1] * W_10, row[0] * W_10 + row[1] * W_11] for row in Pxy]
     return b.matrix("K", equation, "K = Pxy Pyy^-1", K, scale="gain")
+
+
+def corrected(
+    b: BlockBuilder,
+    model: StateSpaceModel,
+    equations: tuple[str, str],
+    prior: tuple[Vector, Matrix],
+    K: Matrix,
+    Pyy: Matrix,
+    innovation: Vector,
+) -> None:
+    """x = x_pred + K innovation and P = P_pred - K Pyy K^T: the end of every filter that updates once."""
+    x_pred, P_pred = prior
+    states = [state.name for state in model.states]
+    labels = [f"innovation_{quantity.name}" for quantity in OUTPUTS]
+    b.stage("innovation", equations[0], "y - y_pred", innovation, labels, scale="output")
+    x = [x_pred[i] + (K[i][0] * innovation[0] + K[i][1] * innovation[1]) for i in range(len(states))]
+    x = wrapped(x, model)
+    meaning = "x = x_pred + K (y - y_pred), theta wrapped"
+    b.stage("x", equations[0], meaning, x, [f"{s}_new" for s in states], scale="state")
+    P = reduced(b, equations[1], P_pred, K, Pyy)
+    b.output("x", x)
+    b.output("P", pack(P))
 
 
 def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> Matrix:

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from model.filters.cubature import Matrix, Vector, coast, gain, pack, packed_names, reduced, unpack, wrapped
+from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
 from model.filters.program import BlockBuilder, Call, FilterStep, IfAccepted
 from model.quantities import Block
 from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
@@ -63,13 +63,7 @@ def measurement_update(model: StateSpaceModel) -> Block:
     b.lower("Pyy", "EKF", "H P_pred H^T + R", Pyy)
     K = gain(b, "EKF", Pxy, Pyy)
     innovation = [y[k] - h[k] for k in range(2)]
-    labels = [f"innovation_{quantity.name}" for quantity in OUTPUTS]
-    b.stage("innovation", "EKF", "y - h(x_pred)", innovation, labels, scale="output")
-    x = wrapped([x_pred[i] + (K[i][0] * innovation[0] + K[i][1] * innovation[1]) for i in range(n)], model)
-    b.stage("x", "EKF", "x = x_pred + K (y - h(x_pred)), theta wrapped", x, [f"{s}_new" for s in states], scale="state")
-    P = reduced(b, "EKF", P_pred, K, Pyy)
-    b.output("x", x)
-    b.output("P", pack(P))
+    corrected(b, model, ("EKF", "EKF"), (x_pred, P_pred), K, Pyy, innovation)
     return b.build()
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 
 from model.filters.cubature import (
+    CUBATURE,
     Matrix,
     Vector,
     cholesky,
@@ -21,11 +22,11 @@ from model.filters.cubature import (
     record_points,
     reduced,
     spread,
-    time_update,
     unpack,
     wrapped,
 )
 from model.filters.program import BlockBuilder, Call, Copy, FilterStep, IfAccepted, Node, Repeat
+from model.filters.sigma_point import time_update
 from model.quantities import Block
 from model.state_space import OUTPUTS, StateSpaceModel
 
@@ -161,7 +162,7 @@ def _cubature_moments(
     """Section 2.3, step 3: eq. 19-23 about x^j, spread by the predicted covariance."""
     states = [state.name for state in model.states]
     outputs = [f"y_{quantity.name}" for quantity in OUTPUTS]
-    X = points(b, "19", S_pred, x_j, states, "_j")
+    X = points(b, CUBATURE, "19", S_pred, x_j, states, "_j")
     record_points(b, "X_j", "19", "X_i = x^j +- sqrt(n) S_i", X, [f"{s}_j" for s in states], "state")
     Y = measured_points(b, model, "20", X, "j_")
     record_points(b, "Y_j", "20", "Y_i = h(X_i)", Y, outputs, "output")
@@ -169,16 +170,18 @@ def _cubature_moments(
         "y_mean",
         "21",
         "mean Y_i, about the first point",
-        mean(b, "21", Y, outputs),
+        mean(b, CUBATURE, "21", Y, outputs),
         [f"{name}_mean" for name in outputs],
         scale="output",
     )
     dev_y = deviations(b, "22", Y, y_mean, outputs)
-    Pyy = spread(dev_y, dev_y)
+    Pyy = spread(CUBATURE, dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
     b.lower("Pyy", "22", "Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R", Pyy)
     dev_x = deviations(b, "23", X, x_j, [f"{s}_j" for s in states])
-    Pxy = b.matrix("Pxy", "23", "Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T", spread(dev_x, dev_y), scale="cross")
+    Pxy = b.matrix(
+        "Pxy", "23", "Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T", spread(CUBATURE, dev_x, dev_y), scale="cross"
+    )
     return Pyy, Pxy
 
 

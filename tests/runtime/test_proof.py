@@ -13,7 +13,6 @@ import pytest
 from codegen.folder import write_folder
 from codegen.generate import Package, generate
 from model.drive import Drive, load_drive
-from model.filters import ckf as ckf_module
 from model.filters import cubature
 from model.filters import ickf as ickf_module
 from model.machines import MACHINES
@@ -124,18 +123,21 @@ def _stale_jacobian(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     original = cubature.spread
-    monkeypatch.setattr(
-        cubature, "spread", lambda a, b: [[entry * 1.000001 for entry in row] for row in original(a, b)]
-    )
+
+    def heavier(rule: Any, a: Any, b: Any) -> Any:
+        return [[entry * 1.000001 for entry in row] for row in original(rule, a, b)]
+
+    monkeypatch.setattr(sigma_point, "spread", heavier)
 
 
 def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """The right angle modulo a turn, but not in [-pi, pi): float32 would lose digits."""
-    monkeypatch.setattr(ckf_module, "wrapped", lambda x, model: x)
+    monkeypatch.setattr(cubature, "wrapped", lambda x, model: x)
 
 
 def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ckf_module, "wrapped", lambda x, model: cubature.wrapped([*x[:3], x[3] + 1e-6], model))
+    original = cubature.wrapped
+    monkeypatch.setattr(cubature, "wrapped", lambda x, model: original([*x[:3], x[3] + 1e-6], model))
 
 
 def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
