@@ -13,7 +13,7 @@ import pytest
 from codegen.folder import write_folder
 from codegen.generate import Package, generate
 from model.drive import Drive, load_drive
-from model.filters import cubature
+from model.filters import cubature, sigma_point
 from model.filters import ickf as ickf_module
 from model.machines import MACHINES
 from model.mechanics import ConstantSpeed
