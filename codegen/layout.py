@@ -110,25 +110,38 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
             if entry in live and entry not in names and graph[entry].op != "const":
                 names[entry] = _fresh(name, taken)
     uses = Counter(arg for index in live for arg in graph[index].args)
+    first_user: dict[int, int] = {}
+    for index in sorted(live):
+        for arg in graph[index].args:
+            first_user.setdefault(arg, index)
     for index in sorted(live):
         node = graph[index]
         if node.op in {"sin", "cos"}:
             angle = names.setdefault(node.args[0], _fresh("angle", taken))
             names[index] = _fresh(f"{node.op}_{angle}", taken)
         elif index not in names and uses[index] > 1 and node.op not in {"const", "neg"}:
-            names[index] = _fresh(_describe(graph, index, names), taken)
+            names[index] = _fresh(_describe(graph, index, names, first_user), taken)
     return names
 
 
-def _describe(graph: Graph, index: int, names: dict[int, str]) -> str:
-    """A name for work that is shared but that no stage names: what it is made of."""
+#: Longer descriptions say less than the name of what they serve.
+_LONGEST_NAME = 40
+_WORDS = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
+
+
+def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[int, int]) -> str:
+    """A name for work that is shared but that no stage names: what it is made of, else what it is part of."""
     node = graph[index]
     parts = [names.get(arg, "").lower() if graph[arg].op == "const" else names.get(arg, "") for arg in node.args]
-    if not all(parts):
-        return "shared"
-    if node.op == "mul" and parts[0] == parts[1]:
-        return f"{parts[0]}_sq"
-    return f"_{ {'add': 'plus', 'sub': 'minus', 'mul': 'times', 'div': 'per'}.get(node.op, node.op) }_".join(parts)
+    if all(parts):
+        square = node.op == "mul" and parts[0] == parts[1]
+        text = f"{parts[0]}_sq" if square else f"_{_WORDS.get(node.op, node.op)}_".join(parts)
+        if len(text) <= _LONGEST_NAME:
+            return text
+    user = first_user.get(index)
+    while user is not None and user not in names:
+        user = first_user.get(user)
+    return f"part_of_{names[user]}" if user is not None else "part_of_the_result"
 
 
 def _fresh(name: str, taken: set[str]) -> str:

@@ -63,7 +63,9 @@ def outputs_block(drive: Drive) -> Block:
     s = b.input("s", list(STATES))
     machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
     rotor = Rotor(s[3], s[5], s[4])
-    i, _ = machine.currents((s[0], s[1]), rotor)
+    i, named = machine.currents((s[0], s[1]), rotor)
+    inside = {**named, "i_alpha": i[0], "i_beta": i[1]}
+    b.stage("inside", "", "", list(inside.values()), list(inside), scale="none")
     b.output("i", list(i))
     b.output("torque", [machine.torque((s[0], s[1]), rotor)])
     return b.build()

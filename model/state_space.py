@@ -67,6 +67,9 @@ class StateSpaceModel:
         advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
         electrical = sample((x[0], x[1]), (u[0], u[1]), omega_e, x[3])
         mechanical, named = advance(x[2:], omega_e, lambda: self.machine.torque(*electrical.torque_at))
+        if "torque" in named and self.discretization != "euler":  # then it is taken between two samples
+            between = {f"{s.name}_mid": z for s, z in zip(self.machine.states, electrical.torque_at[0], strict=True)}
+            named = {**between, **named}
         return [*electrical.z, *mechanical], {"omega_e": omega_e, **electrical.named, **named}
 
     def measure(self, x: list[Any]) -> tuple[list[Any], Named]:

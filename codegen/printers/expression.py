@@ -81,7 +81,7 @@ def unbroken(text: str) -> str:
 
 def wrap_line(text: str, indent: str, hanging: str) -> str:
     """Break a long statement at blanks, but not around * and / nor inside short parentheses; continuations hang."""
-    glued = re.sub(r"\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
+    glued = re.sub(r"(?<!\0)\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
     glued = glued.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
     lines = textwrap.wrap(
         glued,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from codegen.layout import Listing, Statement
-from codegen.printers.expression import ExpressionPrinter, wrap_line
+from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
 
@@ -150,7 +150,8 @@ class PythonPrinter(ExpressionPrinter):
 
 def _assignment(name: str, expression: str) -> str:
     line = f"{INDENT}{name} = {expression}"
-    wrapped = wrap_line(f"{name} = ({expression})", INDENT, INDENT)
+    # No break between the name and its parenthesis: without one the statement would end there.
+    wrapped = wrap_line(f"{unbroken(name + ' = (')}{expression})", INDENT, INDENT)
     return line if len(line) <= 110 else wrapped
 
 

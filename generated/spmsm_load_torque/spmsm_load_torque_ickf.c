@@ -192,32 +192,38 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float32 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float32 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
-    const float32 i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_mid_0p + drive_beta_0p;
     const float32 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_mid_0p + drive_alpha_0p;
-    const float32 torque_0p = GAIN_TORQUE * (cos_theta_mid_0p * (0.5f * (i_beta_0p + i_beta_next_0p)) -
-        sin_theta_mid_0p * (0.5f * (i_alpha_0p + i_alpha_next_0p)));
+    const float32 i_alpha_mid_0p = 0.5f * (i_alpha_0p + i_alpha_next_0p);
+    const float32 i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_mid_0p + drive_beta_0p;
+    const float32 i_beta_mid_0p = 0.5f * (i_beta_0p + i_beta_next_0p);
+    const float32 torque_0p = GAIN_TORQUE * (cos_theta_mid_0p * i_beta_mid_0p -
+        sin_theta_mid_0p * i_alpha_mid_0p);
     const float32 omega_e_1p = POLE_PAIRS * omega_1p;
     const float32 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
     const float32 emf_step_1p = GAIN_E * omega_e_1p;
+    const float32 decay_i_times_i_alpha = DECAY_I * i_alpha;
     const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float32 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float32 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
-    const float32 i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_mid_1p + drive_beta_0p;
-    const float32 decay_i_times_i_alpha = DECAY_I * i_alpha;
     const float32 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_mid_1p + drive_alpha_0p;
-    const float32 torque_1p = GAIN_TORQUE * (cos_theta_mid_1p * (0.5f * (i_beta_1p + i_beta_next_1p)) -
-        sin_theta_mid_1p * (0.5f * (i_alpha + i_alpha_next_1p)));
+    const float32 i_alpha_mid_1p = 0.5f * (i_alpha + i_alpha_next_1p);
+    const float32 i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_mid_1p + drive_beta_0p;
+    const float32 i_beta_mid_1p = 0.5f * (i_beta_1p + i_beta_next_1p);
+    const float32 torque_1p = GAIN_TORQUE * (cos_theta_mid_1p * i_beta_mid_1p -
+        sin_theta_mid_1p * i_alpha_mid_1p);
     const float32 omega_e_2p = POLE_PAIRS * omega_2p;
     const float32 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
     const float32 emf_step_2p = GAIN_E * omega_e_2p;
     const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float32 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float32 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
+    const float32 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p;
+    const float32 i_alpha_mid_2p = 0.5f * (i_alpha + i_alpha_next_2p);
     const float32 decay_i_times_i_beta = DECAY_I * i_beta;
     const float32 i_beta_next_2p = decay_i_times_i_beta - emf_step_2p * cos_theta_mid_2p + drive_beta_0p;
-    const float32 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p;
-    const float32 torque_2p = GAIN_TORQUE * (cos_theta_mid_2p * (0.5f * (i_beta + i_beta_next_2p)) -
-        sin_theta_mid_2p * (0.5f * (i_alpha + i_alpha_next_2p)));
+    const float32 i_beta_mid_2p = 0.5f * (i_beta + i_beta_next_2p);
+    const float32 torque_2p = GAIN_TORQUE * (cos_theta_mid_2p * i_beta_mid_2p -
+        sin_theta_mid_2p * i_alpha_mid_2p);
     const float32 omega_e_3p = POLE_PAIRS * omega;
     const float32 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float32 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
@@ -225,56 +231,68 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float32 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float32 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
-    const float32 i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3p + drive_beta_0p;
     const float32 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3p + drive_alpha_0p;
-    const float32 torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * (0.5f * (i_beta + i_beta_next_3p)) -
-        sin_theta_mid_3p * (0.5f * (i_alpha + i_alpha_next_3p)));
+    const float32 i_alpha_mid_3p = 0.5f * (i_alpha + i_alpha_next_3p);
+    const float32 i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3p + drive_beta_0p;
+    const float32 i_beta_mid_3p = 0.5f * (i_beta + i_beta_next_3p);
+    const float32 torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * i_beta_mid_3p -
+        sin_theta_mid_3p * i_alpha_mid_3p);
     const float32 theta_mid_4p = theta + half_t_times_omega_e_3p;
     const sin_cos_pair sincos_theta_mid_4p = sin_cos(theta_mid_4p);
     const float32 sin_theta_mid_4p = sincos_theta_mid_4p.sine;
     const float32 cos_theta_mid_4p = sincos_theta_mid_4p.cosine;
-    const float32 i_beta_next_4p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_4p + drive_beta_0p;
     const float32 i_alpha_next_4p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_4p + drive_alpha_0p;
-    const float32 torque_4p = GAIN_TORQUE * (cos_theta_mid_4p * (0.5f * (i_beta + i_beta_next_4p)) -
-        sin_theta_mid_4p * (0.5f * (i_alpha + i_alpha_next_4p)));
+    const float32 i_alpha_mid_4p = 0.5f * (i_alpha + i_alpha_next_4p);
+    const float32 i_beta_next_4p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_4p + drive_beta_0p;
+    const float32 i_beta_mid_4p = 0.5f * (i_beta + i_beta_next_4p);
+    const float32 torque_4p = GAIN_TORQUE * (cos_theta_mid_4p * i_beta_mid_4p -
+        sin_theta_mid_4p * i_alpha_mid_4p);
     const float32 omega_e_0m = POLE_PAIRS * omega_0m;
     const float32 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
     const float32 emf_step_0m = GAIN_E * omega_e_0m;
     const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float32 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float32 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
-    const float32 i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_mid_0m + drive_beta_0p;
     const float32 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_mid_0m + drive_alpha_0p;
-    const float32 torque_0m = GAIN_TORQUE * (cos_theta_mid_0m * (0.5f * (i_beta_0m + i_beta_next_0m)) -
-        sin_theta_mid_0m * (0.5f * (i_alpha_0m + i_alpha_next_0m)));
+    const float32 i_alpha_mid_0m = 0.5f * (i_alpha_0m + i_alpha_next_0m);
+    const float32 i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_mid_0m + drive_beta_0p;
+    const float32 i_beta_mid_0m = 0.5f * (i_beta_0m + i_beta_next_0m);
+    const float32 torque_0m = GAIN_TORQUE * (cos_theta_mid_0m * i_beta_mid_0m -
+        sin_theta_mid_0m * i_alpha_mid_0m);
     const float32 omega_e_1m = POLE_PAIRS * omega_1m;
     const float32 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
     const float32 emf_step_1m = GAIN_E * omega_e_1m;
     const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float32 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float32 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
-    const float32 i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_mid_1m + drive_beta_0p;
     const float32 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_mid_1m + drive_alpha_0p;
-    const float32 torque_1m = GAIN_TORQUE * (cos_theta_mid_1m * (0.5f * (i_beta_1m + i_beta_next_1m)) -
-        sin_theta_mid_1m * (0.5f * (i_alpha + i_alpha_next_1m)));
+    const float32 i_alpha_mid_1m = 0.5f * (i_alpha + i_alpha_next_1m);
+    const float32 i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_mid_1m + drive_beta_0p;
+    const float32 i_beta_mid_1m = 0.5f * (i_beta_1m + i_beta_next_1m);
+    const float32 torque_1m = GAIN_TORQUE * (cos_theta_mid_1m * i_beta_mid_1m -
+        sin_theta_mid_1m * i_alpha_mid_1m);
     const float32 omega_e_2m = POLE_PAIRS * omega_2m;
     const float32 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
     const float32 emf_step_2m = GAIN_E * omega_e_2m;
     const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float32 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float32 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
-    const float32 i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_mid_2m + drive_beta_0p;
     const float32 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_mid_2m + drive_alpha_0p;
-    const float32 torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * (0.5f * (i_beta + i_beta_next_2m)) -
-        sin_theta_mid_2m * (0.5f * (i_alpha + i_alpha_next_2m)));
+    const float32 i_alpha_mid_2m = 0.5f * (i_alpha + i_alpha_next_2m);
+    const float32 i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_mid_2m + drive_beta_0p;
+    const float32 i_beta_mid_2m = 0.5f * (i_beta + i_beta_next_2m);
+    const float32 torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * i_beta_mid_2m -
+        sin_theta_mid_2m * i_alpha_mid_2m);
     const float32 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
     const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float32 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float32 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
-    const float32 i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3m + drive_beta_0p;
     const float32 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3m + drive_alpha_0p;
-    const float32 torque_3m = GAIN_TORQUE * (cos_theta_mid_3m * (0.5f * (i_beta + i_beta_next_3m)) -
-        sin_theta_mid_3m * (0.5f * (i_alpha + i_alpha_next_3m)));
+    const float32 i_alpha_mid_3m = 0.5f * (i_alpha + i_alpha_next_3m);
+    const float32 i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3m + drive_beta_0p;
+    const float32 i_beta_mid_3m = 0.5f * (i_beta + i_beta_next_3m);
+    const float32 torque_3m = GAIN_TORQUE * (cos_theta_mid_3m * i_beta_mid_3m -
+        sin_theta_mid_3m * i_alpha_mid_3m);
     const float32 omega_next_0p = DECAY_OMEGA * omega_0p + GAIN_OMEGA * (torque_0p - load_torque_0p);
     const float32 omega_next_1p = DECAY_OMEGA * omega_1p + GAIN_OMEGA * (torque_1p - load_torque_1p);
     const float32 omega_next_2p = DECAY_OMEGA * omega_2p + GAIN_OMEGA * (torque_2p - load_torque_2p);

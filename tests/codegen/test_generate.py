@@ -187,3 +187,41 @@ def test_certificate_bounds_other_draws() -> None:
     seen, unseen = (certify(namespace, "ickf", sample_box(drive, model, 2000, seed)) for seed in (1, 2))
     assert np.all(np.array(unseen.x) <= 3 * np.array(seen.x))
     assert unseen.not_finite == unseen.indefinite == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["paper_spmsm", "ipmsm_flux"])
+@pytest.mark.parametrize("mechanics", ["constant_speed", "load_torque"])
+@pytest.mark.parametrize("discretization", ["euler", "exact"])
+def test_every_combination_is_clean_readable_and_proven(
+    machine: str, mechanics: str, discretization: str, tmp_path: Path
+) -> None:
+    """Drives nobody ships: all four filters of each, strict C, no anonymous local, links A-B and D-E."""
+    from codegen.folder import write_folder
+    from runtime.estimator.folder import GeneratedFolder
+    from runtime.proof.trajectory import make_trajectory
+    from runtime.proof.verify import Effort, Prover
+
+    base = load_drive(machine)
+    more = 1 if mechanics == "load_torque" else 0
+    settings = {
+        "kinds": ["ckf", "ickf", "ekf", "ukf"],
+        "process_noise": base.filter.process_noise + [0.01] * more,
+        "initial_covariance": base.filter.initial_covariance + [0.1] * more,
+    }
+    T = 20e-6 if discretization == "euler" else 100e-6
+    model = {"mechanics": mechanics, "discretization": discretization, "sample_time": T}
+    drive = variant(base, model=model, filter=settings)
+    package = generate(drive, samples=20)
+    write_folder(tmp_path / "d", package.files)
+    for path in sorted((tmp_path / "d").rglob("*.c")):
+        command = ["gcc", *STRICT, "-O2", f"-I{tmp_path / 'd'}", "-c", str(path), "-o", str(tmp_path / "x.o")]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert not re.search(r"\bshared\b|part_of_the_result", path.read_text())
+    data = make_trajectory(drive.model_dump(), steps=150)
+    effort = Effort(box_draws=50, bit_steps=150)
+    prover = Prover(package, GeneratedFolder(tmp_path / "d"), data, (data, 50), effort, lambda text: None)
+    for kind in package.steps:
+        for link in [*prover.link_a_b(kind), prover._box(kind), prover._bits(kind).link(("-O3", "-march=native"))]:
+            assert link.passed, (kind, link.name, str(link.divergence))

@@ -122,13 +122,16 @@ static void plant_outputs(const float64 s[6], float64 i_out[2], float64 torque_o
     const float64 z_beta = s[1];
     const float64 rotor_cos = s[4];
     const float64 rotor_sin = s[5];
-    const float64 shared = 27.77777777777778 * (rotor_cos * z_alpha + rotor_sin * z_beta - 0.545);
-    const float64 shared_2 = 19.607843137254903 * (rotor_cos * z_beta - rotor_sin * z_alpha);
+    const float64 psi_d = rotor_cos * z_alpha + rotor_sin * z_beta;
+    const float64 psi_q = rotor_cos * z_beta - rotor_sin * z_alpha;
+    const float64 i_d = 27.77777777777778 * (psi_d - 0.545);
+    const float64 i_q = 19.607843137254903 * psi_q;
+    const float64 i_alpha = rotor_cos * i_d - rotor_sin * i_q;
+    const float64 i_beta = rotor_sin * i_d + rotor_cos * i_q;
 
-    i_out[0] = rotor_cos * shared - rotor_sin * shared_2;
-    i_out[1] = rotor_sin * shared + rotor_cos * shared_2;
-    torque_out[0] = 4.5 * (z_alpha * (rotor_sin * shared + rotor_cos * shared_2) -
-        z_beta * (rotor_cos * shared - rotor_sin * shared_2));
+    i_out[0] = i_alpha;
+    i_out[1] = i_beta;
+    torque_out[0] = 4.5 * (z_alpha * i_beta - z_beta * i_alpha);
 }
 
 void ipmsm_flux_plant_advance(float64 s[6], const float64 v[2], float64 load, float64 h, int n)
