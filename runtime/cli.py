@@ -31,7 +31,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-console = Console()
+# Into a file or a pipe the tables keep their width, whatever the terminal behind it.
+console = Console() if sys.stdout.isatty() else Console(width=140)
 
 Drives = Annotated[
     list[str] | None,

@@ -21,7 +21,7 @@ from runtime.drive.simulation import Conditions, Run
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED
 from runtime.proof.result import Proof
-from runtime.proof.verify import Evidence, verify
+from runtime.proof.verify import Evidence, generated_folder, verify
 from runtime.report.chapter import Chapter
 
 Progress = Callable[[str], None]
@@ -183,7 +183,7 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
         runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
         hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
         sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
-        chapters.append(Chapter(drive, proof, evidence, runs, hard, sweep))
+        chapters.append(Chapter(drive, generated_folder(name), proof, evidence, runs, hard, sweep))
     progress("writing the report page")
     page = build / "report" / "index.html"
     write_page(page, chapters)

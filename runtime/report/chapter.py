@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from model.drive import Drive
 from runtime.drive.experiment import SweepPoint
@@ -13,9 +14,13 @@ from runtime.proof.verify import Evidence
 
 @dataclass(frozen=True)
 class Chapter:
-    """Proof and simulations of a drive. ``hard``: the load step under a cheap inverter's conditions."""
+    """Proof and simulations of a drive generated into ``folder``.
+
+    ``hard``: the load step under a cheap inverter's conditions.
+    """
 
     drive: Drive
+    folder: Path
     proof: Proof
     evidence: Evidence
     runs: list[Run]

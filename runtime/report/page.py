@@ -14,7 +14,6 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from codegen import __version__
 from codegen.equations import Readable, readable
 from codegen.folder import read_manifest
-from runtime.proof.verify import generated_folder
 from runtime.report.chapter import Chapter
 from runtime.report.drive_figures import run_figure, sweep_figure
 from runtime.report.drive_tables import claims, sweep_cell
@@ -44,7 +43,7 @@ def write_page(path: Path, chapters: list[Chapter]) -> None:
 
 def _chapter(chapter: Chapter) -> dict[str, Any]:
     drive, proof, evidence = chapter.drive, chapter.proof, chapter.evidence
-    manifest = read_manifest(generated_folder(drive.name))
+    manifest = read_manifest(chapter.folder)
     units = {state["name"]: state["unit"] for state in manifest["states"]}
     equations = readable(drive)
     stages = stages_by_equation(proof.links)

@@ -118,7 +118,7 @@ def _drift(proof: Proof) -> Table:
     for link in links:
         table.add_row(link.variant, *(f"{row.worst:.1e}" for row in link.rows), _mark(link.passed))
     if links:
-        table.add_row("allowed", *(f"{row.allowed:.0e}" for row in links[0].rows), "", style="dim")
+        table.add_row("allowed", *(f"{row.allowed:.1e}" for row in links[0].rows), "", style="dim")
     return table
 
 

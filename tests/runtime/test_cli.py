@@ -119,6 +119,17 @@ def test_verify_writes_json(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_run_takes_ones_own_motor(tmp_path: Path) -> None:
+    text = (
+        (DRIVES / "spmsm_load_torque.toml").read_text().replace("spmsm_load_torque", "my_motor").replace("2.875", "2.0")
+    )
+    (tmp_path / "my_motor.toml").write_text(text)
+    done = call("run", "my_motor.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "my_motor" in (tmp_path / "build" / "report" / "index.html").read_text()
+
+
+@pytest.mark.slow
 def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
     done = call("run", "--build", "b", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -19,6 +19,7 @@ from model.machines import MACHINES
 from model.mechanics import ConstantSpeed
 from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.proof.link_bd import link_bd
 from runtime.proof.result import Link
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Prover, prove, verify
@@ -53,6 +54,22 @@ def test_chain_holds_quickly(name: str) -> None:
     }
     assert all(row.compared > 0 for link in proof.links for row in link.rows)
     assert seen
+
+
+#: float32 against float64 over 100 000 steps at speed, by unit; P relative to sqrt(P_ii P_jj).
+AT_SPEED = {"A": 1e-5, "Wb": 2e-6, "rad/s": 1e-3, "rad": 2e-6, "relative": 1e-4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
+@pytest.mark.parametrize("kind", ["ckf", "ickf"])
+def test_float32_at_speed(name: str, kind: str) -> None:
+    drive = load_drive(name)
+    settled = round(0.3 / drive.model.sample_time)
+    data = make_trajectory(drive.model_dump(), steps=settled + 100_000)
+    link, _ = link_bd(GeneratedFolder(GENERATED / name), kind, drive.filter.gain, data.u, data.y, settled)
+    for row in link.rows:
+        assert row.worst <= AT_SPEED[row.meaning], row
 
 
 @pytest.mark.slow
