@@ -21,7 +21,7 @@ from runtime.drive.simulation import Conditions, Run
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED
 from runtime.proof.result import Proof
-from runtime.proof.verify import Evidence, generated_folder, verify
+from runtime.proof.verify import Evidence, check_ready, generated_folder, verify
 from runtime.report.chapter import Chapter
 
 Progress = Callable[[str], None]
@@ -85,6 +85,9 @@ def generate_drives(
 def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progress) -> list[tuple[Proof, Evidence]]:
     """Prove every drive, several at once where there are cores; write the machine-readable result if asked."""
     names = list(drives) or shipped_drives()
+    for name in names:
+        progress(f"{name}: checking")
+        check_ready(name)
     workers = min(len(names), os.cpu_count() or 1)
     if workers > 1:
         results = _verify_parallel(names, workers, progress)

@@ -80,6 +80,12 @@ def verify(
     return prove(load_drive(drive), generated_folder(drive), effort or Effort(), progress)
 
 
+def check_ready(drive: str | Path) -> None:
+    """Raise UserError where :func:`verify` would before it compares anything: cheap, so done for all drives first."""
+    find_compiler()
+    _check_current(generated_folder(drive), generate(load_drive(drive)))
+
+
 def generated_folder(drive: str | Path) -> Path:
     """Where a drive's generated folder is looked for: the project's for shipped names, ./generated for TOML files."""
     return GENERATED / str(drive) if Path(drive).suffix != ".toml" else Path("generated") / load_drive(drive).name

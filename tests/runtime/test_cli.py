@@ -78,6 +78,7 @@ def test_one_bad_drive_leaves_every_folder_alone(tmp_path: Path) -> None:
 BAD = [
     (("generate", "no_such_drive"), "no drive 'no_such_drive'"),
     (("verify", "paper_spmsn"), "Did you mean 'paper_spmsm'?"),
+    (("verify", "ipmsm_flux", "paper_spmsn"), "Did you mean 'paper_spmsm'?"),
     (("generate", "bad.toml"), "motor.inductance_d = 0.8 H is outside"),
     (("run", "bad.toml"), "Did you mean 0.8 mH = 0.0008?"),
     (("generate", "broken.toml"), "not valid TOML"),
