@@ -78,6 +78,9 @@ class CBackend:
             return self._x[0].copy(), self._P[0].copy()
         return self._x.T.copy(), self._P.T.copy()
 
+    def estimate(self) -> Array:
+        return (self._x.T if self._batch else self._x[0]).copy()
+
     def step(self, u: Array, y: Array) -> None:
         if not self._batch:
             self._u[:], self._y[:] = u, y

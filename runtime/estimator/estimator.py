@@ -45,6 +45,9 @@ class Backend(Protocol):
     def state(self) -> tuple[Array, Array]:
         """x and packed P, copies."""
 
+    def estimate(self) -> Array:
+        """x, a copy."""
+
     def step(self, u: Array, y: Array) -> None:
         """One step of every lane."""
 
@@ -79,7 +82,7 @@ class Estimator:
     @property
     def x(self) -> Array:
         """The estimate, (n,) or (n, B)."""
-        return self._backend.state()[0]
+        return self._backend.estimate()
 
     @property
     def P(self) -> Array:
@@ -152,8 +155,7 @@ class Estimator:
         if (u.shape[1] if u.ndim == 2 else None) != self._batch:
             self._broadcast(u.shape[1:])
         self._backend.step(u, y)
-        x: Array = self._backend.state()[0]
-        return x
+        return self._backend.estimate()
 
     def run(self, u: ArrayLike, y: ArrayLike) -> Trace:
         """All steps of a trajectory.

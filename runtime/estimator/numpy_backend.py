@@ -35,7 +35,10 @@ class NumpyBackend:
         return np.asarray(self.filter.iterations)
 
     def state(self) -> tuple[Array, Array]:
-        return np.array(self.filter.x, dtype=self.math.dtype), np.array(self.filter.P, dtype=self.math.dtype)
+        return self.estimate(), np.array(self.filter.P, dtype=self.math.dtype)
+
+    def estimate(self) -> Array:
+        return np.array(self.filter.x, dtype=self.math.dtype)
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
         # A diverging filter shows in its numbers and its status, not in warnings from inside generated code.
