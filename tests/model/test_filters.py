@@ -25,7 +25,6 @@ from model.filters.ickf import idle_iteration_proof
 from model.machines import MACHINES
 from model.state_space import build
 from runtime.estimator.estimator import Estimator
-from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.trajectory import make_trajectory
 from tests.conftest import variant
@@ -166,11 +165,3 @@ def test_stage_names_carry_the_papers_equations(drive: Drive) -> None:
             step = build_filter(model, kind, gain)
             found = {int(stage.equation) for block in step.blocks for stage in block.stages}
             assert expected <= found, (kind, gain)
-
-
-def test_folder_is_a_generated_folder() -> None:
-    """The shipped folders hold what the proof proves."""
-    from runtime.estimator.folder import GENERATED
-
-    for name in ("paper_spmsm", "ipmsm_flux"):
-        assert GeneratedFolder(GENERATED / name).drive == name

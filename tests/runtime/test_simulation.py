@@ -196,3 +196,16 @@ def test_unknown_words_are_refused(simulators: dict[str, Simulator], tmp_path: P
         simulators["paper_spmsm"].run(Scenario("x", duration=0.001), controller="rust")
     with pytest.raises(UserError, match="recorded data is"):
         simulators["paper_spmsm"].run(Scenario("x", duration=0.001)).save(tmp_path / "x.xlsx")
+
+
+def test_claims_agree_only_where_the_numbers_do(simulators: dict[str, Simulator]) -> None:
+    """Seed 1 starts under 20 r/min and says so, seed 6 does not and says that."""
+    from runtime.report.drive_tables import claims
+
+    ckf = Simulator(find_folder("paper_spmsm"), "ckf")
+    for seed, agrees in ((1, True), (6, False)):
+        runs = [s.run(SCENARIOS[n], Conditions(seed=seed)) for n in SCENARIOS for s in (ckf, simulators["paper_spmsm"])]
+        found = {claim.what: claim.why for claim in claims(runs)}
+        assert found["start, ICKF"].startswith("agrees") == agrees
+        assert "both filters are one" in found["start, CKF"]
+        assert "both filters are one" in found["5 N m step, CKF"]
