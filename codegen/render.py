@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,7 +90,7 @@ def render_filter(
         "real": target.real,
         "n": n,
         "packed": n * (n + 1) // 2,
-        "libm": target.sqrt if target.generated_trig else f"{target.sqrt}, sin and cos",
+        "libm": target.libm,
     }
     header = render(
         "filter.h.j2",
@@ -102,7 +103,6 @@ def render_filter(
         **common,
         generated_trig=target.generated_trig,
         notes=_notes(step, target, cost, certificate, about),
-        prototypes=_prototypes(target),
         constants=_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
@@ -117,7 +117,19 @@ def render_filter(
         locals=_locals(step, target),
         program="\n".join(printer.format_program(step.body)),
     )
+    if target.generated_trig:
+        source = with_ramfuncs(source, cold={f"{common['p']}_init", f"{common['p']}_reset"})
     return header, source
+
+
+_DEFINITION = re.compile(r"^(?:static )?\w+ (\w+)\([^;{]*\)\n\{", re.MULTILINE)
+
+
+def with_ramfuncs(source: str, cold: set[str]) -> str:
+    """Pragmas that place every function of the file but the ``cold`` ones in RAM, behind the file's include."""
+    functions = [name for name in _DEFINITION.findall(source) if name not in cold]
+    head, include, tail = source.partition('.h"\n')
+    return f"{head}{include}\n{render('ramfunc.j2', functions=functions)}{tail}"
 
 
 def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificate, about: Description) -> list[str]:
@@ -145,12 +157,6 @@ def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificat
             f"  {worst}, P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e}).",
         ]
     return notes
-
-
-def _prototypes(target: Target) -> list[str]:
-    c_type = "float" if target.suffix else "double"
-    names = [target.sqrt] if target.generated_trig else [target.sqrt, "sin", "cos"]
-    return [f"{c_type} {name}({c_type} x)" for name in names]
 
 
 def trig_note(target: Target) -> list[str]:

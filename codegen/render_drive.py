@@ -7,7 +7,7 @@ from typing import Any
 from codegen.layout import Listing, lay_out
 from codegen.printers.c import CPrinter
 from codegen.printers.python import PythonPrinter
-from codegen.render import Description, render, sin_cos_text, trig_note
+from codegen.render import Description, render, sin_cos_text, trig_note, with_ramfuncs
 from codegen.targets import F28335, HOST64
 from model.controller import Gains, clarke_block, control_block, design
 from model.plant import STATES, outputs_block, plant_block
@@ -62,7 +62,7 @@ def render_foc(about: Description, kind: str) -> tuple[str, str]:
         trig_note=trig_note(F28335),
         sin_cos=sin_cos_text(printer),
     )
-    return header, source
+    return header, with_ramfuncs(source, cold={f"{common['p']}_foc_init"})
 
 
 def render_plant(about: Description) -> tuple[str, str]:

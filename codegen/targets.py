@@ -15,26 +15,39 @@ from codegen.trig import DOUBLE, SINGLE, Precision
 class Target:
     """One flavour of generated C.
 
-    ``real`` is the type's name in the port header, ``suffix`` ends a literal, ``tag`` is appended to file and
-    function names so that two flavours can live in one program.
+    ``real`` is the type's name in the port header, ``suffix`` ends a literal, ``sqrt`` is how the square root is
+    called and ``libm`` what that costs of the C library; ``tag`` is appended to file and function names so that
+    two flavours can live in one program.
     """
 
     name: str
     real: str
     suffix: str
     sqrt: str
+    libm: str
     precision: Precision
     generated_trig: bool
     tag: str
     purpose: str
 
 
-F28335 = Target("f28335", "float32", "f", "sqrtf", SINGLE, True, "", "TI TMS320F28335 and, unchanged, the host")
+F28335 = Target(
+    "f28335",
+    "float32",
+    "f",
+    "PMSM_SQRT",
+    "sqrtf",
+    SINGLE,
+    True,
+    "",
+    "TI TMS320F28335 and, unchanged, the host",
+)
 HOST64 = Target(
     "host64",
     "float64",
     "",
     "sqrt",
+    "sqrt, sin and cos",
     DOUBLE,
     False,
     "_f64",

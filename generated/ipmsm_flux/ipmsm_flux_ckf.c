@@ -9,11 +9,29 @@
  */
 #include "ipmsm_flux_ckf.h"
 
-/* Strict C89 headers do not declare every function used here; an undeclared one would be called with a double. */
-#ifdef __TMS320C28XX__
-#include <math.h>
+/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+#if defined(__TMS320C28XX__) && !defined(__cplusplus)
+#if __TI_COMPILER_VERSION__ >= 15009000
+#pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
+#pragma CODE_SECTION(smaller, ".TI.ramfunc")
+#pragma CODE_SECTION(larger, ".TI.ramfunc")
+#pragma CODE_SECTION(wrap_angle, ".TI.ramfunc")
+#pragma CODE_SECTION(within, ".TI.ramfunc")
+#pragma CODE_SECTION(time_update, ".TI.ramfunc")
+#pragma CODE_SECTION(ckf_measurement_update, ".TI.ramfunc")
+#pragma CODE_SECTION(coast, ".TI.ramfunc")
+#pragma CODE_SECTION(ipmsm_flux_ckf_step, ".TI.ramfunc")
 #else
-extern float sqrtf(float x);
+#pragma CODE_SECTION(sin_cos, "ramfuncs")
+#pragma CODE_SECTION(smaller, "ramfuncs")
+#pragma CODE_SECTION(larger, "ramfuncs")
+#pragma CODE_SECTION(wrap_angle, "ramfuncs")
+#pragma CODE_SECTION(within, "ramfuncs")
+#pragma CODE_SECTION(time_update, "ramfuncs")
+#pragma CODE_SECTION(ckf_measurement_update, "ramfuncs")
+#pragma CODE_SECTION(coast, "ramfuncs")
+#pragma CODE_SECTION(ipmsm_flux_ckf_step, "ramfuncs")
+#endif
 #endif
 
 #define N_STATES 4
@@ -114,16 +132,16 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 v_beta = u[1];
 
     /* --- eq. 13: S = chol(P) */
-    const float32 S_00 = sqrtf(P_00);
+    const float32 S_00 = PMSM_SQRT(P_00);
     const float32 S_10 = P_10 / S_00;
-    const float32 S_11 = sqrtf(P_11 - S_10 * S_10);
+    const float32 S_11 = PMSM_SQRT(P_11 - S_10 * S_10);
     const float32 S_20 = P_20 / S_00;
     const float32 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float32 S_22 = sqrtf(P_22 - (S_20 * S_20 + S_21 * S_21));
+    const float32 S_22 = PMSM_SQRT(P_22 - (S_20 * S_20 + S_21 * S_21));
     const float32 S_30 = P_30 / S_00;
     const float32 S_31 = (P_31 - S_30 * S_10) / S_11;
     const float32 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float32 S_33 = sqrtf(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
+    const float32 S_33 = PMSM_SQRT(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
 
     /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
     const float32 d_psi_alpha_0 = 2.0f * S_00;
@@ -396,16 +414,16 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 P_pred
     const float32 i_beta_meas = y[1];
 
     /* --- eq. 18: S = chol(P_pred) */
-    const float32 S_pred_00 = sqrtf(P_pred_00);
+    const float32 S_pred_00 = PMSM_SQRT(P_pred_00);
     const float32 S_pred_10 = P_pred_10 / S_pred_00;
-    const float32 S_pred_11 = sqrtf(P_pred_11 - S_pred_10 * S_pred_10);
+    const float32 S_pred_11 = PMSM_SQRT(P_pred_11 - S_pred_10 * S_pred_10);
     const float32 S_pred_20 = P_pred_20 / S_pred_00;
     const float32 S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11;
-    const float32 S_pred_22 = sqrtf(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21));
+    const float32 S_pred_22 = PMSM_SQRT(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21));
     const float32 S_pred_30 = P_pred_30 / S_pred_00;
     const float32 S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11;
     const float32 S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22;
-    const float32 S_pred_33 = sqrtf(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 +
+    const float32 S_pred_33 = PMSM_SQRT(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 +
         S_pred_32 * S_pred_32));
 
     /* --- eq. 19: sqrt(n) S; X_i = x_pred +- sqrt(n) S_i */

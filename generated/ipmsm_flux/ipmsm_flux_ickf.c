@@ -10,11 +10,33 @@
  */
 #include "ipmsm_flux_ickf.h"
 
-/* Strict C89 headers do not declare every function used here; an undeclared one would be called with a double. */
-#ifdef __TMS320C28XX__
-#include <math.h>
+/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+#if defined(__TMS320C28XX__) && !defined(__cplusplus)
+#if __TI_COMPILER_VERSION__ >= 15009000
+#pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
+#pragma CODE_SECTION(smaller, ".TI.ramfunc")
+#pragma CODE_SECTION(larger, ".TI.ramfunc")
+#pragma CODE_SECTION(wrap_angle, ".TI.ramfunc")
+#pragma CODE_SECTION(copy, ".TI.ramfunc")
+#pragma CODE_SECTION(within, ".TI.ramfunc")
+#pragma CODE_SECTION(time_update, ".TI.ramfunc")
+#pragma CODE_SECTION(ickf_iterate, ".TI.ramfunc")
+#pragma CODE_SECTION(ickf_finish, ".TI.ramfunc")
+#pragma CODE_SECTION(coast, ".TI.ramfunc")
+#pragma CODE_SECTION(ipmsm_flux_ickf_step, ".TI.ramfunc")
 #else
-extern float sqrtf(float x);
+#pragma CODE_SECTION(sin_cos, "ramfuncs")
+#pragma CODE_SECTION(smaller, "ramfuncs")
+#pragma CODE_SECTION(larger, "ramfuncs")
+#pragma CODE_SECTION(wrap_angle, "ramfuncs")
+#pragma CODE_SECTION(copy, "ramfuncs")
+#pragma CODE_SECTION(within, "ramfuncs")
+#pragma CODE_SECTION(time_update, "ramfuncs")
+#pragma CODE_SECTION(ickf_iterate, "ramfuncs")
+#pragma CODE_SECTION(ickf_finish, "ramfuncs")
+#pragma CODE_SECTION(coast, "ramfuncs")
+#pragma CODE_SECTION(ipmsm_flux_ickf_step, "ramfuncs")
+#endif
 #endif
 
 #define N_STATES 4
@@ -123,16 +145,16 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 v_beta = u[1];
 
     /* --- eq. 13: S = chol(P) */
-    const float32 S_00 = sqrtf(P_00);
+    const float32 S_00 = PMSM_SQRT(P_00);
     const float32 S_10 = P_10 / S_00;
-    const float32 S_11 = sqrtf(P_11 - S_10 * S_10);
+    const float32 S_11 = PMSM_SQRT(P_11 - S_10 * S_10);
     const float32 S_20 = P_20 / S_00;
     const float32 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float32 S_22 = sqrtf(P_22 - (S_20 * S_20 + S_21 * S_21));
+    const float32 S_22 = PMSM_SQRT(P_22 - (S_20 * S_20 + S_21 * S_21));
     const float32 S_30 = P_30 / S_00;
     const float32 S_31 = (P_31 - S_30 * S_10) / S_11;
     const float32 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float32 S_33 = sqrtf(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
+    const float32 S_33 = PMSM_SQRT(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
 
     /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
     const float32 d_psi_alpha_0 = 2.0f * S_00;

@@ -4,11 +4,23 @@
  * Gains from the drive file's bandwidths: currents 1500 rad/s, speed 60 rad/s. */
 #include "paper_spmsm_ickf_foc.h"
 
-/* Strict C89 headers do not declare every function used here; an undeclared one would be called with a double. */
-#ifdef __TMS320C28XX__
-#include <math.h>
+/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+#if defined(__TMS320C28XX__) && !defined(__cplusplus)
+#if __TI_COMPILER_VERSION__ >= 15009000
+#pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
+#pragma CODE_SECTION(smaller, ".TI.ramfunc")
+#pragma CODE_SECTION(larger, ".TI.ramfunc")
+#pragma CODE_SECTION(clarke, ".TI.ramfunc")
+#pragma CODE_SECTION(control, ".TI.ramfunc")
+#pragma CODE_SECTION(paper_spmsm_ickf_foc_step, ".TI.ramfunc")
 #else
-extern float sqrtf(float x);
+#pragma CODE_SECTION(sin_cos, "ramfuncs")
+#pragma CODE_SECTION(smaller, "ramfuncs")
+#pragma CODE_SECTION(larger, "ramfuncs")
+#pragma CODE_SECTION(clarke, "ramfuncs")
+#pragma CODE_SECTION(control, "ramfuncs")
+#pragma CODE_SECTION(paper_spmsm_ickf_foc_step, "ramfuncs")
+#endif
 #endif
 
 #define L_D 0.000835f /* L_d, H */
@@ -116,7 +128,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
 
     /* --- voltage hexagon's inner circle */
     const float32 v_max = 0.57735026f * v_dc;
-    const float32 shrink = v_max / sqrtf(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
+    const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
         v_max * v_max));
     const float32 v_d = shrink * v_d_wanted;
     const float32 v_q = shrink * v_q_wanted;

@@ -6,19 +6,11 @@
  *   estimated 3881 cycles on C28x + FPU32 (published cycles, k = 2.5; not measured), 68 words of state.
  */
 #include "ipmsm_flux_ckf_f64.h"
+#include <math.h>
 
 /* Literals of this flavour are doubles on purpose, and C has no suffix for them. */
 #ifdef __GNUC__
 #pragma GCC diagnostic ignored "-Wunsuffixed-float-constants"
-#endif
-
-/* Strict C89 headers do not declare every function used here; an undeclared one would be called with a double. */
-#ifdef __TMS320C28XX__
-#include <math.h>
-#else
-extern double sqrt(double x);
-extern double sin(double x);
-extern double cos(double x);
 #endif
 
 #define N_STATES 4

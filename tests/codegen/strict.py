@@ -1,0 +1,31 @@
+"""How the generated C is compiled in tests, and tools that may be missing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+
+import pytest
+
+STRICT = [
+    "-std=c89",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wunsuffixed-float-constants",
+    "-Wmissing-prototypes",
+    "-Werror",
+    "-ffp-contract=off",
+]
+
+
+def need(tool: str) -> str:
+    """The tool's name. Where it is missing the test is skipped with the reason, in CI it fails."""
+    if shutil.which(tool) is None:
+        reason = f"not run: {tool} not found"
+        if os.environ.get("CI"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return tool
