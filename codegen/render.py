@@ -107,6 +107,7 @@ def render_filter(
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
         pair=pair,
+        pair_type=printer.pair,
         trig_note=trig_note(target),
         sin_cos=sin_cos_text(printer),
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
@@ -173,7 +174,7 @@ def trig_note(target: Target) -> list[str]:
 def sin_cos_text(printer: CPrinter) -> str:
     if printer.target.generated_trig:
         return printer.format_helper(sin_cos_listing())
-    lines = ["static sin_cos_pair sin_cos(float64 x)", "{", f"{INDENT}sin_cos_pair result;"]
+    lines = [f"static {printer.pair} sin_cos(float64 x)", "{", f"{INDENT}{printer.pair} result;"]
     return "\n".join(
         [*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"]
     )

@@ -21,6 +21,8 @@ SQRT_3 = math.sqrt(3.0)
 
 #: Where dead-time compensation reaches its full size, A: six sigmas of a current sensor with 0.05 A noise.
 DEAD_CURRENT = 0.3
+#: V: a DC link measured lower, or not a number, counts as this much; duty cycles and integrators stay finite.
+LEAST_LINK = 1.0
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,15 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     v_d = gain.current_d_p * error[0] + z_d + feed_forward[0]
     v_q = gain.current_q_p * error[1] + z_q + feed_forward[1]
     _record(b, "", {"omega_e": omega_e, "v_d_wanted": v_d, "v_q_wanted": v_q})
-    v_max = (1 / SQRT_3) * v_dc
+    v_link = ca.fmax(v_dc, LEAST_LINK)
+    v_max = (1 / SQRT_3) * v_link
     shrink = v_max / ca.sqrt(ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max))
     v_d_lim, v_q_lim = shrink * v_d, shrink * v_q
-    _record(b, "voltage hexagon's inner circle", {"v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim})
+    _record(
+        b,
+        "voltage hexagon's inner circle",
+        {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim},
+    )
     z_d = z_d + gain.current_i * (error[0] + (v_d_lim - v_d) / gain.current_d_p)
     z_q = z_q + gain.current_i * (error[1] + (v_q_lim - v_q) / gain.current_q_p)
     _record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
@@ -119,7 +126,7 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
     v = Rotor.at(acting).to_stator((v_d_lim, v_q_lim))
     _record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
-    duty = _svpwm(b, v, v_dc, _dead_time(b, gain, i))
+    duty = _svpwm(b, v, v_link, _dead_time(b, gain, i))
     b.output("duty", duty)
     b.output("v", list(v))
     b.output("integrator", [z_speed, z_d, z_q])
@@ -174,7 +181,7 @@ def _dead_time(b: BlockBuilder, gain: Any, i: list[Any]) -> list[Any]:
     return [gain.dead_share * sign for sign in signs]
 
 
-def _svpwm(b: BlockBuilder, v: Pair, v_dc: Any, lost: list[Any]) -> list[Any]:
+def _svpwm(b: BlockBuilder, v: Pair, v_link: Any, lost: list[Any]) -> list[Any]:
     """Space-vector modulation as min-max injection, what dead time takes added; duty cycles in [0, 1]."""
     half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]
     phases = [v[0], half + cross, half - cross]
@@ -184,5 +191,5 @@ def _svpwm(b: BlockBuilder, v: Pair, v_dc: Any, lost: list[Any]) -> list[Any]:
     lowest = ca.fmin(phases[0], ca.fmin(phases[1], phases[2]))
     common = 0.5 * (highest + lowest)
     _record(b, "", {"v_highest": highest, "v_lowest": lowest, "v_common": common})
-    raw = [0.5 + (phase - common) / v_dc + more for phase, more in zip(phases, lost, strict=True)]
+    raw = [0.5 + (phase - common) / v_link + more for phase, more in zip(phases, lost, strict=True)]
     return [ca.fmin(1.0, ca.fmax(0.0, value)) for value in raw]

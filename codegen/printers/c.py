@@ -23,6 +23,8 @@ class CPrinter(ExpressionPrinter):
 
     def __init__(self, target: Target) -> None:
         self.target = target
+        #: Type of a sine and cosine; the port header declares the firmware's, once for all files (MISRA 5.6).
+        self.pair = f"pmsm_pair{target.tag}"
 
     # --- expressions
 
@@ -50,7 +52,7 @@ class CPrinter(ExpressionPrinter):
         if statement.pair is None:
             return [self._declaration(statement.name, self.expression(listing, statement.node))]
         angle = listing.names[statement.node]
-        lines = [f"{INDENT}const sin_cos_pair {statement.name} = sin_cos({angle});"]
+        lines = [f"{INDENT}const {self.pair} {statement.name} = sin_cos({angle});"]
         for name, member in zip(statement.pair, ("sine", "cosine"), strict=True):
             if name:
                 lines.append(self._declaration(name, f"{statement.name}.{member}"))
@@ -101,10 +103,10 @@ class CPrinter(ExpressionPrinter):
             (expression,) = results.values()
             lines.append(f"{INDENT}return {expression};")
         else:
-            lines.insert(0, f"{INDENT}sin_cos_pair result;")
+            lines.insert(0, f"{INDENT}{self.pair} result;")
             lines += [wrap_line(f"result.{key} = {text};", INDENT, INDENT) for key, text in results.items()]
             lines.append(f"{INDENT}return result;")
-        returned = self.target.real if len(results) == 1 else "sin_cos_pair"
+        returned = self.target.real if len(results) == 1 else self.pair
         return "\n".join([f"static {returned} {listing.block.name}({self.target.real} x)", "{", *lines, "}"])
 
     # --- the step
@@ -128,15 +130,15 @@ class CPrinter(ExpressionPrinter):
                 f"{pad}do {{",
                 *self.format_program(node.body, depth + 1),
                 f"{pad}{INDENT}iterations++;",
-                f"{pad}{INDENT}moving = !({node.change}[0] <= f->tolerance * f->tolerance); /* eq. 33 */",
-                f"{pad}}} while (moving && iterations < f->max_iterations);",
-                f"{pad}if (moving) {{",
+                f"{pad}{INDENT}moving = ({node.change}[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */",
+                f"{pad}}} while ((moving != 0) && (iterations < f->max_iterations));",
+                f"{pad}if (moving != 0) {{",
                 f"{pad}{INDENT}status |= PMSM_NOT_CONVERGED;",
                 f"{pad}}}",
             ]
         assert isinstance(node, IfAccepted)
         return [
-            f"{pad}if (accepted) {{",
+            f"{pad}if (accepted != 0) {{",
             *self.format_program(node.then, depth + 1),
             f"{pad}}} else {{",
             *self.format_program(node.otherwise, depth + 1),

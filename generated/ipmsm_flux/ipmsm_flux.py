@@ -890,7 +890,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
 
     # --- voltage hexagon's inner circle
-    v_max = 0.5773502691896258 * v_dc
+    v_link = _larger(v_dc, 1.0)
+    v_max = 0.5773502691896258 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -924,9 +925,9 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_common = 0.5 * (v_highest + v_lowest)
 
     return (
-        (_smaller(1.0, _larger(0.0, 0.5 + (v_alpha - v_common) / v_dc + gain_dead_share * sign_i_a)),
-            _smaller(1.0, _larger(0.0, 0.5 + (v_b - v_common) / v_dc + gain_dead_share * sign_i_b)),
-            _smaller(1.0, _larger(0.0, 0.5 + (v_c - v_common) / v_dc + gain_dead_share * sign_i_c)),),
+        (_smaller(1.0, _larger(0.0, 0.5 + (v_alpha - v_common) / v_link + gain_dead_share * sign_i_a)),
+            _smaller(1.0, _larger(0.0, 0.5 + (v_b - v_common) / v_link + gain_dead_share * sign_i_b)),
+            _smaller(1.0, _larger(0.0, 0.5 + (v_c - v_common) / v_link + gain_dead_share * sign_i_c)),),
         (v_alpha, v_beta,),
         (integral_speed_next, integral_d_next, integral_q_next,),
     )

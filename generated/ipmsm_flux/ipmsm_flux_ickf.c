@@ -40,7 +40,6 @@
 #endif
 
 #define N_STATES 4
-#define N_PACKED 10 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define INV_L_D 27.777779f /* 1 / L_d, A/Wb */
@@ -60,16 +59,11 @@
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
 
-typedef struct {
-    float32 sine;
-    float32 cosine;
-} sin_cos_pair;
-
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
  * Error for |x| <= 1000 rad: proved 5.1e-07, worst of 200002 arguments 1.7e-07. */
-static sin_cos_pair sin_cos(float32 x)
+static pmsm_pair sin_cos(float32 x)
 {
-    sin_cos_pair result;
+    pmsm_pair result;
     /* --- x = k pi + r with |r| <= pi / 2, pi in three parts */
     const float32 k = x * 0.31830987f + ROUND - ROUND;
     const float32 r = x - k * 3.1416016f - k * -8.881092e-06f - k * -2.7818135e-08f;
@@ -116,7 +110,7 @@ static void copy(float32 *target, const float32 *source, int count)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float32 value[2], float32 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -191,7 +185,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     /* --- eq. 15: X_i' = f(X_i, u) */
     const float32 omega_e_0p = POLE_PAIRS * omega_0p;
     const float32 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
+    const pmsm_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float32 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float32 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
     const float32 psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p;
@@ -202,7 +196,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p;
     const float32 omega_e_1p = POLE_PAIRS * omega_1p;
     const float32 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
+    const pmsm_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float32 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float32 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
     const float32 psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p;
@@ -213,7 +207,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p;
     const float32 omega_e_2p = POLE_PAIRS * omega_2p;
     const float32 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
+    const pmsm_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float32 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float32 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
     const float32 psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta;
@@ -225,7 +219,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 omega_e_3p = POLE_PAIRS * omega;
     const float32 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float32 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
+    const pmsm_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float32 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float32 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
     const float32 psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta;
@@ -236,7 +230,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p;
     const float32 omega_e_0m = POLE_PAIRS * omega_0m;
     const float32 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
+    const pmsm_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float32 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float32 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
     const float32 psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m;
@@ -247,7 +241,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m;
     const float32 omega_e_1m = POLE_PAIRS * omega_1m;
     const float32 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
+    const pmsm_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float32 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float32 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
     const float32 psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m;
@@ -258,7 +252,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m;
     const float32 omega_e_2m = POLE_PAIRS * omega_2m;
     const float32 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
+    const pmsm_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float32 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float32 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
     const float32 psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta;
@@ -268,7 +262,7 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D;
     const float32 psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m;
     const float32 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
+    const pmsm_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float32 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float32 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
     const float32 psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta;
@@ -431,7 +425,7 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 i_beta_meas = y[1];
 
     /* --- eq. 28: h(x^j); H^j = dh/dx at x^j */
-    const sin_cos_pair sincos_theta_j = sin_cos(theta_j);
+    const pmsm_pair sincos_theta_j = sin_cos(theta_j);
     const float32 sin_theta_j = sincos_theta_j.sine;
     const float32 cos_theta_j = sincos_theta_j.cosine;
     const float32 psi_d_j = cos_theta_j * psi_alpha_j + sin_theta_j * psi_beta_j;
@@ -655,7 +649,9 @@ void ipmsm_flux_ickf_init(ipmsm_flux_ickf_t *f)
 
 void ipmsm_flux_ickf_reset(ipmsm_flux_ickf_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -677,25 +673,25 @@ int ipmsm_flux_ickf_step(ipmsm_flux_ickf_t *f, const float32 u[2], const float32
     float32 Pyy[3];
     float32 change[1];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
     int moving;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         copy(x_j, x_pred, N_STATES);
         iterations = 0;
         do {
             ickf_iterate(x_j, x_pred, P_pred, f->R, y, x_j, K, Pyy, change);
             iterations++;
-            moving = !(change[0] <= f->tolerance * f->tolerance); /* eq. 33 */
-        } while (moving && iterations < f->max_iterations);
-        if (moving) {
+            moving = (change[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */
+        } while ((moving != 0) && (iterations < f->max_iterations));
+        if (moving != 0) {
             status |= PMSM_NOT_CONVERGED;
         }
         ickf_finish(x_j, P_pred, K, Pyy, f->x, f->P);

@@ -18,8 +18,8 @@ typedef struct {
     float32 x[4]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad */
     float32 P[10]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
-    float32 Q[4]; /* process noise variances per step */
-    float32 R[2]; /* measurement noise variances, A^2 */
+    float32 Q[4]; /* process noise variances per step, each positive */
+    float32 R[2]; /* measurement noise variances, A^2, each positive */
     float32 x_0[4]; /* state after ipmsm_flux_ickf_reset */
     float32 P_0[4]; /* variances after ipmsm_flux_ickf_reset */
     float32 u_max; /* V: voltages beyond are rejected */

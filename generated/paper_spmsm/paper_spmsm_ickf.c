@@ -36,7 +36,6 @@
 #endif
 
 #define N_STATES 4
-#define N_PACKED 10 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define POLE_PAIRS 4.0f /* p */
@@ -51,16 +50,11 @@
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
 
-typedef struct {
-    float32 sine;
-    float32 cosine;
-} sin_cos_pair;
-
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
  * Error for |x| <= 1000 rad: proved 5.1e-07, worst of 200002 arguments 1.7e-07. */
-static sin_cos_pair sin_cos(float32 x)
+static pmsm_pair sin_cos(float32 x)
 {
-    sin_cos_pair result;
+    pmsm_pair result;
     /* --- x = k pi + r with |r| <= pi / 2, pi in three parts */
     const float32 k = x * 0.31830987f + ROUND - ROUND;
     const float32 r = x - k * 3.1416016f - k * -8.881092e-06f - k * -2.7818135e-08f;
@@ -99,7 +93,7 @@ static float32 wrap_angle(float32 x)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float32 value[2], float32 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -188,36 +182,36 @@ static void time_update(const float32 x[4], const float32 P[10], const float32 Q
     const float32 emf_step_1m = GAIN_E * omega_e_1m;
     const float32 omega_e_2m = POLE_PAIRS * omega_2m;
     const float32 emf_step_2m = GAIN_E * omega_e_2m;
-    const sin_cos_pair sincos_theta_0p = sin_cos(theta_0p);
+    const pmsm_pair sincos_theta_0p = sin_cos(theta_0p);
     const float32 sin_theta_0p = sincos_theta_0p.sine;
     const float32 cos_theta_0p = sincos_theta_0p.cosine;
     const float32 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_0p + drive_alpha_0p;
     const float32 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const sin_cos_pair sincos_theta_1p = sin_cos(theta_1p);
+    const pmsm_pair sincos_theta_1p = sin_cos(theta_1p);
     const float32 sin_theta_1p = sincos_theta_1p.sine;
     const float32 cos_theta_1p = sincos_theta_1p.cosine;
     const float32 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_1p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_2p = sin_cos(theta_2p);
+    const pmsm_pair sincos_theta_2p = sin_cos(theta_2p);
     const float32 sin_theta_2p = sincos_theta_2p.sine;
     const float32 cos_theta_2p = sincos_theta_2p.cosine;
     const float32 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_2p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_3p = sin_cos(theta_3p);
+    const pmsm_pair sincos_theta_3p = sin_cos(theta_3p);
     const float32 sin_theta_3p = sincos_theta_3p.sine;
     const float32 cos_theta_3p = sincos_theta_3p.cosine;
     const float32 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_3p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_0m = sin_cos(theta_0m);
+    const pmsm_pair sincos_theta_0m = sin_cos(theta_0m);
     const float32 sin_theta_0m = sincos_theta_0m.sine;
     const float32 cos_theta_0m = sincos_theta_0m.cosine;
     const float32 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_0m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_1m = sin_cos(theta_1m);
+    const pmsm_pair sincos_theta_1m = sin_cos(theta_1m);
     const float32 sin_theta_1m = sincos_theta_1m.sine;
     const float32 cos_theta_1m = sincos_theta_1m.cosine;
     const float32 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_1m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_2m = sin_cos(theta_2m);
+    const pmsm_pair sincos_theta_2m = sin_cos(theta_2m);
     const float32 sin_theta_2m = sincos_theta_2m.sine;
     const float32 cos_theta_2m = sincos_theta_2m.cosine;
     const float32 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_2m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_3m = sin_cos(theta_3m);
+    const pmsm_pair sincos_theta_3m = sin_cos(theta_3m);
     const float32 sin_theta_3m = sincos_theta_3m.sine;
     const float32 cos_theta_3m = sincos_theta_3m.cosine;
     const float32 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_3m + drive_alpha_0p;
@@ -587,7 +581,9 @@ void paper_spmsm_ickf_init(paper_spmsm_ickf_t *f)
 
 void paper_spmsm_ickf_reset(paper_spmsm_ickf_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -605,16 +601,16 @@ int paper_spmsm_ickf_step(paper_spmsm_ickf_t *f, const float32 u[2], const float
     float32 x_pred[4];
     float32 P_pred[10];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         ickf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
     } else {
         coast(x_pred, P_pred, f->x, f->P);

@@ -14,6 +14,7 @@ extern "C" {
 
 typedef struct {
     paper_spmsm_ickf_t filter; /* the estimator and its tuning */
+    /* speed_p, current_d_p, current_q_p and dead_current must be positive */
     float32 gain[9]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance */
     float32 integrator[3]; /* speed N m, d and q current V */
     float32 v_acting[2]; /* V: voltage of the interval that begins now */

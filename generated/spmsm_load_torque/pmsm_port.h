@@ -65,6 +65,12 @@ typedef unsigned long Uint32;
 typedef float float32;
 #endif
 
+/* Sine and cosine of one angle. */
+typedef struct {
+    float32 sine;
+    float32 cosine;
+} pmsm_pair;
+
 /* What the rest of the code takes for granted. A line that fails is an array of negative size; its name says what
  * is wrong. */
 typedef int pmsm_float32_must_have_32_bits[(CHAR_BIT * sizeof(float32) == 32U) ? 1 : -1];

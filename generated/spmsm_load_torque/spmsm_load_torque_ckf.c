@@ -35,7 +35,6 @@
 #endif
 
 #define N_STATES 5
-#define N_PACKED 15 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define POLE_PAIRS 4.0f /* p */
@@ -53,16 +52,11 @@
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
 
-typedef struct {
-    float32 sine;
-    float32 cosine;
-} sin_cos_pair;
-
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
  * Error for |x| <= 1000 rad: proved 5.1e-07, worst of 200002 arguments 1.7e-07. */
-static sin_cos_pair sin_cos(float32 x)
+static pmsm_pair sin_cos(float32 x)
 {
-    sin_cos_pair result;
+    pmsm_pair result;
     /* --- x = k pi + r with |r| <= pi / 2, pi in three parts */
     const float32 k = x * 0.31830987f + ROUND - ROUND;
     const float32 r = x - k * 3.1416016f - k * -8.881092e-06f - k * -2.7818135e-08f;
@@ -101,7 +95,7 @@ static float32 wrap_angle(float32 x)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float32 value[2], float32 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -206,7 +200,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 emf_step_0p = GAIN_E * omega_e_0p;
     const float32 drive_alpha_0p = GAIN_V * v_alpha;
     const float32 drive_beta_0p = GAIN_V * v_beta;
-    const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
+    const pmsm_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float32 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float32 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
     const float32 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_mid_0p + drive_alpha_0p;
@@ -219,7 +213,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
     const float32 emf_step_1p = GAIN_E * omega_e_1p;
     const float32 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
+    const pmsm_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float32 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float32 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
     const float32 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_mid_1p + drive_alpha_0p;
@@ -231,7 +225,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 omega_e_2p = POLE_PAIRS * omega_2p;
     const float32 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
     const float32 emf_step_2p = GAIN_E * omega_e_2p;
-    const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
+    const pmsm_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float32 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float32 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
     const float32 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p;
@@ -245,7 +239,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float32 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
     const float32 emf_step_3p = GAIN_E * omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
+    const pmsm_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float32 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float32 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
     const float32 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3p + drive_alpha_0p;
@@ -255,7 +249,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * i_beta_mid_3p -
         sin_theta_mid_3p * i_alpha_mid_3p);
     const float32 theta_mid_4p = theta + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_4p = sin_cos(theta_mid_4p);
+    const pmsm_pair sincos_theta_mid_4p = sin_cos(theta_mid_4p);
     const float32 sin_theta_mid_4p = sincos_theta_mid_4p.sine;
     const float32 cos_theta_mid_4p = sincos_theta_mid_4p.cosine;
     const float32 i_alpha_next_4p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_4p + drive_alpha_0p;
@@ -267,7 +261,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 omega_e_0m = POLE_PAIRS * omega_0m;
     const float32 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
     const float32 emf_step_0m = GAIN_E * omega_e_0m;
-    const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
+    const pmsm_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float32 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float32 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
     const float32 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_mid_0m + drive_alpha_0p;
@@ -279,7 +273,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 omega_e_1m = POLE_PAIRS * omega_1m;
     const float32 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
     const float32 emf_step_1m = GAIN_E * omega_e_1m;
-    const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
+    const pmsm_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float32 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float32 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
     const float32 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_mid_1m + drive_alpha_0p;
@@ -291,7 +285,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 omega_e_2m = POLE_PAIRS * omega_2m;
     const float32 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
     const float32 emf_step_2m = GAIN_E * omega_e_2m;
-    const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
+    const pmsm_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float32 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float32 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
     const float32 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_mid_2m + drive_alpha_0p;
@@ -301,7 +295,7 @@ static void time_update(const float32 x[5], const float32 P[15], const float32 Q
     const float32 torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * i_beta_mid_2m -
         sin_theta_mid_2m * i_alpha_mid_2m);
     const float32 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
+    const pmsm_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float32 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float32 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
     const float32 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3m + drive_alpha_0p;
@@ -817,7 +811,9 @@ void spmsm_load_torque_ckf_init(spmsm_load_torque_ckf_t *f)
 
 void spmsm_load_torque_ckf_reset(spmsm_load_torque_ckf_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -835,16 +831,16 @@ int spmsm_load_torque_ckf_step(spmsm_load_torque_ckf_t *f, const float32 u[2], c
     float32 x_pred[5];
     float32 P_pred[15];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         ckf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
     } else {
         coast(x_pred, P_pred, f->x, f->P);

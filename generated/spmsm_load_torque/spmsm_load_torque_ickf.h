@@ -18,8 +18,8 @@ typedef struct {
     float32 x[5]; /* i_alpha A, i_beta A, omega rad/s, theta rad, load_torque N m */
     float32 P[15]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
-    float32 Q[5]; /* process noise variances per step */
-    float32 R[2]; /* measurement noise variances, A^2 */
+    float32 Q[5]; /* process noise variances per step, each positive */
+    float32 R[2]; /* measurement noise variances, A^2, each positive */
     float32 x_0[5]; /* state after spmsm_load_torque_ickf_reset */
     float32 P_0[5]; /* variances after spmsm_load_torque_ickf_reset */
     float32 u_max; /* V: voltages beyond are rejected */

@@ -33,16 +33,11 @@
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
 
-typedef struct {
-    float32 sine;
-    float32 cosine;
-} sin_cos_pair;
-
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
  * Error for |x| <= 1000 rad: proved 5.1e-07, worst of 200002 arguments 1.7e-07. */
-static sin_cos_pair sin_cos(float32 x)
+static pmsm_pair sin_cos(float32 x)
 {
-    sin_cos_pair result;
+    pmsm_pair result;
     /* --- x = k pi + r with |r| <= pi / 2, pi in three parts */
     const float32 k = x * 0.31830987f + ROUND - ROUND;
     const float32 r = x - k * 3.1416016f - k * -8.881092e-06f - k * -2.7818135e-08f;
@@ -103,7 +98,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 integral_q = integrator[2];
 
     /* --- Park */
-    const sin_cos_pair sincos_theta = sin_cos(theta);
+    const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
     const float32 i_d = cos_theta * i_alpha + sin_theta * i_beta;
@@ -127,7 +122,8 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
     /* --- voltage hexagon's inner circle */
-    const float32 v_max = 0.57735026f * v_dc;
+    const float32 v_link = larger(v_dc, 1.0f);
+    const float32 v_max = 0.57735026f * v_link;
     const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
         v_max * v_max));
     const float32 v_d = shrink * v_d_wanted;
@@ -141,7 +137,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
 
     /* --- inverse Park at the angle in the middle of the acting interval */
     const float32 theta_acting = theta + omega_e * gain_advance;
-    const sin_cos_pair sincos_theta_acting = sin_cos(theta_acting);
+    const pmsm_pair sincos_theta_acting = sin_cos(theta_acting);
     const float32 sin_theta_acting = sincos_theta_acting.sine;
     const float32 cos_theta_acting = sincos_theta_acting.cosine;
     const float32 v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q;
@@ -165,10 +161,10 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 v_lowest = smaller(v_alpha, smaller(v_b, v_c));
     const float32 v_common = 0.5f * (v_highest + v_lowest);
 
-    duty_out[0] = smaller(1.0f, larger(0.0f, 0.5f + (v_alpha - v_common) / v_dc +
+    duty_out[0] = smaller(1.0f, larger(0.0f, 0.5f + (v_alpha - v_common) / v_link +
         gain_dead_share * sign_i_a));
-    duty_out[1] = smaller(1.0f, larger(0.0f, 0.5f + (v_b - v_common) / v_dc + gain_dead_share * sign_i_b));
-    duty_out[2] = smaller(1.0f, larger(0.0f, 0.5f + (v_c - v_common) / v_dc + gain_dead_share * sign_i_c));
+    duty_out[1] = smaller(1.0f, larger(0.0f, 0.5f + (v_b - v_common) / v_link + gain_dead_share * sign_i_b));
+    duty_out[2] = smaller(1.0f, larger(0.0f, 0.5f + (v_c - v_common) / v_link + gain_dead_share * sign_i_c));
     v_out[0] = v_alpha;
     v_out[1] = v_beta;
     integrator_out[0] = integral_speed_next;
@@ -188,7 +184,7 @@ void spmsm_load_torque_ickf_foc_init(spmsm_load_torque_ickf_foc_t *c, int delay)
     c->gain[6] = 0.0f; /* dead_share */
     c->gain[7] = 0.3f; /* dead_current */
     c->gain[8] = 5e-05f; /* advance */
-    if (delay) {
+    if (delay != 0) {
         c->gain[8] = 0.00015f;
     }
     c->integrator[0] = 0.0f;
@@ -213,10 +209,10 @@ int spmsm_load_torque_ickf_foc_step(spmsm_load_torque_ickf_foc_t *c, const float
 
     clarke(phase, i);
     status = spmsm_load_torque_ickf_step(&c->filter, c->v_acting, i); /* the voltage of the interval that ended now */
-    rotor[0] = c->sensored ? c->sensed[0] : c->filter.x[2];
-    rotor[1] = c->sensored ? c->sensed[1] : c->filter.x[3];
+    rotor[0] = (c->sensored != 0) ? c->sensed[0] : c->filter.x[2];
+    rotor[1] = (c->sensored != 0) ? c->sensed[1] : c->filter.x[3];
     control(i, rotor, command, c->gain, c->integrator, duty, v, c->integrator);
-    if (c->delay) {
+    if (c->delay != 0) {
         c->v_acting[0] = c->v_queued[0];
         c->v_acting[1] = c->v_queued[1];
         c->v_queued[0] = v[0];

@@ -104,7 +104,7 @@ def test_firmware_c_has_no_char_double_or_foreign_call(drive: Drive) -> None:
         if path.stem.endswith("_foc"):
             foreign |= {f"{path.stem.removesuffix('_foc')}_init", f"{path.stem.removesuffix('_foc')}_step"}
         assert uses.calls - {function.decl.name for function in functions} == foreign
-        assert uses.types <= {"float32", "int", "void", "sin_cos_pair", f"{path.stem}_t"}
+        assert uses.types <= {"float32", "int", "void", "pmsm_pair", f"{path.stem}_t"}
 
 
 def test_literals_of_the_firmware_carry_the_suffix(drive: Drive) -> None:

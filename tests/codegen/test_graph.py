@@ -74,10 +74,10 @@ def test_c_prints_every_operator(point: list[float]) -> None:
     source = "\n".join(
         [
             "#include <math.h>",
-            "typedef double float64; typedef struct { float64 sine, cosine; } sin_cos_pair;",
+            "typedef double float64; typedef struct { float64 sine, cosine; } pmsm_pair_f64;",
             "#define ROUND 6755399441055744.0",
             "#define BELOW_PI 3.1415926535897927",
-            "static sin_cos_pair sin_cos(float64 x) { sin_cos_pair r; r.sine = sin(x); r.cosine = cos(x); return r; }",
+            "static pmsm_pair_f64 sin_cos(float64 x) { pmsm_pair_f64 r; r.sine = sin(x); r.cosine = cos(x); return r; }",
             "static float64 smaller(float64 a, float64 b) { return (a < b) ? a : b; }",
             "static float64 larger(float64 a, float64 b) { return (a > b) ? a : b; }",
             printer.format_helper(wrap_listing(DOUBLE)),

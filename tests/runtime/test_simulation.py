@@ -209,3 +209,17 @@ def test_claims_agree_only_where_the_numbers_do(simulators: dict[str, Simulator]
         assert found["start, ICKF"].startswith("agrees") == agrees
         assert "both filters are one" in found["start, CKF"]
         assert "both filters are one" in found["5 N m step, CKF"]
+
+
+@pytest.mark.parametrize("v_dc", [0.0, -5.0, float("nan")])
+def test_a_dead_link_leaves_duty_cycles_and_integrators_finite(drive: Drive, v_dc: float) -> None:
+    """The link's sensor may read nothing before the rectifier is up: that must not stay in the integrators."""
+    module = find_folder(drive.name).module
+    math = module.MATH["float32"]
+    numbers = [np.float32(value) for value in (3.0, -2.0, 50.0, 0.3, 100.0, v_dc)]
+    i, rotor, command = numbers[0:2], numbers[2:4], numbers[4:6]
+    gain = [np.float32(value) for value in module.GAIN]
+    duty, v, integrator = module.control(i, rotor, command, gain, [np.float32(0)] * 3, math)
+    assert np.all(np.isfinite([*duty, *v, *integrator]))
+    assert all(0 <= value <= 1 for value in duty)
+    assert np.hypot(*v) <= 1.0, "no more voltage than the least link offers"

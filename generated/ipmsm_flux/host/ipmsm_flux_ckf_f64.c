@@ -14,7 +14,6 @@
 #endif
 
 #define N_STATES 4
-#define N_PACKED 10 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define INV_L_D 27.77777777777778 /* 1 / L_d, A/Wb */
@@ -37,12 +36,12 @@
 typedef struct {
     float64 sine;
     float64 cosine;
-} sin_cos_pair;
+} pmsm_pair_f64;
 
 /* Sine and cosine of the platform. */
-static sin_cos_pair sin_cos(float64 x)
+static pmsm_pair_f64 sin_cos(float64 x)
 {
-    sin_cos_pair result;
+    pmsm_pair_f64 result;
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
@@ -71,7 +70,7 @@ static float64 wrap_angle(float64 x)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float64 value[2], float64 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -146,7 +145,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     /* --- eq. 15: X_i' = f(X_i, u) */
     const float64 omega_e_0p = POLE_PAIRS * omega_0p;
     const float64 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
+    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
     const float64 psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p;
@@ -157,7 +156,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p;
     const float64 omega_e_1p = POLE_PAIRS * omega_1p;
     const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
+    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
     const float64 psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p;
@@ -168,7 +167,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p;
     const float64 omega_e_2p = POLE_PAIRS * omega_2p;
     const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
+    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
     const float64 psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta;
@@ -180,7 +179,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 omega_e_3p = POLE_PAIRS * omega;
     const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
+    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
     const float64 psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta;
@@ -191,7 +190,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p;
     const float64 omega_e_0m = POLE_PAIRS * omega_0m;
     const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
+    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
     const float64 psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m;
@@ -202,7 +201,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m;
     const float64 omega_e_1m = POLE_PAIRS * omega_1m;
     const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
+    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
     const float64 psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m;
@@ -213,7 +212,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m;
     const float64 omega_e_2m = POLE_PAIRS * omega_2m;
     const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
+    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
     const float64 psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta;
@@ -223,7 +222,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D;
     const float64 psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m;
     const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
+    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
     const float64 psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta;
@@ -423,7 +422,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
     const float64 theta_pred_3m = theta_pred - d_pred_theta_3;
 
     /* --- eq. 20: Y_i = h(X_i) */
-    const sin_cos_pair sincos_theta_pred_0p = sin_cos(theta_pred_0p);
+    const pmsm_pair_f64 sincos_theta_pred_0p = sin_cos(theta_pred_0p);
     const float64 sin_theta_pred_0p = sincos_theta_pred_0p.sine;
     const float64 cos_theta_pred_0p = sincos_theta_pred_0p.cosine;
     const float64 psi_d_pred_0p = cos_theta_pred_0p * psi_alpha_pred_0p +
@@ -432,28 +431,28 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
         sin_theta_pred_0p * psi_alpha_pred_0p;
     const float64 i_d_pred_0p = INV_L_D * (psi_d_pred_0p - PSI_M);
     const float64 i_q_pred_0p = INV_L_Q * psi_q_pred_0p;
-    const sin_cos_pair sincos_theta_pred_1p = sin_cos(theta_pred_1p);
+    const pmsm_pair_f64 sincos_theta_pred_1p = sin_cos(theta_pred_1p);
     const float64 sin_theta_pred_1p = sincos_theta_pred_1p.sine;
     const float64 cos_theta_pred_1p = sincos_theta_pred_1p.cosine;
     const float64 psi_d_pred_1p = cos_theta_pred_1p * psi_alpha_pred + sin_theta_pred_1p * psi_beta_pred_1p;
     const float64 psi_q_pred_1p = cos_theta_pred_1p * psi_beta_pred_1p - sin_theta_pred_1p * psi_alpha_pred;
     const float64 i_d_pred_1p = INV_L_D * (psi_d_pred_1p - PSI_M);
     const float64 i_q_pred_1p = INV_L_Q * psi_q_pred_1p;
-    const sin_cos_pair sincos_theta_pred_2p = sin_cos(theta_pred_2p);
+    const pmsm_pair_f64 sincos_theta_pred_2p = sin_cos(theta_pred_2p);
     const float64 sin_theta_pred_2p = sincos_theta_pred_2p.sine;
     const float64 cos_theta_pred_2p = sincos_theta_pred_2p.cosine;
     const float64 psi_d_pred_2p = cos_theta_pred_2p * psi_alpha_pred + sin_theta_pred_2p * psi_beta_pred;
     const float64 psi_q_pred_2p = cos_theta_pred_2p * psi_beta_pred - sin_theta_pred_2p * psi_alpha_pred;
     const float64 i_d_pred_2p = INV_L_D * (psi_d_pred_2p - PSI_M);
     const float64 i_q_pred_2p = INV_L_Q * psi_q_pred_2p;
-    const sin_cos_pair sincos_theta_pred_3p = sin_cos(theta_pred_3p);
+    const pmsm_pair_f64 sincos_theta_pred_3p = sin_cos(theta_pred_3p);
     const float64 sin_theta_pred_3p = sincos_theta_pred_3p.sine;
     const float64 cos_theta_pred_3p = sincos_theta_pred_3p.cosine;
     const float64 psi_d_pred_3p = cos_theta_pred_3p * psi_alpha_pred + sin_theta_pred_3p * psi_beta_pred;
     const float64 psi_q_pred_3p = cos_theta_pred_3p * psi_beta_pred - sin_theta_pred_3p * psi_alpha_pred;
     const float64 i_d_pred_3p = INV_L_D * (psi_d_pred_3p - PSI_M);
     const float64 i_q_pred_3p = INV_L_Q * psi_q_pred_3p;
-    const sin_cos_pair sincos_theta_pred_0m = sin_cos(theta_pred_0m);
+    const pmsm_pair_f64 sincos_theta_pred_0m = sin_cos(theta_pred_0m);
     const float64 sin_theta_pred_0m = sincos_theta_pred_0m.sine;
     const float64 cos_theta_pred_0m = sincos_theta_pred_0m.cosine;
     const float64 psi_d_pred_0m = cos_theta_pred_0m * psi_alpha_pred_0m +
@@ -462,21 +461,21 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred
         sin_theta_pred_0m * psi_alpha_pred_0m;
     const float64 i_d_pred_0m = INV_L_D * (psi_d_pred_0m - PSI_M);
     const float64 i_q_pred_0m = INV_L_Q * psi_q_pred_0m;
-    const sin_cos_pair sincos_theta_pred_1m = sin_cos(theta_pred_1m);
+    const pmsm_pair_f64 sincos_theta_pred_1m = sin_cos(theta_pred_1m);
     const float64 sin_theta_pred_1m = sincos_theta_pred_1m.sine;
     const float64 cos_theta_pred_1m = sincos_theta_pred_1m.cosine;
     const float64 psi_d_pred_1m = cos_theta_pred_1m * psi_alpha_pred + sin_theta_pred_1m * psi_beta_pred_1m;
     const float64 psi_q_pred_1m = cos_theta_pred_1m * psi_beta_pred_1m - sin_theta_pred_1m * psi_alpha_pred;
     const float64 i_d_pred_1m = INV_L_D * (psi_d_pred_1m - PSI_M);
     const float64 i_q_pred_1m = INV_L_Q * psi_q_pred_1m;
-    const sin_cos_pair sincos_theta_pred_2m = sin_cos(theta_pred_2m);
+    const pmsm_pair_f64 sincos_theta_pred_2m = sin_cos(theta_pred_2m);
     const float64 sin_theta_pred_2m = sincos_theta_pred_2m.sine;
     const float64 cos_theta_pred_2m = sincos_theta_pred_2m.cosine;
     const float64 psi_d_pred_2m = cos_theta_pred_2m * psi_alpha_pred + sin_theta_pred_2m * psi_beta_pred;
     const float64 psi_q_pred_2m = cos_theta_pred_2m * psi_beta_pred - sin_theta_pred_2m * psi_alpha_pred;
     const float64 i_d_pred_2m = INV_L_D * (psi_d_pred_2m - PSI_M);
     const float64 i_q_pred_2m = INV_L_Q * psi_q_pred_2m;
-    const sin_cos_pair sincos_theta_pred_3m = sin_cos(theta_pred_3m);
+    const pmsm_pair_f64 sincos_theta_pred_3m = sin_cos(theta_pred_3m);
     const float64 sin_theta_pred_3m = sincos_theta_pred_3m.sine;
     const float64 cos_theta_pred_3m = sincos_theta_pred_3m.cosine;
     const float64 psi_d_pred_3m = cos_theta_pred_3m * psi_alpha_pred + sin_theta_pred_3m * psi_beta_pred;
@@ -690,7 +689,9 @@ void ipmsm_flux_ckf_f64_init(ipmsm_flux_ckf_f64_t *f)
 
 void ipmsm_flux_ckf_f64_reset(ipmsm_flux_ckf_f64_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -708,16 +709,16 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     float64 x_pred[4];
     float64 P_pred[10];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         ckf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
     } else {
         coast(x_pred, P_pred, f->x, f->P);

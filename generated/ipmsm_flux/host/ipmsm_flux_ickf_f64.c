@@ -15,7 +15,6 @@
 #endif
 
 #define N_STATES 4
-#define N_PACKED 10 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define INV_L_D 27.77777777777778 /* 1 / L_d, A/Wb */
@@ -38,12 +37,12 @@
 typedef struct {
     float64 sine;
     float64 cosine;
-} sin_cos_pair;
+} pmsm_pair_f64;
 
 /* Sine and cosine of the platform. */
-static sin_cos_pair sin_cos(float64 x)
+static pmsm_pair_f64 sin_cos(float64 x)
 {
-    sin_cos_pair result;
+    pmsm_pair_f64 result;
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
@@ -80,7 +79,7 @@ static void copy(float64 *target, const float64 *source, int count)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float64 value[2], float64 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -155,7 +154,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     /* --- eq. 15: X_i' = f(X_i, u) */
     const float64 omega_e_0p = POLE_PAIRS * omega_0p;
     const float64 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
+    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
     const float64 psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p;
@@ -166,7 +165,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p;
     const float64 omega_e_1p = POLE_PAIRS * omega_1p;
     const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
+    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
     const float64 psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p;
@@ -177,7 +176,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p;
     const float64 omega_e_2p = POLE_PAIRS * omega_2p;
     const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
+    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
     const float64 psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta;
@@ -189,7 +188,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 omega_e_3p = POLE_PAIRS * omega;
     const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
+    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
     const float64 psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta;
@@ -200,7 +199,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p;
     const float64 omega_e_0m = POLE_PAIRS * omega_0m;
     const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
+    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
     const float64 psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m;
@@ -211,7 +210,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m;
     const float64 omega_e_1m = POLE_PAIRS * omega_1m;
     const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
+    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
     const float64 psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m;
@@ -222,7 +221,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m;
     const float64 omega_e_2m = POLE_PAIRS * omega_2m;
     const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
+    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
     const float64 psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta;
@@ -232,7 +231,7 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D;
     const float64 psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m;
     const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
+    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
     const float64 psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta;
@@ -394,7 +393,7 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 i_beta_meas = y[1];
 
     /* --- eq. 28: h(x^j); H^j = dh/dx at x^j */
-    const sin_cos_pair sincos_theta_j = sin_cos(theta_j);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 psi_d_j = cos_theta_j * psi_alpha_j + sin_theta_j * psi_beta_j;
@@ -618,7 +617,9 @@ void ipmsm_flux_ickf_f64_init(ipmsm_flux_ickf_f64_t *f)
 
 void ipmsm_flux_ickf_f64_reset(ipmsm_flux_ickf_f64_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -640,25 +641,25 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     float64 Pyy[3];
     float64 change[1];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
     int moving;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         copy(x_j, x_pred, N_STATES);
         iterations = 0;
         do {
             ickf_iterate(x_j, x_pred, P_pred, f->R, y, x_j, K, Pyy, change);
             iterations++;
-            moving = !(change[0] <= f->tolerance * f->tolerance); /* eq. 33 */
-        } while (moving && iterations < f->max_iterations);
-        if (moving) {
+            moving = (change[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */
+        } while ((moving != 0) && (iterations < f->max_iterations));
+        if (moving != 0) {
             status |= PMSM_NOT_CONVERGED;
         }
         ickf_finish(x_j, P_pred, K, Pyy, f->x, f->P);

@@ -23,8 +23,8 @@ typedef struct {
     float64 x[4]; /* i_alpha A, i_beta A, omega rad/s, theta rad */
     float64 P[10]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
-    float64 Q[4]; /* process noise variances per step */
-    float64 R[2]; /* measurement noise variances, A^2 */
+    float64 Q[4]; /* process noise variances per step, each positive */
+    float64 R[2]; /* measurement noise variances, A^2, each positive */
     float64 x_0[4]; /* state after paper_spmsm_ckf_f64_reset */
     float64 P_0[4]; /* variances after paper_spmsm_ckf_f64_reset */
     float64 u_max; /* V: voltages beyond are rejected */

@@ -15,7 +15,6 @@
 #endif
 
 #define N_STATES 4
-#define N_PACKED 10 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define POLE_PAIRS 4.0 /* p */
@@ -33,12 +32,12 @@
 typedef struct {
     float64 sine;
     float64 cosine;
-} sin_cos_pair;
+} pmsm_pair_f64;
 
 /* Sine and cosine of the platform. */
-static sin_cos_pair sin_cos(float64 x)
+static pmsm_pair_f64 sin_cos(float64 x)
 {
-    sin_cos_pair result;
+    pmsm_pair_f64 result;
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
@@ -67,7 +66,7 @@ static float64 wrap_angle(float64 x)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float64 value[2], float64 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -156,36 +155,36 @@ static void time_update(const float64 x[4], const float64 P[10], const float64 Q
     const float64 emf_step_1m = GAIN_E * omega_e_1m;
     const float64 omega_e_2m = POLE_PAIRS * omega_2m;
     const float64 emf_step_2m = GAIN_E * omega_e_2m;
-    const sin_cos_pair sincos_theta_0p = sin_cos(theta_0p);
+    const pmsm_pair_f64 sincos_theta_0p = sin_cos(theta_0p);
     const float64 sin_theta_0p = sincos_theta_0p.sine;
     const float64 cos_theta_0p = sincos_theta_0p.cosine;
     const float64 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_0p + drive_alpha_0p;
     const float64 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const sin_cos_pair sincos_theta_1p = sin_cos(theta_1p);
+    const pmsm_pair_f64 sincos_theta_1p = sin_cos(theta_1p);
     const float64 sin_theta_1p = sincos_theta_1p.sine;
     const float64 cos_theta_1p = sincos_theta_1p.cosine;
     const float64 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_1p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_2p = sin_cos(theta_2p);
+    const pmsm_pair_f64 sincos_theta_2p = sin_cos(theta_2p);
     const float64 sin_theta_2p = sincos_theta_2p.sine;
     const float64 cos_theta_2p = sincos_theta_2p.cosine;
     const float64 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_2p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_3p = sin_cos(theta_3p);
+    const pmsm_pair_f64 sincos_theta_3p = sin_cos(theta_3p);
     const float64 sin_theta_3p = sincos_theta_3p.sine;
     const float64 cos_theta_3p = sincos_theta_3p.cosine;
     const float64 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_3p + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_0m = sin_cos(theta_0m);
+    const pmsm_pair_f64 sincos_theta_0m = sin_cos(theta_0m);
     const float64 sin_theta_0m = sincos_theta_0m.sine;
     const float64 cos_theta_0m = sincos_theta_0m.cosine;
     const float64 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_0m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_1m = sin_cos(theta_1m);
+    const pmsm_pair_f64 sincos_theta_1m = sin_cos(theta_1m);
     const float64 sin_theta_1m = sincos_theta_1m.sine;
     const float64 cos_theta_1m = sincos_theta_1m.cosine;
     const float64 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_1m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_2m = sin_cos(theta_2m);
+    const pmsm_pair_f64 sincos_theta_2m = sin_cos(theta_2m);
     const float64 sin_theta_2m = sincos_theta_2m.sine;
     const float64 cos_theta_2m = sincos_theta_2m.cosine;
     const float64 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_2m + drive_alpha_0p;
-    const sin_cos_pair sincos_theta_3m = sin_cos(theta_3m);
+    const pmsm_pair_f64 sincos_theta_3m = sin_cos(theta_3m);
     const float64 sin_theta_3m = sincos_theta_3m.sine;
     const float64 cos_theta_3m = sincos_theta_3m.cosine;
     const float64 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_3m + drive_alpha_0p;
@@ -555,7 +554,9 @@ void paper_spmsm_ickf_f64_init(paper_spmsm_ickf_f64_t *f)
 
 void paper_spmsm_ickf_f64_reset(paper_spmsm_ickf_f64_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -573,16 +574,16 @@ int paper_spmsm_ickf_f64_step(paper_spmsm_ickf_f64_t *f, const float64 u[2], con
     float64 x_pred[4];
     float64 P_pred[10];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         ickf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
     } else {
         coast(x_pred, P_pred, f->x, f->P);

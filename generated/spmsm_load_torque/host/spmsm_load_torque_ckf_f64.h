@@ -23,8 +23,8 @@ typedef struct {
     float64 x[5]; /* i_alpha A, i_beta A, omega rad/s, theta rad, load_torque N m */
     float64 P[15]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
-    float64 Q[5]; /* process noise variances per step */
-    float64 R[2]; /* measurement noise variances, A^2 */
+    float64 Q[5]; /* process noise variances per step, each positive */
+    float64 R[2]; /* measurement noise variances, A^2, each positive */
     float64 x_0[5]; /* state after spmsm_load_torque_ckf_f64_reset */
     float64 P_0[5]; /* variances after spmsm_load_torque_ckf_f64_reset */
     float64 u_max; /* V: voltages beyond are rejected */

@@ -15,7 +15,6 @@
 #endif
 
 #define N_STATES 5
-#define N_PACKED 15 /* entries of a lower triangle */
 
 /* Motor data and sample time, folded. */
 #define POLE_PAIRS 4.0 /* p */
@@ -36,12 +35,12 @@
 typedef struct {
     float64 sine;
     float64 cosine;
-} sin_cos_pair;
+} pmsm_pair_f64;
 
 /* Sine and cosine of the platform. */
-static sin_cos_pair sin_cos(float64 x)
+static pmsm_pair_f64 sin_cos(float64 x)
 {
-    sin_cos_pair result;
+    pmsm_pair_f64 result;
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
@@ -70,7 +69,7 @@ static float64 wrap_angle(float64 x)
 /* Both values are numbers within +-limit; NaN and infinity are not. */
 static int within(const float64 value[2], float64 limit)
 {
-    return value[0] >= -limit && value[0] <= limit && value[1] >= -limit && value[1] <= limit;
+    return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
 /* Time update, eq. 13-17 */
@@ -175,7 +174,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 emf_step_0p = GAIN_E * omega_e_0p;
     const float64 drive_alpha_0p = GAIN_V * v_alpha;
     const float64 drive_beta_0p = GAIN_V * v_beta;
-    const sin_cos_pair sincos_theta_mid_0p = sin_cos(theta_mid_0p);
+    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
     const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
     const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
     const float64 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_mid_0p + drive_alpha_0p;
@@ -188,7 +187,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
     const float64 emf_step_1p = GAIN_E * omega_e_1p;
     const float64 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const sin_cos_pair sincos_theta_mid_1p = sin_cos(theta_mid_1p);
+    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
     const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
     const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
     const float64 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_mid_1p + drive_alpha_0p;
@@ -200,7 +199,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 omega_e_2p = POLE_PAIRS * omega_2p;
     const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
     const float64 emf_step_2p = GAIN_E * omega_e_2p;
-    const sin_cos_pair sincos_theta_mid_2p = sin_cos(theta_mid_2p);
+    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
     const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
     const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
     const float64 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p;
@@ -214,7 +213,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
     const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
     const float64 emf_step_3p = GAIN_E * omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3p = sin_cos(theta_mid_3p);
+    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
     const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
     const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
     const float64 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3p + drive_alpha_0p;
@@ -224,7 +223,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * i_beta_mid_3p -
         sin_theta_mid_3p * i_alpha_mid_3p);
     const float64 theta_mid_4p = theta + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_4p = sin_cos(theta_mid_4p);
+    const pmsm_pair_f64 sincos_theta_mid_4p = sin_cos(theta_mid_4p);
     const float64 sin_theta_mid_4p = sincos_theta_mid_4p.sine;
     const float64 cos_theta_mid_4p = sincos_theta_mid_4p.cosine;
     const float64 i_alpha_next_4p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_4p + drive_alpha_0p;
@@ -236,7 +235,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 omega_e_0m = POLE_PAIRS * omega_0m;
     const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
     const float64 emf_step_0m = GAIN_E * omega_e_0m;
-    const sin_cos_pair sincos_theta_mid_0m = sin_cos(theta_mid_0m);
+    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
     const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
     const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
     const float64 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_mid_0m + drive_alpha_0p;
@@ -248,7 +247,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 omega_e_1m = POLE_PAIRS * omega_1m;
     const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
     const float64 emf_step_1m = GAIN_E * omega_e_1m;
-    const sin_cos_pair sincos_theta_mid_1m = sin_cos(theta_mid_1m);
+    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
     const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
     const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
     const float64 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_mid_1m + drive_alpha_0p;
@@ -260,7 +259,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 omega_e_2m = POLE_PAIRS * omega_2m;
     const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
     const float64 emf_step_2m = GAIN_E * omega_e_2m;
-    const sin_cos_pair sincos_theta_mid_2m = sin_cos(theta_mid_2m);
+    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
     const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
     const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
     const float64 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_mid_2m + drive_alpha_0p;
@@ -270,7 +269,7 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * i_beta_mid_2m -
         sin_theta_mid_2m * i_alpha_mid_2m);
     const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const sin_cos_pair sincos_theta_mid_3m = sin_cos(theta_mid_3m);
+    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
     const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
     const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
     const float64 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3m + drive_alpha_0p;
@@ -785,7 +784,9 @@ void spmsm_load_torque_ickf_f64_init(spmsm_load_torque_ickf_f64_t *f)
 
 void spmsm_load_torque_ickf_f64_reset(spmsm_load_torque_ickf_f64_t *f)
 {
-    int i, j, k = 0;
+    int i;
+    int j;
+    int k = 0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
@@ -803,16 +804,16 @@ int spmsm_load_torque_ickf_f64_step(spmsm_load_torque_ickf_f64_t *f, const float
     float64 x_pred[5];
     float64 P_pred[15];
     const int u_good = within(u, f->u_max);
-    const int accepted = u_good && within(y, f->y_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
-    int status = accepted ? 0 : PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (u_good) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
     time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
-    if (accepted) {
+    if (accepted != 0) {
         ickf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
     } else {
         coast(x_pred, P_pred, f->x, f->P);
