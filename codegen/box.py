@@ -54,14 +54,19 @@ def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
     i = rng.uniform(-0.7 * box.current, 0.7 * box.current, (2, count))
     omega = rng.uniform(-box.speed, box.speed, count)
     theta = rng.uniform(-np.pi, np.pi, count) * (1 - 1e-6)
-    machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
-    current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
-    z = machine.electrical_state((current[0], current[1]), Rotor.at(angle))
-    electrical = ca.Function("electrical", [current, angle], [ca.vertcat(*z)]).map(count)
-    rows = [np.array(electrical(i, theta[None, :])), omega, theta]
+    rows = [*electrical_states(drive, i, theta), omega, theta]
     if drive.model.mechanics == "load_torque":
         rows.append(rng.uniform(-box.load_torque, box.load_torque, count))
     return np.vstack(rows)
+
+
+def electrical_states(drive: Drive, i: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """The two electrical states (2, B), in the machine's unit, at currents i (2, B) in A and angles theta (B,)."""
+    machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
+    current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
+    z = machine.electrical_state((current[0], current[1]), Rotor.at(angle))
+    electrical = ca.Function("electrical", [current, angle], [ca.vertcat(*z)]).map(theta.size)
+    return np.array(electrical(i, theta[None, :]))
 
 
 def _covariances(drive: Drive, rng: np.random.Generator, count: int, n: int) -> np.ndarray:

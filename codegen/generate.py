@@ -19,9 +19,12 @@ from codegen.cost import Cost, step_cost
 from codegen.folder import with_manifest
 from codegen.layout import Listing, lay_out
 from codegen.printers.python import PythonPrinter
+from codegen.recording import execute, record_control, record_filter
 from codegen.render import Description, render_filter, render_module, render_port
-from codegen.render_drive import controller_context, render_foc, render_plant
+from codegen.render_drive import controller_context, default_kind, render_example, render_foc, render_plant
+from codegen.render_selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.report import render_report
+from codegen.selftest import control_run, gains, segments
 from codegen.targets import F28335, HOST64
 from model.drive import Drive
 from model.filters import FilterStep, build_filter
@@ -49,7 +52,8 @@ def generate(drive: Drive, samples: int = SAMPLES) -> Package:
     about = _describe(drive, model)
     module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
     certificates = certify_module(drive, model, steps, module, samples)
-    files = assemble(drive, model, steps, listings, costs, certificates, module)
+    tests = record_selftests(drive, model, steps, module)
+    files = assemble(drive, model, steps, listings, costs, certificates, module, tests)
     return Package(drive, model, steps, files)
 
 
@@ -70,10 +74,23 @@ def certify_module(
     drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str, samples: int
 ) -> dict[str, Certificate]:
     """Stage 4: execute the printed module over the operating box in both precisions."""
-    namespace: dict[str, Any] = {"__name__": f"generated_{drive.name}"}
-    exec(compile(module, f"{drive.name}.py", "exec"), namespace)
+    namespace = execute(module, f"generated_{drive.name}")
     box = sample_box(drive, model, samples)
     return {kind: certify(namespace, kind, box) for kind in steps}
+
+
+def record_selftests(
+    drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str
+) -> dict[str, SelfTest]:
+    """Stage 4, too: what the firmware must compute on a few recorded steps; by C name without the drive's."""
+    about, runs, control = _describe(drive, model), segments(drive, model), control_run(drive)
+    gain = gains(drive, control.delay).values
+    tests: dict[str, SelfTest] = {}
+    for kind in steps:
+        tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs))
+        recording = record_control(module, kind, control, gain)
+        tests[f"{kind}_foc"] = render_control_selftest(about, kind, control, recording)
+    return tests
 
 
 def assemble(
@@ -84,6 +101,7 @@ def assemble(
     costs: dict[str, Cost],
     certificates: dict[str, Certificate],
     module: str,
+    tests: dict[str, SelfTest],
 ) -> dict[str, str]:
     """Stages 3 and 5: C for every kind and target, the report and the manifest."""
     about = _describe(drive, model)
@@ -95,10 +113,14 @@ def assemble(
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
         foc = f"{drive.name}_{kind}_foc"
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind)
+    for name, test in tests.items():
+        stem = f"{drive.name}_{name}_selftest"
+        files[f"{stem}.h"], files[f"{stem}.c"] = test.header, test.source
+    files["example_isr.c"] = render_example(about, default_kind(steps))
     plant = f"host/{drive.name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
-    files["REPORT.md"] = render_report(about, steps, costs, certificates)
-    return with_manifest(files, _facts(drive, model, steps, costs, certificates))
+    files["REPORT.md"] = render_report(about, steps, costs, certificates, tests)
+    return with_manifest(files, _facts(drive, model, steps, costs, certificates, tests))
 
 
 def _describe(drive: Drive, model: StateSpaceModel) -> Description:
@@ -111,6 +133,7 @@ def _facts(
     steps: dict[str, FilterStep],
     costs: dict[str, Cost],
     certificates: dict[str, Certificate],
+    tests: dict[str, SelfTest],
 ) -> dict[str, Any]:
     return {
         "drive": drive.name,
@@ -126,6 +149,7 @@ def _facts(
                 "estimated_cycles": costs[kind].cycles,
                 "state_words": costs[kind].words,
                 "certificate": _rounded(asdict(certificates[kind])),
+                "selftest": {"vectors": tests[kind].vectors, "words": tests[kind].words},
             }
             for kind, step in steps.items()
         },

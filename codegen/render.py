@@ -123,13 +123,13 @@ def render_filter(
     return header, source
 
 
-_DEFINITION = re.compile(r"^(?:static )?\w+ (\w+)\([^;{]*\)\n\{", re.MULTILINE)
+_DEFINITION = re.compile(r"^(?:\w+ )+(\w+)\([^;{]*\)\n\{", re.MULTILINE)
 
 
 def with_ramfuncs(source: str, cold: set[str]) -> str:
-    """Pragmas that place every function of the file but the ``cold`` ones in RAM, behind the file's include."""
-    functions = [name for name in _DEFINITION.findall(source) if name not in cold]
-    head, include, tail = source.partition('.h"\n')
+    """Pragmas that place every function of the file but the ``cold`` ones in RAM, behind the last include."""
+    functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
+    head, include, tail = source.rpartition('.h"\n')
     return f"{head}{include}\n{render('ramfunc.j2', functions=functions)}{tail}"
 
 

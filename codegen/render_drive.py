@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from codegen.layout import Listing, lay_out
@@ -63,6 +64,32 @@ def render_foc(about: Description, kind: str) -> tuple[str, str]:
         sin_cos=sin_cos_text(printer),
     )
     return header, with_ramfuncs(source, cold={f"{common['p']}_foc_init"})
+
+
+#: The example turns the inverter off after 2 ms without a usable input, and sends numbers 50 times a second.
+BLIND_TIME, TELEMETRY_RATE = 2e-3, 50.0
+
+
+def default_kind(kinds: Iterable[str]) -> str:
+    """The filter that is meant where none is named: ickf where there is one."""
+    kinds = list(kinds)
+    return "ickf" if "ickf" in kinds else kinds[0]
+
+
+def render_example(about: Description, kind: str) -> str:
+    """The example interrupt around one filter."""
+    T = about.drive.model.sample_time
+    source = render(
+        "example_isr.c.j2",
+        p=f"{about.drive.name}_{kind}",
+        drive=about.drive.name,
+        sha=about.drive.sha256,
+        sample_time_us=f"{T * 1e6:g}",
+        pole_pairs=CPrinter(F28335).format_literal(float(about.drive.motor.pole_pairs)),
+        max_rejected=max(1, round(BLIND_TIME / T)),
+        telemetry_every=max(1, round(1 / (TELEMETRY_RATE * T))),
+    )
+    return with_ramfuncs(source, cold={"motor_setup"})
 
 
 def render_plant(about: Description) -> tuple[str, str]:

@@ -6,12 +6,17 @@ from codegen.certificate import Certificate
 from codegen.cost import CYCLES, CYCLES_PER_OPERATION, Cost
 from codegen.equations import readable, sparsity
 from codegen.render import FILTER_TITLES, Description, render
+from codegen.render_selftest import SelfTest
 from codegen.trig import sin_cos_bound
 from model.filters import FilterStep
 
 
 def render_report(
-    about: Description, steps: dict[str, FilterStep], costs: dict[str, Cost], certificates: dict[str, Certificate]
+    about: Description,
+    steps: dict[str, FilterStep],
+    costs: dict[str, Cost],
+    certificates: dict[str, Certificate],
+    tests: dict[str, SelfTest],
 ) -> str:
     """The readable side of the manifest."""
     drive, model = about.drive, about.model
@@ -39,6 +44,7 @@ def render_report(
         steps=steps,
         costs=costs,
         certificates=certificates,
+        tests=tests,
         titles=FILTER_TITLES,
         k=CYCLES_PER_OPERATION,
         cycles=CYCLES,

@@ -96,6 +96,18 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 #endif
 #endif
 
+/* --- self-test ------------------------------------------------------------------------------------------------ */
+
+/* What a self-test is called with: exact bits where division and square root round as IEEE says, the recorded
+ * allowance on the C28x, where they are Newton steps. */
+#ifndef PMSM_SELFTEST_TOLERANCE
+#ifdef __TMS320C28XX__
+#define PMSM_SELFTEST_TOLERANCE 1.0f
+#else
+#define PMSM_SELFTEST_TOLERANCE 0.0f
+#endif
+#endif
+
 /* --- status of a step: 0 is good, otherwise these bits ------------------------------------------------------- */
 
 #define PMSM_INPUT_REJECTED 0x1 /* u or y is NaN, infinite or beyond u_max, y_max: the state is a pure prediction */

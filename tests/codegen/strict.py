@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
+
+from runtime.estimator.folder import GENERATED
 
 STRICT = [
     "-std=c89",
@@ -19,6 +22,12 @@ STRICT = [
     "-Werror",
     "-ffp-contract=off",
 ]
+
+
+def interrupt_files(drive: str) -> list[Path]:
+    """The C that runs in the interrupt: filters and controllers, not what tests them or shows how to call them."""
+    found = sorted((GENERATED / drive).glob(f"{drive}_*.c"))
+    return [path for path in found if not path.stem.endswith("_selftest")]
 
 
 def need(tool: str) -> str:

@@ -1,0 +1,163 @@
+"""What a self-test expects: the bits of the generated module in float32, and how far the chip may be from them.
+
+The C28x with FPU32 adds and multiplies as IEEE does, but divides and takes roots by Newton steps, each good to
+3 units in the last place (published tables; not measured here). So the recorded steps are run again with every
+quotient and root off by a random -3 .. 3 units; what the outputs make of that, times a margin, is allowed there.
+"""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.selftest import ControlRun, Segment
+
+Array = NDArray[Any]
+
+#: Error of one division or square root on the chip, units in the last place.
+UNITS = 3
+#: Runs with random errors, and how much more than the worst of them is allowed: a run of other errors may do worse.
+DRAWS, MARGIN = 64, 8
+#: Where a word is 0 in every run: the smallest deviation that is told from 0.
+SMALLEST = 2.0**-100
+#: The covariance's field in the state; its words are opaque here.
+COVARIANCE = "P"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """status, iterations (N,); words (N, m) float32; allowed (N, m): biased exponent of the power of two allowed."""
+
+    status: Array
+    iterations: Array
+    words: Array
+    allowed: Array
+
+
+def execute(module: str, name: str, **replaced: Any) -> dict[str, Any]:
+    """Namespace of a generated module; with ``divide`` and ``root``, these in the place of / and np.sqrt."""
+    tree = ast.parse(module)
+    if replaced:
+        tree = ast.fix_missing_locations(_Replace().visit(tree))
+    namespace: dict[str, Any] = {"__name__": name, **replaced}
+    exec(compile(tree, f"{name}.py", "exec"), namespace)
+    return namespace
+
+
+class _Replace(ast.NodeTransformer):
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Div):
+            return node
+        return ast.Call(ast.Name("divide", ast.Load()), [node.left, node.right], [])
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "sqrt":
+            node.func = ast.Name("root", ast.Load())
+        return node
+
+
+def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
+    """The module with each quotient and each root off by up to :data:`UNITS`, another error in every lane."""
+    rng = np.random.default_rng(seed)
+
+    def blur(value: Any) -> Any:
+        units = rng.integers(-UNITS, UNITS, np.shape(value), endpoint=True)
+        return value + value * (np.float32(2.0**-23) * units.astype(np.float32))
+
+    return execute(module, name, divide=lambda a, b: blur(a / b), root=lambda a: blur(np.sqrt(a)))
+
+
+def record_filter(module: str, kind: str, runs: list[Segment]) -> Recording:
+    """Bits of x and the covariance's words after every step, and what is allowed around them."""
+    exact = run_filter(execute(module, "recorded"), kind, runs, 1)
+    blurred = run_filter(approximate(module, "approximate"), kind, runs, DRAWS)[2]
+    status, iterations, words = (array[..., 0] for array in exact)
+    return Recording(status, iterations, words, allowed_exponents(words, blurred))
+
+
+def record_control(module: str, kind: str, run: ControlRun, gains: tuple[float, ...]) -> Recording:
+    """Duty cycles and integrators after every sample."""
+    exact = run_control(execute(module, "recorded"), kind, run, gains, 1)
+    blurred = run_control(approximate(module, "approximate"), kind, run, gains, DRAWS)[1]
+    status, words = (array[..., 0] for array in exact)
+    return Recording(status, np.zeros_like(status), words, allowed_exponents(words, blurred))
+
+
+def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: int) -> tuple[Array, Array, Array]:
+    """status, iterations (N, lanes) and words (N, n + n(n+1)/2, lanes) over all segments, one after another."""
+    status, iterations, words = [], [], []
+    for run in runs:
+        state = _filter_state(module, run.x_0, run.P_0, lanes)
+        for u, y in zip(run.u, run.y, strict=True):
+            with np.errstate(all="ignore"):
+                code = module["STEPS"][kind](state, _lanes(u, lanes), _lanes(y, lanes), module["MATH"]["float32"])
+            status.append(np.broadcast_to(code, lanes))
+            iterations.append(np.broadcast_to(state.iterations, lanes))
+            words.append(np.array([*state.x, *getattr(state, COVARIANCE)], dtype=np.float32))
+    return np.array(status), np.array(iterations), np.array(words)
+
+
+def run_control(
+    module: dict[str, Any], kind: str, run: ControlRun, gains: tuple[float, ...], lanes: int
+) -> tuple[Array, Array]:
+    """status (N, lanes) and words (N, 6, lanes): duty cycles, integrators."""
+    zero = np.zeros(lanes, dtype=np.float32)
+    defaults = module["DEFAULTS"]
+    c = SimpleNamespace(
+        filter=_filter_state(module, defaults["x_0"], defaults["P_0"], lanes),
+        gain=tuple(np.float32(gain) for gain in gains),
+        integrator=(zero, zero, zero),
+        v_acting=(zero, zero),
+        v_queued=(zero, zero),
+        sensored=0,
+        delay=run.delay,
+    )
+    status, words = [], []
+    for phase, command in zip(run.phase, run.command, strict=True):
+        duty, code = module["foc_step"](
+            c, module["STEPS"][kind], _lanes(phase, lanes), _lanes(command, lanes), module["MATH"]["float32"]
+        )
+        status.append(np.broadcast_to(code, lanes))
+        words.append(np.array([*duty, *c.integrator], dtype=np.float32))
+    return np.array(status), np.array(words)
+
+
+def allowed_exponents(words: Array, blurred: Array) -> Array:
+    """Biased exponents of the powers of two at or above margin times the worst deviation, per word.
+
+    At least four units in the last place of the word itself.
+    """
+    if not np.all(np.isfinite(words)):
+        raise ValueError("the self-test's own trajectory leaves the numbers; the drive's tuning is unusable")
+    deviation = np.max(np.abs(blurred.astype(float) - words.astype(float)[..., None]), axis=-1)
+    least = np.maximum(np.abs(words.astype(float)) * 2.0**-21, SMALLEST)
+    bound = np.maximum(MARGIN * np.where(np.isfinite(deviation), deviation, np.inf), least)
+    return np.asarray(np.ceil(np.log2(np.minimum(bound, 2.0**100))).astype(int) + 127)
+
+
+def _filter_state(module: dict[str, Any], x_0: Any, P_0: Any, lanes: int) -> SimpleNamespace:
+    """As _init and _reset leave it: the drive's tuning, x_0, and a diagonal covariance."""
+    state = SimpleNamespace(**{key: _cast(value) for key, value in module["DEFAULTS"].items()})
+    n = len(x_0)
+    diagonal = np.diag(np.float32(P_0))[np.tril_indices(n)]
+    state.x = _lanes(x_0, lanes)
+    setattr(state, COVARIANCE, _lanes(diagonal, lanes))
+    state.u_held = _lanes(np.zeros(2), lanes)
+    return state
+
+
+def _lanes(values: Any, lanes: int) -> tuple[Array, ...]:
+    return tuple(np.full(lanes, value, dtype=np.float32) for value in values)
+
+
+def _cast(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return tuple(np.float32(item) for item in value)
+    return value if isinstance(value, int) else np.float32(value)
