@@ -21,6 +21,7 @@ from codegen.layout import Listing, lay_out
 from codegen.printers.python import PythonPrinter
 from codegen.recording import execute, record_control, record_filter
 from codegen.render import Description, render_filter, render_module, render_port
+from codegen.render_board import render_board
 from codegen.render_drive import controller_context, default_kind, render_example, render_foc, render_plant
 from codegen.render_selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.report import render_report
@@ -119,6 +120,7 @@ def assemble(
     files["example_isr.c"] = render_example(about, default_kind(steps))
     plant = f"host/{drive.name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
+    files |= render_board(about, {kind: files[f"{drive.name}_{kind}.c"] for kind in steps})
     files["REPORT.md"] = render_report(about, steps, costs, certificates, tests)
     return with_manifest(files, _facts(drive, model, steps, costs, certificates, tests))
 

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from codegen import __version__
 from codegen.folder import FolderError
 from model.drive import DriveError, cautions, load_drive
+from runtime.commands.board import pil, record
+from runtime.commands.terminal import console
 from runtime.errors import UserError
 from runtime.tasks import Progress, Written, generate_drives, run_all, simulate_drive, verify_drives
 
@@ -31,8 +32,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-# Into a file or a pipe the tables keep their width, whatever the terminal behind it.
-console = Console() if sys.stdout.isatty() else Console(width=140)
+app.command()(pil)
+app.command()(record)
 
 Drives = Annotated[
     list[str] | None,

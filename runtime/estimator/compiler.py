@@ -14,7 +14,8 @@ from pathlib import Path
 from runtime.errors import UserError
 
 #: Contraction into fused multiply-add would change bits, so it is always off.
-FLAGS = ("-std=gnu99", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = ("-std=gnu99", "-ffp-contract=off")
+LIBRARY = ("-fPIC", "-shared")
 
 
 def find_compiler() -> list[str]:
@@ -70,23 +71,34 @@ def build_library(
     UserError
         No compiler, a failing compiler, or no place to write.
     """
-    flags = [*FLAGS, *optimisation, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
+    return _build(sources, defines, (*LIBRARY, *optimisation), ".so")
+
+
+def build_program(
+    sources: Mapping[str, str], defines: Mapping[str, str], optimisation: tuple[str, ...] = ("-O2",)
+) -> Path:
+    """:func:`build_library` for a program of its own."""
+    return _build(sources, defines, optimisation, ".bin")
+
+
+def _build(sources: Mapping[str, str], defines: Mapping[str, str], more: tuple[str, ...], suffix: str) -> Path:
+    flags = [*FLAGS, *more, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
     compiler = find_compiler()
     key = hashlib.sha256(
         repr((sorted(sources.items()), flags, compiler, _identity(compiler), _processor(flags))).encode()
     )
-    library = cache_folder() / f"{key.hexdigest()[:32]}.so"
-    if library.is_file():
-        return library
+    built = cache_folder() / f"{key.hexdigest()[:32]}{suffix}"
+    if built.is_file():
+        return built
     try:
-        library.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
-            os.replace(_compile(compiler, flags, sources, Path(scratch)), library)
+        built.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=built.parent) as scratch:
+            os.replace(_compile(compiler, flags, sources, Path(scratch)), built)
     except OSError as error:
         raise UserError(
-            f"cannot write the compiled filter to '{library.parent}': {error.strerror}. Set PMSM_ICKF_CACHE."
+            f"cannot write the compiled filter to '{built.parent}': {error.strerror}. Set PMSM_ICKF_CACHE."
         ) from None
-    return library
+    return built
 
 
 def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], folder: Path) -> Path:
@@ -94,12 +106,12 @@ def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], 
         (folder / name).write_text(text, encoding="utf-8")
     files = [name for name in sources if name.endswith(".c")]
     done = subprocess.run(
-        [*compiler, *flags, *files, "-o", "out.so", "-lm"], cwd=folder, capture_output=True, text=True, check=False
+        [*compiler, *flags, *files, "-o", "out", "-lm"], cwd=folder, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         reason = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
         raise UserError(f"the C compiler '{' '.join(compiler)}' failed on {', '.join(files)}: {reason}")
-    return folder / "out.so"
+    return folder / "out"
 
 
 def _identity(compiler: list[str]) -> str:

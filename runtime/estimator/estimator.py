@@ -80,6 +80,11 @@ class Estimator:
         self.reset()
 
     @property
+    def backend(self) -> Backend:
+        """What executes the steps; its state is the filter's own, bit for bit."""
+        return self._backend
+
+    @property
     def x(self) -> Array:
         """The estimate, (n,) or (n, B)."""
         return self._backend.estimate()

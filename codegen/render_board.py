@@ -1,0 +1,62 @@
+"""The bench's side of a drive's folder: frames, processor in the loop, telemetry (``board/``)."""
+
+from __future__ import annotations
+
+from codegen import __version__
+from codegen.folder import digest
+from codegen.render import Description, render
+
+#: Where the bench's files go; production needs none of them.
+BOARD = "board"
+#: Raised when a frame's meaning changes.
+PROTOCOL = 1
+#: Bytes of a frame without COBS: one COBS code reaches across 254.
+FRAME_MAX = 250
+#: The struct's covariance words: n (n + 1) / 2 of them, sent as they are.
+COVARIANCE = "P"
+
+
+def identity(drive: str, kind: str, sha: str, source: str) -> str:
+    """What a board answers when asked who it is.
+
+    >>> identity("d", "ckf", "0123456789abcdef" * 4, "text").split()[:3]
+    ['d', 'ckf', '0123456789abcdef']
+    """
+    return f"{drive} {kind} {sha[:16]} {digest(source)[:16]} {__version__}"
+
+
+def render_board(about: Description, sources: dict[str, str]) -> dict[str, str]:
+    """File texts by path: the three shared pairs, and one binding a filter.
+
+    Parameters
+    ----------
+    sources : dict
+        Filter kind -> text of its ``.c``, which its identity names by hash.
+    """
+    n = len(about.model.states)
+    packed = n * (n + 1) // 2
+    drive = about.drive
+    example = f"{drive.name}_{next(iter(sources))}"
+    longest = max(11 + len(identity(drive.name, kind, drive.sha256, text)) for kind, text in sources.items())
+    payload = max(8 + 4 * (n + packed + 2), longest)
+    assert payload + 7 <= FRAME_MAX, f"{payload} bytes of state or name do not fit a frame"
+    files = {
+        f"{BOARD}/{name}": render(f"{name}.j2", frame_max=FRAME_MAX, protocol=PROTOCOL, example=example)
+        for stem in ("pmsm_link", "pmsm_pil", "pmsm_telemetry")
+        for name in (f"{stem}.h", f"{stem}.c")
+    }
+    for kind, source in sources.items():
+        p = f"{drive.name}_{kind}"
+        text = identity(drive.name, kind, drive.sha256, source)
+        common = {"p": p, "drive": drive.name, "sha": drive.sha256}
+        files[f"{BOARD}/{p}_pil.h"] = render("filter_pil.h.j2", **common)
+        files[f"{BOARD}/{p}_pil.c"] = render(
+            "filter_pil.c.j2",
+            **common,
+            identity=text,
+            codes={letter: ord(letter) for letter in text},
+            covariance=COVARIANCE,
+            n=n,
+            packed=packed,
+        )
+    return files
