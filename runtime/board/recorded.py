@@ -6,6 +6,7 @@ Columns: t s; u_alpha, u_beta V, mean over the interval ending at t; i_alpha, i_
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -32,8 +33,10 @@ def read_inputs(path: Path) -> tuple[Array, Array]:
             with np.load(path, allow_pickle=False) as file:
                 columns = {name: np.asarray(file[name], dtype=float) for name in INPUTS if name in file}
         else:
-            table = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True, dtype=float))
-            columns = {name: table[name] for name in INPUTS if name in (table.dtype.names or ())}
+            with path.open(encoding="utf-8") as text, warnings.catch_warnings(action="ignore"):
+                names = [name.strip() for name in text.readline().split(",")]
+                table = np.loadtxt(text, delimiter=",", ndmin=2)
+            columns = {name: table[:, names.index(name)] for name in INPUTS if name in names and table.size}
     except (OSError, ValueError) as error:
         raise UserError(f"'{path}' cannot be read as recorded data: {error}") from None
     missing = [name for name in INPUTS if name not in columns]
