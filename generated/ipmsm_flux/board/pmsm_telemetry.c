@@ -13,8 +13,9 @@ void pmsm_telemetry_init(pmsm_telemetry_t *t, float32 period)
 int pmsm_telemetry_send(pmsm_telemetry_t *t, Uint32 sample, const float32 u[2], const float32 y[2], float32 omega,
     float32 theta)
 {
-    const int room = (t->waiting == 0) ? 1 : 0;
-    if (room != 0) {
+    int taken = 0;
+    if (t->waiting == 0) {
+        taken = 1;
         t->sample = sample;
         t->values[0] = u[0];
         t->values[1] = u[1];
@@ -24,13 +25,13 @@ int pmsm_telemetry_send(pmsm_telemetry_t *t, Uint32 sample, const float32 u[2], 
         t->values[5] = theta;
         t->waiting = 1; /* last: from here on the sample is the main loop's */
     }
-    return room;
+    return taken;
 }
 
 void pmsm_telemetry_poll(pmsm_telemetry_t *t)
 {
     const int sent = pmsm_link_flush(&t->link);
-    if (sent != 0 && t->waiting != 0) {
+    if ((sent != 0) && (t->waiting != 0)) {
         pmsm_link_begin(&t->link, t->sequence, PMSM_TELEMETRY);
         pmsm_link_write_floats(&t->link, &t->period, 1);
         pmsm_link_write_32(&t->link, t->sample);

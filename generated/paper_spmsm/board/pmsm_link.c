@@ -16,7 +16,8 @@ typedef union {
 static Uint32 crc_32(const Uint16 *bytes, int count)
 {
     Uint32 crc = CRC_START;
-    int i, bit;
+    int i;
+    int bit;
     for (i = 0; i < count; i++) {
         crc ^= (Uint32)(bytes[i] & BYTE);
         for (bit = 0; bit < 8; bit++) {
@@ -35,7 +36,8 @@ static Uint32 word_32(const Uint16 *bytes)
 /* COBS in place: each code byte says how far it is to the next zero. Returns the decoded length, -1 if damaged. */
 static int decode(Uint16 *bytes, int count)
 {
-    int from = 0, to = 0;
+    int from = 0;
+    int to = 0;
     while (from < count) {
         const int end = from + (int)bytes[from];
         if (end > count) {
@@ -46,9 +48,11 @@ static int decode(Uint16 *bytes, int count)
             bytes[to] = 0u;
             to++;
         }
-        for (from++; from < end; from++) {
+        from++;
+        while (from < end) {
             bytes[to] = bytes[from];
             to++;
+            from++;
         }
     }
     return to;
@@ -67,9 +71,9 @@ void pmsm_link_init(pmsm_link_t *link)
 static int check_frame(pmsm_link_t *link)
 {
     int result = PMSM_LINK_BAD;
-    if (link->in_count <= PMSM_FRAME_MAX + 1) {
+    if (link->in_count <= (PMSM_FRAME_MAX + 1)) {
         const int count = decode(link->in, link->in_count) - CRC_BYTES;
-        if (count >= HEADER_BYTES && crc_32(link->in, count) == word_32(&link->in[count])) {
+        if ((count >= HEADER_BYTES) && (crc_32(link->in, count) == word_32(&link->in[count]))) {
             link->in_count = count;
             link->read_at = 0;
             result = PMSM_LINK_GOOD;
@@ -91,7 +95,7 @@ int pmsm_link_receive(pmsm_link_t *link)
             if (link->in_count <= PMSM_FRAME_MAX) {
                 link->in[link->in_count] = (Uint16)((unsigned)byte & BYTE);
             }
-            if (link->in_count <= PMSM_FRAME_MAX + 1) {
+            if (link->in_count <= (PMSM_FRAME_MAX + 1)) {
                 link->in_count++;
             }
         } else if (link->in_count > 0) {
@@ -177,12 +181,14 @@ void pmsm_link_write_floats(pmsm_link_t *link, const float32 *values, int count)
 
 void pmsm_link_end(pmsm_link_t *link)
 {
-    int i, zero_at;
+    int i;
+    int zero_at;
     pmsm_link_write_32(link, crc_32(&link->out[2], link->out_count - 2));
     zero_at = link->out_count;
     for (i = link->out_count - 1; i >= 1; i--) {
-        if (i == 1 || link->out[i] == 0u) {
-            link->out[i] = (Uint16)(zero_at - i);
+        if ((i == 1) || (link->out[i] == 0u)) {
+            const int distance = zero_at - i;
+            link->out[i] = (Uint16)distance;
             zero_at = i;
         }
     }
@@ -194,11 +200,11 @@ void pmsm_link_end(pmsm_link_t *link)
 int pmsm_link_flush(pmsm_link_t *link)
 {
     int taken = 1;
-    while (taken != 0 && link->out_sent < link->out_count) {
+    while ((taken != 0) && (link->out_sent < link->out_count)) {
         taken = pmsm_board_put(link->out[link->out_sent]);
         if (taken != 0) {
             link->out_sent++;
         }
     }
-    return link->out_sent == link->out_count;
+    return (link->out_sent == link->out_count) ? 1 : 0;
 }

@@ -29,8 +29,10 @@ void pmsm_pil_start(pmsm_pil_t *pil)
 
 static void timed_step(pmsm_pil_t *pil)
 {
-    float32 u[2], y[2];
-    Uint32 before, after;
+    float32 u[2];
+    float32 y[2];
+    Uint32 before;
+    Uint32 after;
     int status;
     pmsm_link_read_floats(&pil->link, u, 2);
     pmsm_link_read_floats(&pil->link, y, 2);
@@ -129,11 +131,11 @@ static void obey(pmsm_pil_t *pil)
     const Uint16 next = (Uint16)((pil->sequence + 1u) & 0xFFFFu);
     if ((command & PMSM_PIL_ANSWER) != 0u) {
         /* an echo of our own answer: a wire bridges transmit and receive */
-    } else if (command == pil->command && sequence == pil->sequence) {
+    } else if ((command == pil->command) && (sequence == pil->sequence)) {
         pil->repeats++;
         answer(pil);
-    } else if (pmsm_link_left(&pil->link) != payload_of(pil, command) ||
-               (command == PMSM_PIL_STEP && sequence != next)) {
+    } else if ((pmsm_link_left(&pil->link) != payload_of(pil, command)) ||
+               ((command == PMSM_PIL_STEP) && (sequence != next))) {
         complain(pil, PMSM_PIL_REFUSED);
     } else {
         execute(pil, sequence, command);
@@ -147,7 +149,7 @@ void pmsm_pil_poll(pmsm_pil_t *pil)
     if (pil->arrived == PMSM_LINK_NONE) {
         pil->arrived = pmsm_link_receive(&pil->link);
     }
-    if (sent != 0 && pil->arrived != PMSM_LINK_NONE) { /* an answer never overwrites one that is still leaving */
+    if ((sent != 0) && (pil->arrived != PMSM_LINK_NONE)) { /* an answer never overwrites one that is still leaving */
         if (pil->arrived == PMSM_LINK_GOOD) {
             obey(pil);
             pmsm_link_done(&pil->link);
