@@ -20,6 +20,9 @@ AXES = {
     "omega estimate, rad/s": ("omega_estimate",),
 }
 
+#: matplotlib back ends that draw into files: what it falls back to without a display.
+FILES_ONLY = {"agg", "cairo", "pdf", "pgf", "ps", "svg", "template"}
+
 Show = Callable[[Recording], None]
 
 
@@ -30,6 +33,7 @@ def live_view(console: Console, plot: bool) -> Iterator[Show]:
     if figure is not None:
         yield lambda recording: _draw(figure, recording)
         return
+    # Rich renews the table itself; into a file or a pipe it prints nothing until the end.
     with Live(console=console, refresh_per_second=4, transient=True) as live:
         yield lambda recording: live.update(recording_table(recording))
 
@@ -43,18 +47,12 @@ def _window(console: Console) -> Any:
         console.print("no live plot: it needs matplotlib (pip install 'pmsm-ickf[report]'); a table instead.")
         return None
     pyplot.ion()
-    if matplotlib.get_backend().lower() not in {b.lower() for b in _interactive(matplotlib)}:
+    if matplotlib.get_backend().lower() in FILES_ONLY:
         console.print("no live plot: there is no display; a table instead.")
         return None
     figure, _ = pyplot.subplots(len(AXES), 1, sharex=True)
     figure.show()
     return figure
-
-
-def _interactive(matplotlib: Any) -> list[str]:
-    from matplotlib.backends import BackendFilter, backend_registry
-
-    return list(backend_registry.list_builtin(BackendFilter.INTERACTIVE))
 
 
 def _draw(figure: Any, recording: Recording) -> None:

@@ -5,34 +5,25 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
-import struct
 import subprocess
 import sys
-import time
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from runtime.board.board import Board
-from runtime.board.frames import HELLO, STEP, Decoder, Frame, decode, encode, stuff, unstuff
-from runtime.board.link import Link, NoAnswerError, SerialPort
+from runtime.board.link import Link, SerialPort
 from runtime.board.pil import PilResult, run_pil
-from runtime.board.record import COLUMNS, Receiver
-from runtime.board.recorded import RecordFile, read_inputs
 from runtime.board.session import inputs_of
 from runtime.board.simulated import SimulatedBoard, board_sources, build_board
 from runtime.errors import UserError
-from runtime.estimator.folder import GENERATED, find_folder
-from tests.codegen.strict import STRICT, need
+from runtime.estimator.folder import find_folder
 from tests.conftest import DRIVES
+from tests.target.command import call
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="not run: pseudo-terminals need a POSIX system")
 
@@ -329,204 +320,6 @@ def test_ctrl_c_keeps_what_was_compared() -> None:
     assert (result.compared, result.different) == (7, 0)
 
 
-# --- frames
-
-
-class Deaf:
-    """A port on which nothing is ever heard."""
-
-    def __init__(self, echo: bool = False) -> None:
-        self.echo, self.waiting, self.sent = echo, b"", 0
-
-    def read(self) -> bytes:
-        time.sleep(0.001)
-        data, self.waiting = self.waiting, b""
-        return data
-
-    def write(self, data: bytes) -> None:
-        self.sent += 1
-        self.waiting += data if self.echo else b""
-
-    def close(self) -> None: ...
-
-
-def test_retries_are_bounded_and_silence_teaches() -> None:
-    deaf = Deaf()
-    link = Link(deaf, timeout=0.005, attempts=4)
-    with pytest.raises(NoAnswerError):
-        link.request(STEP)
-    assert (deaf.sent, link.counts.resent, link.counts.timeouts) == (4, 3, 4)
-    with pytest.raises(UserError, match="is it running"):
-        Board(Link(Deaf(), 0.005, 2))
-    with pytest.raises(UserError, match="transmit and receive are bridged"):
-        Board(Link(Deaf(echo=True), 0.005, 2))
-
-
-@given(st.binary(max_size=240))
-@settings(max_examples=200, deadline=None)
-def test_cobs_has_no_zero_and_comes_back(body: bytes) -> None:
-    assert b"\0" not in stuff(body)
-    assert unstuff(stuff(body)) == body
-
-
-def test_crc_is_that_of_ieee_802_3() -> None:
-    """The check value every CRC catalogue gives for CRC-32, and zlib's on a whole frame."""
-    assert zlib.crc32(b"123456789") == 0xCBF43926
-    coded = encode(Frame(0x1234, STEP, b"\1\0\2"))
-    body = unstuff(coded[1:-1])
-    assert body is not None
-    assert struct.unpack("<I", body[-4:])[0] == zlib.crc32(body[:-4])
-
-
-def test_garbage_is_followed_by_the_next_frame() -> None:
-    frame = Frame(7, HELLO, bytes(range(20)))
-    decoder = Decoder()
-    assert decoder.feed(b"\xff\x03noise" + encode(frame)[:10]) == []
-    assert decoder.feed(b"\x05" * 3000 + encode(frame) + b"\x02") == [frame]
-    assert decoder.feed(b"\x00" + encode(frame)) == [frame]
-    assert decoder.bad == 3  # the noise, the cut frame with the fives, the two
-
-
-def test_every_single_damaged_byte_is_caught() -> None:
-    """Every byte of a frame lost, doubled, and changed to each other value: never another frame."""
-    frame = Frame(3, STEP, struct.pack("<4f", 1.0, -2.5, 0.0, 3.25))
-    coded = encode(frame)[1:-1]
-    for k in range(len(coded)):
-        shorter, longer = coded[:k] + coded[k + 1 :], coded[:k] + coded[k : k + 1] + coded[k:]
-        others = [coded[:k] + bytes([value]) + coded[k + 1 :] for value in range(256) if value != coded[k]]
-        for damaged in (shorter, longer, *others):
-            pieces = [decode(piece) for piece in damaged.split(b"\0") if piece]
-            assert all(found is None for found in pieces)
-
-
-# --- the C itself
-
-
-@pytest.mark.parametrize(
-    ("compiler", "flags"),
-    [("avr-gcc", ["-mmcu=atmega1284p"]), ("arm-none-eabi-gcc", ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard"])],
-)
-def test_bench_c_is_clean_for_other_machines(compiler: str, flags: list[str], tmp_path: Path) -> None:
-    """Sixteen-bit int, and a Cortex-M4F."""
-    need(compiler)
-    wanted = [flag for flag in STRICT if flag not in {"-Wdouble-promotion", "-Wunsuffixed-float-constants"}]
-    for name in DRIVES:
-        folder = GENERATED / name
-        for path in sorted((folder / "board").glob("*.c")):
-            command = [compiler, *flags, *wanted, "-O2", f"-I{folder}", "-c", str(path), "-o", str(tmp_path / "x.o")]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, done.stderr
-
-
-def test_bench_c_holds_no_char_and_measures_no_bytes() -> None:
-    """On the C28x a char has 16 bits and sizeof counts words: neither may appear; nor float literals, nor 64 bits."""
-    for path in sorted(GENERATED.glob("*/board/*.[ch]")):
-        code = re.sub(r'/\*.*?\*/|extern "C"', "", path.read_text(), flags=re.DOTALL)
-        assert not re.search(r"\b(char|sizeof|double|long|malloc|static \w+ \w+;|goto)\b", code), path
-        assert not re.search(r"^static (?!const)\w+ \w+(\[|;| =)", code, flags=re.MULTILINE), path
-
-
-@pytest.mark.parametrize("drive", ["paper_spmsm"])
-def test_c_sends_the_frames_the_host_knows(drive: str, tmp_path: Path) -> None:
-    """Bytes in wider words than 16 bits too: only their low bits may matter."""
-    folder = GENERATED / drive
-    port = (folder / "pmsm_port.h").read_text()
-    wide = re.sub(r"typedef unsigned short Uint16;", "typedef unsigned int Uint16;", port)
-    wide = re.sub(r"typedef int pmsm_Uint16_must.*\n", "", wide)
-    main = r"""
-#include <stdio.h>
-#include "pmsm_link.h"
-static unsigned char line[600]; static int n, at;
-int pmsm_board_get(void) { return at < n ? line[at++] : -1; }
-int pmsm_board_put(Uint16 byte) { line[n++] = (unsigned char)byte; printf("%02x", (unsigned)byte); return 1; }
-Uint32 pmsm_board_ticks(void) { return 0; }
-int main(void) { static pmsm_link_t link; float32 v[3] = {1.5f, 0.0f, -2.0f}, w[3]; Uint16 s, c;
-  pmsm_link_init(&link); pmsm_link_begin(&link, 0xFFFEu, 0x84u); pmsm_link_write_floats(&link, v, 3);
-  pmsm_link_end(&link); pmsm_link_flush(&link);
-  if (pmsm_link_receive(&link) != PMSM_LINK_GOOD) return 1;
-  s = pmsm_link_read_16(&link); c = pmsm_link_read_8(&link); pmsm_link_read_floats(&link, w, 3);
-  return !(s == 0xFFFEu && c == 0x84u && w[0] == v[0] && w[2] == v[2] && pmsm_link_left(&link) == 0); }
-"""
-    lines = []
-    for name, header in (("narrow", port), ("wide", wide)):
-        place = tmp_path / name
-        place.mkdir()
-        (place / "pmsm_port.h").write_text(header)
-        (place / "main.c").write_text(main)
-        for end in (".h", ".c"):
-            shutil.copy(folder / "board" / f"pmsm_link{end}", place)
-        subprocess.run(["gcc", "main.c", "pmsm_link.c", "-o", "main"], cwd=place, check=True)
-        done = subprocess.run([str(place / "main")], capture_output=True, text=True, check=False)
-        assert done.returncode == 0
-        lines.append(done.stdout)
-    assert lines[0] == lines[1] == encode(Frame(0xFFFE, 0x84, struct.pack("<3f", 1.5, 0.0, -2.0))).hex()
-
-
-# --- recording
-
-
-def telemetry(sequence: int, sample: int, value: float = 1.0) -> bytes:
-    return encode(Frame(sequence, 0xE0, struct.pack("<fI6f", 2e-5, sample, *[value] * 6)))
-
-
-def test_gaps_are_counted_and_marked() -> None:
-    receiver = Receiver()
-    rows = []
-    for sequence, sample in ((65534, 10), (65535, 20), (2, 50), (2, 50), (3, 80)):
-        rows += receiver.feed(telemetry(sequence, sample))
-    recording = receiver.recording
-    assert [row[COLUMNS.index("lost_before")] for row in rows] == [0, 0, 2, 0]
-    np.testing.assert_allclose([row[0] for row in rows], 2e-5 * np.array([0, 10, 40, 70]), rtol=1e-12)
-    assert (recording.lost, recording.gaps, recording.doubled, recording.left_out) == (2, 1, 1, 1)
-    rows = receiver.feed(telemetry(0, 5))
-    assert recording.restarts == 1
-    assert rows[0][0] == pytest.approx(71 * 2e-5)
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".csv"])
-def test_a_recording_survives_a_crash_and_is_recorded_data(suffix: str, tmp_path: Path) -> None:
-    path = tmp_path / f"r{suffix}"
-    rows = [(k * 1e-4, *(np.float32(0.1 * k) + j for j in range(6)), float(k), 0.0) for k in range(1000)]
-    file = RecordFile(path, COLUMNS)
-    file.append(rows[:600])
-    if suffix == ".npz":  # the process dies here: what was flushed is a whole array file
-        kept = np.load(tmp_path / "r.npz.part")
-        assert len(kept) == 600
-        np.testing.assert_array_equal(kept["u_alpha"], [row[1] for row in rows[:600]])
-        with pytest.raises(UserError, match="did not end well"):
-            RecordFile(path, COLUMNS)
-    file.append(rows[600:])
-    file.close()
-    u, y = read_inputs(path)
-    assert u.shape == y.shape == (1000, 2)
-    np.testing.assert_array_equal(u[:, 0].astype(np.float32), np.array([row[1] for row in rows], dtype=np.float32))
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    if suffix == ".npz":
-        with np.load(path) as data:
-            assert set(data) == set(COLUMNS)
-            assert "omega" not in data
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [("t,u_alpha\n0,1\n", "lacks the column u_beta"), ("", "lacks the column"), ("t,u_alpha\n0,x\n", "cannot be read")],
-)
-def test_bad_recorded_data_is_one_line(text: str, expected: str, tmp_path: Path) -> None:
-    (tmp_path / "d.csv").write_text(text)
-    with pytest.raises(UserError, match=expected):
-        read_inputs(tmp_path / "d.csv")
-
-
-# --- the command line
-
-
-def call(*arguments: str, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:
-    root = str(Path(__file__).parents[2])
-    env = {**os.environ, "PYTHONPATH": root, **more}
-    command = [sys.executable, "-m", "runtime.cli", *arguments]
-    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False, timeout=120)
-
-
 def test_pil_command_end_to_end(tmp_path: Path) -> None:
     arguments = ("--port", "simulated", "--steps", "50", "--ticks-hz", "1e9", "--json", "g.json", "--backend", "c")
     done = call("pil", "spmsm_load_torque", *arguments, cwd=tmp_path)
@@ -569,28 +362,3 @@ def test_without_pyserial_one_line_says_what_to_install(tmp_path: Path) -> None:
     )
     assert done.returncode == 2
     assert done.stderr == "pmsm-ickf: a serial port needs pyserial: pip install 'pmsm-ickf[board]'.\n"
-
-
-def test_record_command_until_ctrl_c(tmp_path: Path) -> None:
-    """Ctrl-C ends a recording well: what came is there."""
-    root = str(Path(__file__).parents[2])
-    words = [sys.executable, "-m", "runtime.cli", "record", "--port", "simulated", "--out", "r.npz"]
-    process = subprocess.Popen(
-        words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": root}, stdout=subprocess.PIPE, text=True
-    )
-    part = tmp_path / "r.npz.part"
-    for _ in range(1000):
-        time.sleep(0.02)
-        if part.exists() and part.stat().st_size > 5000:
-            break
-    process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0, out
-    with np.load(tmp_path / "r.npz") as data:
-        assert len(data["t"]) > 50
-        # the simulated board turns a current of 1 A and a voltage of 10 V
-        np.testing.assert_allclose(np.hypot(data["i_alpha"], data["i_beta"]), 1.0, rtol=1e-6)
-        np.testing.assert_allclose(np.hypot(data["u_alpha"], data["u_beta"]), 10.0, rtol=1e-6)
-    again = call("record", "--port", "simulated", "--out", "r.npz", cwd=tmp_path)
-    assert again.returncode == 2
-    assert "'r.npz' exists" in again.stderr
