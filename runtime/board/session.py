@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.board.board import Board, Identity
 from runtime.board.frames import LONGEST
-from runtime.board.link import Link, SerialPort
+from runtime.board.link import Link, RefusedError, SerialPort, UnpluggedError
 from runtime.board.pil import PilResult, check_settings, run_pil
 from runtime.board.record import COLUMNS, Recording, ctrl_c, record
 from runtime.board.recorded import Array, RecordFile, read_inputs
@@ -101,7 +101,10 @@ def pil(
     """
     mode = check_settings(mode, tolerance)
     with open_port(line, drive, kind, telemetry=False) as port:
-        board = Board(Link(port, line.patience, line.attempts))
+        try:
+            board = Board(Link(port, line.patience, line.attempts))
+        except (UnpluggedError, RefusedError) as error:
+            raise UserError(f"{error} before the board said who it is.") from None
         if kind is not None and board.identity.kind != kind:
             raise UserError(f"the board runs a '{board.identity.kind}', not the '{kind}' asked for.")
         folder = folder_of(board.identity, drive)

@@ -74,7 +74,7 @@ def _time_table(result: PilResult, ticks_hz: float | None) -> RenderableType:
 
 def recording_table(recording: Recording, last: bool = True) -> RenderableType:
     """Counts, and the latest sample."""
-    seconds = f" over {recording.recent[-1][0] - 0:.6g} s of the board's time" if recording.recent else ""
+    seconds = f" over {recording.recent[-1][0]:.6g} s of the board's time" if recording.recent else ""
     gaps = f"{recording.lost:,} frames in {recording.gaps:,} gaps"
     if recording.first_gaps:
         gaps += ", the first at t = " + ", ".join(f"{t:.6g}" for t in recording.first_gaps[:5]) + " s"

@@ -56,6 +56,8 @@ def _window(console: Console) -> Any:
 
 
 def _draw(figure: Any, recording: Recording) -> None:
+    if not recording.recent:
+        return
     rows = np.array(recording.recent)
     for axes, (title, names) in zip(figure.axes, AXES.items(), strict=True):
         axes.clear()

@@ -9,14 +9,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from runtime.board.frames import Frame, encode
-from runtime.board.record import COLUMNS, Receiver
+from runtime.board.record import COLUMNS, Receiver, Recording, UnpluggedError, record
 from runtime.board.recorded import RecordFile, read_inputs
 from runtime.errors import UserError
+from runtime.report.live import AXES, _draw
 from tests.target.command import call
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="not run: pseudo-terminals need a POSIX system")
@@ -38,6 +40,31 @@ def test_gaps_are_counted_and_marked() -> None:
     rows = receiver.feed(telemetry(0, 5))
     assert recording.restarts == 1
     assert rows[0][0] == pytest.approx(71 * 2e-5)
+
+
+def test_a_pulled_cable_keeps_what_came() -> None:
+    class Port:
+        def __init__(self) -> None:
+            self.frames = [telemetry(k, k) for k in range(7)]
+
+        def read(self) -> bytes:
+            if not self.frames:
+                raise UnpluggedError("port 'p' failed")
+            return self.frames.pop(0)
+
+        def write(self, data: bytes) -> None: ...
+
+        def close(self) -> None: ...
+
+    class Sink:
+        rows: ClassVar[list[tuple[float, ...]]] = []
+
+        def append(self, rows: list[tuple[float, ...]]) -> None:
+            self.rows.extend(rows)
+
+    recording = record(Port(), Sink(), None)
+    assert len(Sink.rows) == recording.rows == 7
+    assert "is the cable plugged in?" in recording.ended
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
@@ -62,6 +89,22 @@ def test_a_recording_survives_a_crash_and_is_recorded_data(suffix: str, tmp_path
         with np.load(path) as data:
             assert set(data) == set(COLUMNS)
             assert "omega" not in data
+
+
+def test_live_curves_are_drawn_from_what_has_come() -> None:
+    """Without a window: an empty recording draws nothing, ten rows draw every curve."""
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, _ = pyplot.subplots(len(AXES), 1)
+    recording = Recording()
+    _draw(figure, recording)
+    assert not figure.axes[0].lines
+    recording.recent.extend([tuple(float(k + j) for j in range(len(COLUMNS))) for k in range(10)])
+    _draw(figure, recording)
+    assert [len(axes.lines) for axes in figure.axes] == [len(names) for names in AXES.values()]
+    pyplot.close(figure)
 
 
 @pytest.mark.parametrize(
