@@ -127,10 +127,13 @@ _DEFINITION = re.compile(r"^(?:\w+ )+(\w+)\([^;{]*\)\n\{", re.MULTILINE)
 
 
 def with_ramfuncs(source: str, cold: set[str]) -> str:
-    """Pragmas that place every function of the file but the ``cold`` ones in RAM, behind the last include."""
+    """Pragmas that place every function of the file but the ``cold`` ones in RAM.
+
+    They stand before the first include: a pragma that follows a declaration may be ignored (SPRU514).
+    """
     functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
-    head, include, tail = source.rpartition('.h"\n')
-    return f"{head}{include}\n{render('ramfunc.j2', functions=functions)}{tail}"
+    head, include, tail = source.partition("#include")
+    return f"{head}{render('ramfunc.j2', functions=functions)}\n{include}{tail}"
 
 
 def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificate, about: Description) -> list[str]:

@@ -7,9 +7,8 @@
  * float32 against float64, one step, worst of 2000 draws from the operating box:
  *   psi_alpha 4.7e-07 Wb, psi_beta 2.8e-07 Wb, omega 9.9e-05 rad/s, theta 1.7e-06 rad, P 7.8e-03 relative (99 %: 6.2e-04).
  */
-#include "ipmsm_flux_ckf.h"
-
-/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+/* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
+ * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
 #pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
@@ -33,6 +32,8 @@
 #pragma CODE_SECTION(ipmsm_flux_ckf_step, "ramfuncs")
 #endif
 #endif
+
+#include "ipmsm_flux_ckf.h"
 
 #define N_STATES 4
 

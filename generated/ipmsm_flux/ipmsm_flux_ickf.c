@@ -8,9 +8,8 @@
  * float32 against float64, one step, worst of 2000 draws from the operating box:
  *   psi_alpha 4.0e-07 Wb, psi_beta 2.6e-07 Wb, omega 7.3e-05 rad/s, theta 8.2e-06 rad, P 1.0e-01 relative (99 %: 2.7e-03).
  */
-#include "ipmsm_flux_ickf.h"
-
-/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+/* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
+ * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
 #pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
@@ -38,6 +37,8 @@
 #pragma CODE_SECTION(ipmsm_flux_ickf_step, "ramfuncs")
 #endif
 #endif
+
+#include "ipmsm_flux_ickf.h"
 
 #define N_STATES 4
 

@@ -87,6 +87,9 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 
 /* Square root of a float32. Strict C89 headers do not declare sqrtf, and an undeclared one would be called with a
  * double; the compiler's own name needs no declaration. Define PMSM_SQRT beforehand to use another one. */
+#ifdef __TMS320C28XX__
+#include <math.h>
+#endif
 #ifndef PMSM_SQRT
 #if defined(__GNUC__) && !defined(__TMS320C28XX__)
 #define PMSM_SQRT(x) __builtin_sqrtf(x)

@@ -7,9 +7,8 @@
  * float32 against float64, one step, worst of 2000 draws from the operating box:
  *   i_alpha 4.4e-06 A, i_beta 4.8e-06 A, omega 1.6e-04 rad/s, theta 3.9e-06 rad, P 1.6e-04 relative (99 %: 6.7e-05).
  */
-#include "paper_spmsm_ckf.h"
-
-/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+/* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
+ * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
 #pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
@@ -33,6 +32,8 @@
 #pragma CODE_SECTION(paper_spmsm_ckf_step, "ramfuncs")
 #endif
 #endif
+
+#include "paper_spmsm_ckf.h"
 
 #define N_STATES 4
 

@@ -8,10 +8,8 @@
  *
  * The interrupt must come once every 100 us: the sample time is folded into the filter's constants.
  * Nothing here touches a register. What does is declared below, and is yours to write. */
-#include "spmsm_load_torque_ickf_selftest.h"
-#include "spmsm_load_torque_ickf_foc_selftest.h"
-
-/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+/* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
+ * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
 #pragma CODE_SECTION(per_unit, ".TI.ramfunc")
@@ -25,6 +23,9 @@
 #pragma CODE_SECTION(adc_isr, "ramfuncs")
 #endif
 #endif
+
+#include "spmsm_load_torque_ickf_selftest.h"
+#include "spmsm_load_torque_ickf_foc_selftest.h"
 
 #ifndef WHOLE_CONTROLLER
 #define WHOLE_CONTROLLER 1

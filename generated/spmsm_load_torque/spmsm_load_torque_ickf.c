@@ -8,9 +8,8 @@
  * float32 against float64, one step, worst of 2000 draws from the operating box:
  *   i_alpha 6.9e-06 A, i_beta 7.6e-06 A, omega 2.6e-05 rad/s, theta 6.9e-07 rad, load_torque 3.4e-06 N m, P 7.9e-04 relative (99 %: 4.8e-04).
  */
-#include "spmsm_load_torque_ickf.h"
-
-/* On the C28x these run from RAM, because flash has wait states. The pragma takes a name and a literal, hence no macro. */
+/* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
+ * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
 #pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
@@ -34,6 +33,8 @@
 #pragma CODE_SECTION(spmsm_load_torque_ickf_step, "ramfuncs")
 #endif
 #endif
+
+#include "spmsm_load_torque_ickf.h"
 
 #define N_STATES 5
 

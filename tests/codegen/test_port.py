@@ -92,10 +92,12 @@ def test_all_that_runs_in_the_interrupt_is_placed_in_ram(drive: Drive, version: 
     flags = ["-D__TMS320C28XX__", FPU, f"-D__TI_COMPILER_VERSION__={version}"]
     for path in [*interrupt_files(drive.name), GENERATED / drive.name / "example_isr.c"]:
         done = subprocess.run(["gcc", "-E", "-P", *flags, str(path)], capture_output=True, text=True, check=True)
-        text = done.stdout[done.stdout.index("#pragma CODE_SECTION") :]
+        text = done.stdout
         placed = re.findall(r'#pragma CODE_SECTION\((\w+), "([\w.]+)"\)', text)
         defined = set(re.findall(r"^(?:\w+ )+(\w+)\([^;{]*?\)\s*\{", text, flags=re.MULTILINE))
         hot = {name for name in defined if not name.endswith(("_init", "_reset", "_setup"))}
         assert {name for name, _ in placed} == hot
+        declared = re.sub(r"#pragma CODE_SECTION.*", "", text[: text.rindex("#pragma CODE_SECTION")])
+        assert "(" not in declared, "a pragma that follows a declaration may be ignored (SPRU514, pragma directives)"
         assert {name for _, name in placed} == {section}
         assert len(placed) == len(hot) > 3
