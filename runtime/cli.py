@@ -6,7 +6,7 @@ Exit codes: 0 good, 1 a check failed, 2 bad input.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +21,7 @@ from model.drive import DriveError, cautions, load_drive
 from runtime.commands.board import pil, record
 from runtime.commands.terminal import console
 from runtime.errors import UserError
+from runtime.firmware.check import Check
 from runtime.tasks import Progress, Written, generate_drives, run_all, simulate_drive, verify_drives
 
 app = typer.Typer(
@@ -65,6 +66,7 @@ def run(
 ) -> None:
     """Everything: regenerate, verify, simulate, and write build/report/index.html."""
     from runtime.report.drive_tables import runs_table
+    from runtime.report.firmware_table import checks_table
 
     with working() as progress:
         written, chapters, page = run_all(drives or [], build, progress)
@@ -73,6 +75,8 @@ def run(
         proof = chapter.proof
         _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
         console.print(runs_table(chapter.runs))
+        console.print(checks_table(chapter.firmware.checks))
+        _show_remarks(chapter.firmware.checks)
     console.print(f"Report: {page}", highlight=False, soft_wrap=True)
     if not all(chapter.good for chapter in chapters):
         raise typer.Exit(1)
@@ -164,6 +168,35 @@ def verify(
         _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
     if not all(proof.passed for proof, _ in results):
         raise typer.Exit(1)
+
+
+@app.command()
+def firmware(
+    drives: Drives = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every check to this file.")] = None,
+    allow_missing: Annotated[
+        bool, typer.Option("--allow-missing", help="Exit 0 although something could not be run here.")
+    ] = False,
+) -> None:
+    """Check the generated C away from the host: the same bits on a 16-bit-int AVR and on a Cortex-M4F, emulated."""
+    from runtime.firmware.tasks import check_firmware
+    from runtime.report.firmware_table import checks_table
+
+    with working() as progress:
+        results = check_firmware(drives or [], json, progress)
+    for result in results:
+        console.rule(f"[bold]{result.drive}[/bold]", align="left")
+        console.print(checks_table(result.checks))
+        _show_remarks(result.checks)
+    if not all(result.good(allow_missing) for result in results):
+        raise typer.Exit(1)
+
+
+def _show_remarks(checks: Iterable[Check]) -> None:
+    from runtime.report.firmware_table import remarks
+
+    for line, style in remarks(checks):
+        console.print(f"[{style}]{escape(line)}[/{style}]", highlight=False, soft_wrap=True)
 
 
 def _caution(drives: list[str] | None) -> None:

@@ -1,0 +1,50 @@
+"""Programs that are not Python's: find them, and say which Debian package brings a missing one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+from runtime.errors import UserError
+
+#: Program -> the Debian package it comes in.
+PACKAGES = {
+    "avr-gcc": "gcc-avr",
+    "simavr": "simavr",
+    "arm-none-eabi-gcc": "gcc-arm-none-eabi",
+    "qemu-system-arm": "qemu-system-arm",
+}
+
+#: Program -> the package of the C library without which it links nothing, and a file of that library.
+LIBRARIES = {
+    "avr-gcc": ("avr-libc", "libm.a"),
+    "arm-none-eabi-gcc": ("libnewlib-arm-none-eabi", "libm.a"),
+}
+
+
+class MissingTool(UserError):  # noqa: N818 (it is a state of the machine, not only an error)
+    """A program is not installed; ``package`` is the Debian package that brings it."""
+
+    def __init__(self, program: str, package: str) -> None:
+        super().__init__(f"{program} not found. Install it (Debian: apt-get install {package}).")
+        self.program, self.package = program, package
+
+
+def find_tool(program: str) -> str:
+    """The path of a program in :data:`PACKAGES`.
+
+    Raises
+    ------
+    MissingTool
+        If it, or the C library it needs, is not installed.
+    """
+    path = shutil.which(program)
+    if path is None:
+        raise MissingTool(program, PACKAGES[program])
+    if program in LIBRARIES:
+        package, name = LIBRARIES[program]
+        answer = subprocess.run([path, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+        if not Path(answer.stdout.strip()).is_absolute():
+            raise MissingTool(f"{name} of {program}", package)
+    return path

@@ -1,0 +1,231 @@
+"""Link E-F: identical bits on the emulated processors, and mutants that show the link can break and says where."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import runtime.firmware.link_ef
+import runtime.firmware.tasks
+from runtime.cli import app
+from runtime.errors import UserError
+from runtime.estimator.folder import GENERATED, find_folder
+from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.firmware.avr import Avr
+from runtime.firmware.check import Check
+from runtime.firmware.cortex_m4 import CortexM4
+from runtime.firmware.emulator import Processor, outcome
+from runtime.firmware.host import run_on_host
+from runtime.firmware.link_ef import NAN, PROCESSORS, STEPS, Comparison, compare, link_ef
+from runtime.firmware.recording import BAD, Recording, Segment, controller_recording, filter_recording, spoil
+from runtime.firmware.subject import Subject, subjects
+from runtime.firmware.tasks import check_firmware
+from runtime.firmware.tools import find_tool
+from tests.target.need import need
+
+FOLDERS = {path.parent.name: find_folder(path.parent.name) for path in sorted(GENERATED.glob("*/manifest.json"))}
+SUBJECTS = {subject.name: (drive, subject) for drive, folder in FOLDERS.items() for subject in subjects(folder)}
+BOTH = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda processor: processor.programs[0])
+QUICK = 60
+
+
+def recorded(name: str, steps: int) -> tuple[Subject, Recording]:
+    drive, subject = SUBJECTS[name]
+    record = controller_recording if subject.controller else filter_recording
+    return subject, record(FOLDERS[drive], steps)
+
+
+def run(name: str, processor: Processor, steps: int, target: Subject | None = None, *flags: str) -> Comparison:
+    """Compare a subject's host run with ``target`` (default: the same subject) on a processor."""
+    need(*processor.programs)
+    subject, recording = recorded(name, steps)
+    return compare(processor, target or subject, recording, run_on_host(subject, recording), flags)
+
+
+# --- the link holds
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "paper_spmsm_ickf_foc"])
+def test_same_bits(name: str, processor: Processor) -> None:
+    found = run(name, processor, QUICK)
+    assert found.divergence is None, str(found.divergence)
+    assert found.counted_exactly
+
+
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_same_bits_over_a_thousand_steps(name: str, processor: Processor) -> None:
+    found = run(name, processor, STEPS)
+    assert found.divergence is None, str(found.divergence)
+    assert found.counted_exactly
+    assert np.all(found.outcome.cost > 0)
+
+
+def test_no_iteration_means_a_constant_number_of_instructions() -> None:
+    """Straight-line code without a data-dependent branch: accepted steps of the CKF all cost the same."""
+    found = run("paper_spmsm_ckf", CortexM4(), QUICK)
+    accepted = run_on_host(*recorded("paper_spmsm_ckf", QUICK))[:, 0] == 0
+    assert len(np.unique(found.outcome.cost[accepted])) == 1
+
+
+# --- what is compared
+
+
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "ipmsm_flux_ckf_foc"])
+def test_every_word_of_the_struct_is_compared(name: str) -> None:
+    """Against the size of the struct, all of whose fields are four bytes wide on the host."""
+    import cffi
+
+    subject = SUBJECTS[name][1]
+    fields = "".join(f"{'int' if f.is_int else 'float'} f{k}[{f.count}];" for k, f in enumerate(subject.fields))
+    ffi = cffi.FFI()
+    ffi.cdef(f"typedef struct {{ {fields} }} all;")
+    assert 4 * len(subject.struct_words) == ffi.sizeof("all")
+    header = re.sub(r"/\*.*?\*/", "", subject.sources[f"{name}.h"])
+    declared = re.findall(r"^    (?:float32|int) (\w+)", header, re.MULTILINE)
+    assert set(declared) <= {re.sub(r"\[.*", "", word) for word in subject.struct_words}
+    assert {"filter.x[0]", "duty[2]"} <= set(subject.words) or {"x[0]", "iterations"} <= set(subject.words)
+
+
+def test_host_run_is_the_e_of_link_d_e() -> None:
+    """The estimate the harness sees on the host has the bits of the NumPy twin."""
+    subject, recording = recorded("spmsm_load_torque_ickf", QUICK)
+    folder = FOLDERS["spmsm_load_torque"]
+    rows = recording.segments[0].inputs.astype(np.float32)
+    twin = NumpyBackend(folder.module, "ickf", "float32")
+    x_0, P_0 = (np.array(folder.module.DEFAULTS[name], dtype=np.float32) for name in ("x_0", "P_0"))
+    twin.reset(x_0, np.diag(P_0)[np.tril_indices(len(x_0))])
+    expected = twin.run(rows[:, :2], rows[:, 2:])[0]
+    columns = [subject.words.index(f"x[{k}]") for k in range(len(x_0))]
+    found = run_on_host(subject, Recording(recording.segments[:1]))[:, columns]
+    np.testing.assert_array_equal(found, expected.view(np.uint32))
+
+
+@pytest.mark.parametrize("steps", [1, 7, 60, STEPS])
+def test_recordings_have_the_steps_asked_for(steps: int) -> None:
+    for record in (filter_recording, controller_recording):
+        assert record(FOLDERS["ipmsm_flux"], steps).steps == steps
+
+
+def test_every_kind_of_bad_input_is_rejected_and_leaves_numbers() -> None:
+    spoilt = spoil(np.zeros((100, 4)))
+    for column in range(4):
+        met = spoilt[:, column]
+        assert all(np.any(np.isnan(met)) if np.isnan(bad) else bad in met for bad in BAD)
+    subject, recording = recorded("ipmsm_flux_ickf", STEPS)
+    words = run_on_host(subject, recording)
+    bad = np.concatenate([~np.all(np.abs(segment.inputs) < 1e5, axis=1) for segment in recording.segments])
+    np.testing.assert_array_equal(words[:, 0] & 1, bad)
+    assert not np.any(words == NAN)
+
+
+# --- the link can break
+
+
+def mutants(subject: Subject) -> Iterator[Subject]:
+    """Each folded constant of the filter's or the controller's own file, one bit up."""
+    file = f"{subject.name}.c"
+    text = subject.sources[file]
+    for match in re.finditer(r"(?<=#define )(\w+ )([-+.e0-9]+)f", text):
+        up = f"{match.group(1)}{np.nextafter(np.float32(match.group(2)), np.float32(np.inf)):.9g}f"
+        yield replace(subject, sources={**subject.sources, file: text[: match.start()] + up + text[match.end() :]})
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "paper_spmsm_ickf_foc"])
+def test_a_constants_last_bit_is_caught_and_located(name: str, processor: Processor) -> None:
+    """Step, word and both values are those of the mutant on the host, word by word."""
+    subject, recording = recorded(name, QUICK)
+    good = run_on_host(subject, recording)
+    mutant = next(m for m in mutants(subject) if np.any(run_on_host(m, recording) != good))
+    bad = run_on_host(mutant, recording)
+    step = int(np.argmax(np.any(good != bad, axis=1)))
+    k = int(np.argmax(good[step] != bad[step]))
+    found = run(name, processor, QUICK, mutant)
+    assert found.divergence is not None
+    assert (found.divergence.step, found.divergence.word) == (step, subject.words[k])
+    assert f"0x{good[step, k]:08x}" in found.divergence.expected
+    assert f"0x{bad[step, k]:08x}" in found.divergence.found
+    check = found.check(0)
+    assert check.state == "failed"
+    assert f"first divergence at step {step}, {subject.words[k]}" in check.detail[0]
+
+
+def test_fused_multiply_add_is_caught() -> None:
+    """What -ffp-contract=off is for: the Cortex-M4F has a fused multiply-add."""
+    found = run("paper_spmsm_ickf", CortexM4(), QUICK, None, "-ffp-contract=fast")
+    assert found.divergence is not None
+
+
+def test_an_int_of_16_bits_is_seen() -> None:
+    """The AVR is a stand-in for the C28x because of its int: 40000 does not fit."""
+    subject, recording = recorded("paper_spmsm_ickf", 3)
+    segment = Segment(recording.segments[0].inputs, {"max_iterations": 40000})
+    recording = Recording((segment,))
+    expected = run_on_host(subject, recording)
+    for processor, differs in ((Avr(), True), (CortexM4(), False)):
+        need(*processor.programs)
+        divergence = compare(processor, subject, recording, expected).divergence
+        assert (divergence is not None) == differs
+        assert divergence is None or (divergence.word, divergence.found) == ("max_iterations", "-25536")
+
+
+# --- what cannot be run is said
+
+
+def test_missing_tools_are_rows_and_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    which = shutil.which
+    absent = {"avr-gcc": "gcc-avr", "qemu-system-arm": "qemu-system-arm"}
+    monkeypatch.setattr(shutil, "which", lambda name, **keys: None if name in absent else which(name, **keys))
+    if which("arm-none-eabi-gcc") is None:
+        absent = {"avr-gcc": "gcc-avr", "arm-none-eabi-gcc": "gcc-arm-none-eabi"}
+    rows = link_ef(FOLDERS["paper_spmsm"])
+    assert [row.state for row in rows] == ["not run", "not run"]
+    assert [row.figure for row in rows] == [f"needs package {package}" for package in absent.values()]
+    monkeypatch.setattr(runtime.firmware.tasks, "GATES", (link_ef,))
+    for options, code in (((), 1), (("--allow-missing",), 0)):
+        result = CliRunner().invoke(app, ["firmware", "paper_spmsm", *options])
+        assert result.exit_code == code, result.output
+        assert "avr-gcc not found" in result.output
+        assert "apt-get install gcc-avr" in result.output
+
+
+def test_a_compiler_without_its_library_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    need("avr-gcc")
+    monkeypatch.setitem(runtime.firmware.tools.LIBRARIES, "avr-gcc", ("avr-libc", "no_such_library.a"))
+    with pytest.raises(UserError, match="apt-get install avr-libc"):
+        find_tool("avr-gcc")
+
+
+def test_a_run_that_stops_early_is_no_pass() -> None:
+    with pytest.raises(UserError, match=r"stopped after 1 of 2 steps: .*FAULT"):
+        outcome("E 00000001\nL 00000001\nS 00000000 00000000\nFAULT\n", 2, "qemu on x", 1.0)
+
+
+def test_a_program_that_does_not_fit_is_one_clear_error() -> None:
+    need("avr-gcc", "simavr")
+    subject, recording = recorded("paper_spmsm_ickf", 1)
+    with pytest.raises(UserError, match="avr-gcc failed"):
+        Avr().run(subject, replace(recording, segments=recording.segments * 9000))
+
+
+def test_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Check("a gate", "paper_spmsm", "not run", "", "not run", ("why",))
+    monkeypatch.setattr(runtime.firmware.tasks, "GATES", (lambda folder, progress: [row],))
+    path = tmp_path / "checks.json"
+    (result,) = check_firmware(["paper_spmsm"], path)
+    assert result.good(allow_missing=True)
+    assert not result.good(allow_missing=False)
+    data = json.loads(path.read_text())
+    assert data["passed"] is False
+    assert data["drives"][0]["checks"][0]["state"] == "not run"
