@@ -5,13 +5,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test quick lint types check bench clean
+.PHONY: run test firmware quick lint types check bench clean
 
 run: $(VENV)/.ready
 	$(BIN)/pmsm-ickf run
 
 test: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto
+
+# The generated C away from the host. Debian: gcc-avr avr-libc simavr, gcc-arm-none-eabi libnewlib-arm-none-eabi
+# qemu-system-arm, clang cppcheck frama-c-base valgrind. Without them `make test` skips, saying so.
+firmware: $(VENV)/.ready
+	$(BIN)/pmsm-ickf firmware
 
 # The tests without the slow ones: half a minute.
 quick: $(VENV)/.ready-dev

@@ -19,7 +19,8 @@ from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Conditions, Run
 from runtime.estimator.compiler import find_compiler
-from runtime.estimator.folder import GENERATED
+from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.firmware.tasks import run_gates
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, check_ready, generated_folder, verify
 from runtime.report.chapter import Chapter
@@ -186,7 +187,9 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
         runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
         hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
         sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
-        chapters.append(Chapter(drive, generated_folder(name), proof, evidence, runs, hard, sweep))
+        folder = generated_folder(name)
+        firmware = run_gates(GeneratedFolder(folder), progress)
+        chapters.append(Chapter(drive, folder, proof, evidence, runs, hard, sweep, firmware))
     progress("writing the report page")
     page = build / "report" / "index.html"
     write_page(page, chapters)

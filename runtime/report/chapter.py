@@ -8,6 +8,7 @@ from pathlib import Path
 from model.drive import Drive
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.simulation import Run
+from runtime.firmware.tasks import Gated
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence
 
@@ -26,8 +27,9 @@ class Chapter:
     runs: list[Run]
     hard: list[Run]
     sweep: list[SweepPoint]
+    firmware: Gated
 
     @property
     def good(self) -> bool:
-        """Proved, and locked in every scenario with an ideal inverter."""
-        return self.proof.passed and all(run.locked for run in self.runs)
+        """Proved, no firmware check failed, and locked in every scenario with an ideal inverter."""
+        return self.proof.passed and not self.firmware.failed and all(run.locked for run in self.runs)

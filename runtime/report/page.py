@@ -18,6 +18,7 @@ from runtime.report.chapter import Chapter
 from runtime.report.drive_figures import run_figure, sweep_figure
 from runtime.report.drive_tables import claims, sweep_cell
 from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
+from runtime.report.firmware_table import remarks
 from runtime.report.tables import COUNTS, stages_by_equation
 
 _ENVIRONMENT = jinja2.Environment(
@@ -35,7 +36,8 @@ def write_page(path: Path, chapters: list[Chapter]) -> None:
     text = _ENVIRONMENT.get_template("page.html.j2").render(
         version=__version__,
         chapters=[_chapter(chapter) for chapter in chapters],
-        passed=all(chapter.proof.passed for chapter in chapters),
+        passed=all(chapter.proof.passed and not chapter.firmware.failed for chapter in chapters),
+        missing=any(chapter.firmware.missing for chapter in chapters),
         sweep_cell=sweep_cell,
     )
     path.write_text(text, encoding="utf-8")
@@ -68,6 +70,8 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "hard": [(run, run.figures()) for run in chapter.hard],
         "claims": claims(chapter.runs) if drive.name == "paper_spmsm" else [],
         "sweep": chapter.sweep,
+        "checks": chapter.firmware.checks,
+        "remarks": remarks(chapter.firmware.checks),
         "figures": {
             "trajectory": Markup(trajectory_figure(evidence)),
             "stages": Markup(stage_figure(proof)),
