@@ -25,7 +25,7 @@ from runtime.firmware.emulator import Outcome, Processor
 from runtime.firmware.host import run_on_host
 from runtime.firmware.recording import Recording, controller_recording, filter_recording
 from runtime.firmware.subject import Subject, subjects
-from runtime.firmware.tools import MissingTool, find_tool
+from runtime.firmware.tools import missing_packages
 
 Array = NDArray[Any]
 Progress = Callable[[str], None]
@@ -181,16 +181,13 @@ def _spelled(word: np.uint32, integer: bool) -> str:
 
 
 def _missing(processor: Processor) -> Check | None:
-    """A row that says which package a processor lacks."""
-    for program in processor.programs:
-        try:
-            find_tool(program)
-        except MissingTool as error:
-            detail = (f"not run: {error}",)
-            return Check(
-                f"E-F, {processor.name}", "all", "not run", f"needs package {error.package}", "not run", detail
-            )
-    return None
+    """A row that says which packages a processor lacks."""
+    packages = " ".join(missing_packages(processor.programs))
+    if not packages:
+        return None
+    name = f"E-F, {processor.name}"
+    detail = f"{name} was not run. Install what it needs (Debian: apt-get install {packages})."
+    return Check(name, "all", "not run", f"needs {packages}", "not run", (detail,))
 
 
 def _counter(processor: Processor, comparisons: Sequence[Comparison], drive: str) -> Check:

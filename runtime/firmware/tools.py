@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 from runtime.errors import UserError
@@ -29,6 +30,19 @@ class MissingTool(UserError):  # noqa: N818 (it is a state of the machine, not o
     def __init__(self, program: str, package: str) -> None:
         super().__init__(f"{program} not found. Install it (Debian: apt-get install {package}).")
         self.program, self.package = program, package
+
+
+def missing_packages(programs: Iterable[str]) -> list[str]:
+    """The Debian packages that would bring what is missing of some programs and their libraries."""
+    packages = []
+    for program in programs:
+        try:
+            find_tool(program)
+        except MissingTool as error:
+            packages.append(error.package)
+            if error.program == program and program in LIBRARIES:
+                packages.append(LIBRARIES[program][0])
+    return packages
 
 
 def find_tool(program: str) -> str:

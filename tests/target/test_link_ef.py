@@ -28,7 +28,7 @@ from runtime.firmware.link_ef import NAN, PROCESSORS, STEPS, Comparison, compare
 from runtime.firmware.recording import BAD, Recording, Segment, controller_recording, filter_recording, spoil
 from runtime.firmware.subject import Subject, subjects
 from runtime.firmware.tasks import check_firmware
-from runtime.firmware.tools import find_tool
+from runtime.firmware.tools import PACKAGES, find_tool
 from tests.target.need import need
 
 FOLDERS = {path.parent.name: find_folder(path.parent.name) for path in sorted(GENERATED.glob("*/manifest.json"))}
@@ -184,20 +184,17 @@ def test_an_int_of_16_bits_is_seen() -> None:
 
 
 def test_missing_tools_are_rows_and_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    which = shutil.which
-    absent = {"avr-gcc": "gcc-avr", "qemu-system-arm": "qemu-system-arm"}
-    monkeypatch.setattr(shutil, "which", lambda name, **keys: None if name in absent else which(name, **keys))
-    if which("arm-none-eabi-gcc") is None:
-        absent = {"avr-gcc": "gcc-avr", "arm-none-eabi-gcc": "gcc-arm-none-eabi"}
+    monkeypatch.setattr(shutil, "which", lambda name, which=shutil.which: None if name in PACKAGES else which(name))
     rows = link_ef(FOLDERS["paper_spmsm"])
     assert [row.state for row in rows] == ["not run", "not run"]
-    assert [row.figure for row in rows] == [f"needs package {package}" for package in absent.values()]
+    needed = ["gcc-avr avr-libc simavr", "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"]
+    assert [row.figure for row in rows] == [f"needs {packages}" for packages in needed]
     monkeypatch.setattr(runtime.firmware.tasks, "GATES", (link_ef,))
     for options, code in (((), 1), (("--allow-missing",), 0)):
         result = CliRunner().invoke(app, ["firmware", "paper_spmsm", *options])
         assert result.exit_code == code, result.output
-        assert "avr-gcc not found" in result.output
-        assert "apt-get install gcc-avr" in result.output
+        assert "E-F, Cortex-M4F was not run" in result.output
+        assert f"apt-get install {needed[0]}" in result.output
 
 
 def test_a_compiler_without_its_library_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
