@@ -120,7 +120,6 @@ class _Judge:
     def __init__(self, folder: GeneratedFolder, kind: str, backend: str, result: PilResult) -> None:
         self.result = result
         self.twin = Twin(folder, kind, backend, "float32")
-        self.names = word_names(self.twin.names)
         self.exact = Twin(folder, kind, "numpy", "float64")
         self.certificate = folder.manifest["filters"][kind]["certificate"]
         self.angle = folder.module.ANGLE
@@ -140,7 +139,7 @@ class _Judge:
         if unequal.size and self.result.divergence is None:
             k = int(unequal[0])
             values = [np.append(w.astype(float), [s, i]) for w, s, i in (expected, _triple(answer))]
-            name = [*self.names, "status", "iterations"][k]
+            name = [*self.twin.word_names, "status", "iterations"][k]
             hexes = (f"0x{int(a[k]):08X}", f"0x{int(b[k]):08X}")
             self.result.divergence = Divergence(
                 step, name, float(values[0][k]), float(values[1][k]), *hexes, allowed="identical bits"
@@ -191,9 +190,10 @@ class _Judge:
             hexes = (f"0x{status:08X}", f"0x{answer.status:08X}")
             return Divergence(step, "status", status, answer.status, *hexes, "the same verdict on the inputs")
         k, n = int(np.argmax(shares)), len(self.twin.names)
+        names = word_names(self.twin.names, "P")
         allowed = f"{self.certificate['x'][k]:g}" if k < n else f"{self.certificate['P']:g} of sqrt(Pii Pjj)"
         a, b = (float(value) for value in pairs[k])
-        return Divergence(step, self.names[k], a, b, _hex(a), _hex(b), f"{allowed} apart (certificate)")
+        return Divergence(step, names[k], a, b, _hex(a), _hex(b), f"{allowed} apart (certificate)")
 
 
 def _hex(value: float) -> str:

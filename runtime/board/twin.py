@@ -22,6 +22,7 @@ class Twin:
         self.estimator = load_folder(folder, kind, backend, dtype)
         self.dtype = np.dtype(dtype)
         self.names = self.estimator.state_names
+        self.word_names = word_names(self.names, covariance_field(folder))
 
     @property
     def words(self) -> Array:
@@ -59,12 +60,17 @@ class Twin:
         return backend.filters[0] if isinstance(backend, CBackend) else backend.filter  # type: ignore[attr-defined]
 
 
-def word_names(states: tuple[str, ...]) -> list[str]:
-    """A name for every state word.
+def covariance_field(folder: GeneratedFolder) -> str:
+    """The struct's field of covariance words, whatever they hold."""
+    return str(getattr(folder.module, "COVARIANCE", "P"))
 
-    >>> word_names(("i", "w"))
+
+def word_names(states: tuple[str, ...], covariance: str) -> list[str]:
+    """A name for every state word; ``covariance`` is the struct's field that carries P.
+
+    >>> word_names(("i", "w"), "P")
     ['i', 'w', 'P_00', 'P_10', 'P_11', 'u_held_alpha', 'u_held_beta']
     """
     n = len(states)
-    covariance = [f"P_{i}{j}" for i in range(n) for j in range(i + 1)]
-    return [*states, *covariance, "u_held_alpha", "u_held_beta"]
+    words = [f"{covariance}_{i}{j}" for i in range(n) for j in range(i + 1)]
+    return [*states, *words, "u_held_alpha", "u_held_beta"]

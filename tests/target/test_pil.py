@@ -20,6 +20,7 @@ from runtime.board.link import Link, SerialPort
 from runtime.board.pil import PilResult, run_pil
 from runtime.board.session import inputs_of
 from runtime.board.simulated import SimulatedBoard, board_sources, build_board
+from runtime.board.twin import covariance_field
 from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
 from tests.conftest import DRIVES
@@ -27,6 +28,7 @@ from tests.target.command import call
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="not run: pseudo-terminals need a POSIX system")
 
+P = covariance_field(find_folder("paper_spmsm"))
 LINE = Path(__file__).with_name("damaging_line.py")
 
 
@@ -156,7 +158,7 @@ def flip_bit(step: int, element: str) -> str:
 
 @pytest.mark.parametrize(
     ("mode", "element", "name", "different"),
-    [("single", "x[2]", "omega", 1), ("single", "P[3]", "P_20", 1), ("free", "x[3]", "theta", None)],
+    [("single", "x[2]", "omega", 1), ("single", f"{P}[3]", f"{P}_20", 1), ("free", "x[3]", "theta", None)],
 )
 def test_one_wrong_bit_is_found_and_named(mode: str, element: str, name: str, different: int | None) -> None:
     """The board's filter errs in the last bit of one word of one step."""
