@@ -120,7 +120,7 @@ def assemble(
     files["example_isr.c"] = render_example(about, default_kind(steps))
     plant = f"host/{drive.name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
-    files |= render_board(about, {kind: files[f"{drive.name}_{kind}.c"] for kind in steps})
+    files |= render_board(about, steps, {kind: files[f"{drive.name}_{kind}.c"] for kind in steps})
     files["REPORT.md"] = render_report(about, steps, costs, certificates, tests)
     return with_manifest(files, _facts(drive, model, steps, costs, certificates, tests))
 

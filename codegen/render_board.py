@@ -5,6 +5,7 @@ from __future__ import annotations
 from codegen import __version__
 from codegen.folder import digest
 from codegen.render import Description, render
+from model.filters import FilterStep
 
 #: Where the bench's files go; production needs none of them.
 BOARD = "board"
@@ -12,8 +13,6 @@ BOARD = "board"
 PROTOCOL = 1
 #: Bytes of a frame without COBS: one COBS code reaches across 254.
 FRAME_MAX = 250
-#: The struct's covariance words: n (n + 1) / 2 of them, sent as they are.
-COVARIANCE = "P"
 
 
 def identity(drive: str, kind: str, sha: str, source: str) -> str:
@@ -25,11 +24,13 @@ def identity(drive: str, kind: str, sha: str, source: str) -> str:
     return f"{drive} {kind} {sha[:16]} {digest(source)[:16]} {__version__}"
 
 
-def render_board(about: Description, sources: dict[str, str]) -> dict[str, str]:
+def render_board(about: Description, steps: dict[str, FilterStep], sources: dict[str, str]) -> dict[str, str]:
     """File texts by path: the three shared pairs, and one binding a filter.
 
     Parameters
     ----------
+    steps : dict
+        Filter kind -> step, which names the field of n (n + 1) / 2 covariance words; they are sent as they are.
     sources : dict
         Filter kind -> text of its ``.c``, which its identity names by hash.
     """
@@ -55,7 +56,7 @@ def render_board(about: Description, sources: dict[str, str]) -> dict[str, str]:
             **common,
             identity=text,
             codes={letter: ord(letter) for letter in text},
-            covariance=COVARIANCE,
+            covariance=steps[kind].covariance,
             n=n,
             packed=packed,
         )

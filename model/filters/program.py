@@ -54,6 +54,8 @@ class FilterStep:
     """One step of a filter: u, y in; x, P updated.
 
     ``iteration_proof`` is the statement of the proof that iterating is idle, or None where the loop stays.
+    ``covariance`` names the array that carries P: ``"P"`` its packed lower triangle, ``"LD"`` the factors of
+    P = L D L^T in the same places, D on the diagonal.
     """
 
     kind: str
@@ -61,6 +63,7 @@ class FilterStep:
     model: StateSpaceModel
     body: tuple[Node, ...]
     iteration_proof: str | None = None
+    covariance: str = "P"
 
     @property
     def blocks(self) -> list[Block]:
