@@ -1,7 +1,11 @@
-"""The certificate: the generated float32 step against the same text in float64, over the operating box."""
+"""The certificate: the generated float32 step against the same text in float64, over the operating box.
+
+And what the chip's own arithmetic is expected to add to it, by the model of :mod:`codegen.fpu32`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -9,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from codegen.box import BoxSamples
+from codegen.fpu32 import FPU32, Flushed
 
 SAMPLES = 2000
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Deviation of one float32 step from float64.
+    """Deviation of one step in one arithmetic from the same step in another, here float32 from float64.
 
     ``x``: worst, in each state's unit. ``P``: worst, and ``P_99``: of 99 % of the draws, both relative to
     sqrt(P_ii P_jj). ``not_finite`` and ``indefinite`` count draws after which float32 holds no usable
@@ -30,6 +35,25 @@ class Certificate:
     indefinite: int
 
 
+@dataclass(frozen=True)
+class ChipModel:
+    """What the chip is expected to add to host float32: modelled, not measured.
+
+    ``fpu32``: flush to zero, and division and root by Newton steps; ``flushed``: flush to zero alone.
+    """
+
+    fpu32: Certificate
+    flushed: Certificate
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How far one filter's float32 can be trusted: on the host, and what the chip is expected to add."""
+
+    certificate: Certificate
+    chip: ChipModel
+
+
 def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
     """Run one step from every sample in both precisions.
 
@@ -42,7 +66,21 @@ def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
     box : BoxSamples
         Values that float32 holds exactly, so that only the arithmetic differs.
     """
-    single, double = (one_step(module, kind, box, dtype) for dtype in ("float32", "float64"))
+    return _compare(module, one_step(module, kind, box, "float32"), one_step(module, kind, box, "float64"))
+
+
+def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipModel:
+    """The model's step from the same samples against the host's float32."""
+    host = one_step(module, kind, box, "float32")
+    with np.errstate(all="ignore"):  # Newton steps of lanes whose divisor is zero
+        fpu32, flushed = (one_step(module, kind, box, "float32", number) for number in (FPU32, Flushed))
+    return ChipModel(_compare(module, fpu32, host), _compare(module, flushed, host))
+
+
+def _compare(
+    module: dict[str, Any], single: tuple[np.ndarray, np.ndarray], double: tuple[np.ndarray, np.ndarray]
+) -> Certificate:
+    """Deviation of the first run from the second."""
     dx = np.abs(single[0] - double[0])
     angle = module["ANGLE"]
     dx[angle] = np.abs(np.remainder(single[0][angle] - double[0][angle] + np.pi, 2 * np.pi) - np.pi)
@@ -70,14 +108,28 @@ def _matrices(packed: np.ndarray, n: int) -> np.ndarray:
     return full
 
 
-def one_step(module: dict[str, Any], kind: str, box: BoxSamples, dtype: str) -> tuple[np.ndarray, np.ndarray]:
-    """x and packed P after one step from every sample, as float64 arrays with a trailing sample axis."""
+def one_step(
+    module: dict[str, Any], kind: str, box: BoxSamples, dtype: str, number: Callable[[Any], Any] = lambda value: value
+) -> tuple[np.ndarray, np.ndarray]:
+    """x and packed P after one step from every sample, as float64 arrays with a trailing sample axis.
+
+    ``number`` wraps every quantity of the step, to run it on a modelled arithmetic.
+    """
     math = module["MATH"][dtype]
-    state = SimpleNamespace(**{key: _cast(value, math.dtype) for key, value in module["DEFAULTS"].items()})
-    state.x, state.P = tuple(box.x.astype(math.dtype)), tuple(box.P.astype(math.dtype))
-    state.u_held = tuple(np.zeros_like(box.u, dtype=math.dtype))
-    module["STEPS"][kind](state, tuple(box.u.astype(math.dtype)), tuple(box.y.astype(math.dtype)), math)
+    state = filter_state(module, dtype, number)
+    x, P, u, y = (tuple(number(row) for row in rows.astype(math.dtype)) for rows in (box.x, box.P, box.u, box.y))
+    state.x, state.P = x, P
+    state.u_held = tuple(number(row) for row in np.zeros_like(box.u, dtype=math.dtype))
+    module["STEPS"][kind](state, u, y, math)
     return np.array(state.x, dtype=float), np.array(state.P, dtype=float)
+
+
+def filter_state(module: dict[str, Any], dtype: str, number: Callable[[Any], Any]) -> SimpleNamespace:
+    """The tuning a drive ships, as the step's state; x, P and u_held are the caller's."""
+    cast = module["MATH"][dtype].dtype
+    return SimpleNamespace(
+        **{key: _cast(value, lambda item: number(cast(item))) for key, value in module["DEFAULTS"].items()}
+    )
 
 
 def _cast(value: Any, dtype: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The pipeline, five stages: build the filters, lay them out, print them, certify the print, assemble the folder.
+"""The pipeline, five stages: build the filters, lay them out, print them, certify and count the print, assemble it.
 
 >>> from model.drive import load_drive
 >>> package = generate(load_drive("paper_spmsm"))
@@ -8,16 +8,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
 
 from codegen import __version__
 from codegen.box import sample_box
-from codegen.certificate import SAMPLES, Certificate, certify
-from codegen.cost import Cost, step_cost
+from codegen.budget import FACTORS, Account, cycles
+from codegen.certificate import SAMPLES, Figures, certify, certify_chip
 from codegen.folder import with_manifest
 from codegen.layout import Listing, lay_out
+from codegen.ledger import Ledger, Program
+from codegen.measure import Measurer, Record
+from codegen.notes import cost_notes, filter_notes
 from codegen.printers.python import PythonPrinter
 from codegen.recording import execute, record_control, record_filter
 from codegen.render import Description, render_filter, render_module, render_port
@@ -34,28 +37,41 @@ from model.state_space import StateSpaceModel, build, default_initial_state
 
 @dataclass(frozen=True)
 class Package:
-    """Everything generated from one drive: file texts by path relative to the folder."""
+    """Everything generated from one drive: file texts by path relative to the folder, and what the filters cost."""
 
     drive: Drive
     model: StateSpaceModel
     steps: dict[str, FilterStep]
     files: dict[str, str]
+    accounts: dict[str, Account] = field(default_factory=dict)
 
 
-def generate(drive: Drive, samples: int = SAMPLES) -> Package:
-    """Generate a drive's folder in memory; :func:`codegen.folder.write_folder` puts it on disk."""
+def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = None) -> Package:
+    """Generate a drive's folder in memory; :func:`codegen.folder.write_folder` puts it on disk.
+
+    Parameters
+    ----------
+    drive : Drive
+    samples : int
+        Draws from the operating box behind the certificate.
+    measurer : Measurer, optional
+        Where stack and code size come from; by default they are reported as not measured.
+    """
     model, steps = build_steps(drive)
     listings = lay_out_steps(model, steps)
-    costs = {
-        kind: step_cost(step.body, listings, drive.filter.max_iterations, len(model.states))
-        for kind, step in steps.items()
-    }
-    about = _describe(drive, model)
+    about = Description(drive, model, tuple(default_initial_state(drive)))
     module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
-    certificates = certify_module(drive, model, steps, module, samples)
-    tests = record_selftests(drive, model, steps, module)
-    files = assemble(drive, model, steps, listings, costs, certificates, module, tests)
-    return Package(drive, model, steps, files)
+    figures = certify_module(drive, model, steps, module, samples)
+    draft = print_c(about, steps, listings, figures, {})
+    accounts = count(drive, draft)
+    tests = record_selftests(about, steps, module)
+    files = (
+        print_c(about, steps, listings, figures, accounts) | {f"{drive.name}.py": module} | print_tests(about, tests)
+    )
+    measured = measure(accounts, files, measurer or Measurer())
+    files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
+    facts = _facts(drive, model, steps, accounts, measured, figures, tests)
+    return Package(drive, model, steps, with_manifest(files, facts), accounts)
 
 
 def build_steps(drive: Drive) -> tuple[StateSpaceModel, dict[str, FilterStep]]:
@@ -73,19 +89,17 @@ def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[
 
 def certify_module(
     drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str, samples: int
-) -> dict[str, Certificate]:
-    """Stage 4: execute the printed module over the operating box in both precisions."""
+) -> dict[str, Figures]:
+    """Stage 4: execute the printed module over the operating box, in both precisions and on the chip's model."""
     namespace = execute(module, f"generated_{drive.name}")
     box = sample_box(drive, model, samples)
-    return {kind: certify(namespace, kind, box) for kind in steps}
+    return {kind: Figures(certify(namespace, kind, box), certify_chip(namespace, kind, box)) for kind in steps}
 
 
-def record_selftests(
-    drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str
-) -> dict[str, SelfTest]:
+def record_selftests(about: Description, steps: dict[str, FilterStep], module: str) -> dict[str, SelfTest]:
     """Stage 4, too: what the firmware must compute on a few recorded steps; by C name without the drive's."""
-    about, runs, control = _describe(drive, model), segments(drive, model), control_run(drive)
-    gain = gains(drive, control.delay).values
+    runs, control = segments(about.drive, about.model), control_run(about.drive)
+    gain = gains(about.drive, control.delay).values
     tests: dict[str, SelfTest] = {}
     for kind in steps:
         tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs))
@@ -94,47 +108,66 @@ def record_selftests(
     return tests
 
 
-def assemble(
-    drive: Drive,
-    model: StateSpaceModel,
+def print_tests(about: Description, tests: dict[str, SelfTest]) -> dict[str, str]:
+    """The self-tests' files."""
+    files = {}
+    for name, test in tests.items():
+        stem = f"{about.drive.name}_{name}_selftest"
+        files[f"{stem}.h"], files[f"{stem}.c"] = test.header, test.source
+    return files
+
+
+def print_c(
+    about: Description,
     steps: dict[str, FilterStep],
     listings: dict[str, Listing],
-    costs: dict[str, Cost],
-    certificates: dict[str, Certificate],
-    module: str,
-    tests: dict[str, SelfTest],
+    figures: dict[str, Figures],
+    accounts: dict[str, Account],
 ) -> dict[str, str]:
-    """Stages 3 and 5: C for every kind and target, the report and the manifest."""
-    about = _describe(drive, model)
-    files = {"pmsm_port.h": render_port(), f"{drive.name}.py": module}
+    """Stage 3: C for every kind and target. Without ``accounts`` the heads say nothing of the cost: a text to count."""
+    name = about.drive.name
+    files = {"pmsm_port.h": render_port()}
     for kind, step in steps.items():
         for target, folder in ((F28335, ""), (HOST64, "host/")):
-            header, source = render_filter(about, step, listings, target, costs[kind], certificates[kind])
-            stem = f"{folder}{drive.name}_{kind}{target.tag}"
+            account = accounts.get(kind) if target is F28335 else None
+            notes = filter_notes(
+                step, target, about.model.states, account, figures[kind].certificate, figures[kind].chip
+            )
+            header, source = render_filter(about, step, listings, target, notes)
+            stem = f"{folder}{name}_{kind}{target.tag}"
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
-        foc = f"{drive.name}_{kind}_foc"
-        files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind)
-    for name, test in tests.items():
-        stem = f"{drive.name}_{name}_selftest"
-        files[f"{stem}.h"], files[f"{stem}.c"] = test.header, test.source
+        foc = f"{name}_{kind}_foc"
+        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter") if accounts else []
+        files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, notes)
     files["example_isr.c"] = render_example(about, default_kind(steps))
-    plant = f"host/{drive.name}_plant"
+    plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
-    files |= render_board(about, steps, {kind: files[f"{drive.name}_{kind}.c"] for kind in steps})
-    files["REPORT.md"] = render_report(about, steps, costs, certificates, tests)
-    return with_manifest(files, _facts(drive, model, steps, costs, certificates, tests))
+    files |= render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
+    return files
 
 
-def _describe(drive: Drive, model: StateSpaceModel) -> Description:
-    return Description(drive, model, tuple(default_initial_state(drive)))
+def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
+    """Read the emitted C back and open an account for each filter."""
+    accounts: dict[str, Account] = {}
+    for kind in dict.fromkeys(drive.filter.kinds):
+        name = f"{drive.name}_{kind}"
+        accounts[kind] = Account(Program(files, f"{name}.c", f"{name}_foc.c"), name, drive.filter.max_iterations)
+    return accounts
+
+
+def measure(accounts: dict[str, Account], files: dict[str, str], measurer: Measurer) -> dict[str, Record]:
+    """Stack and code size of each step, by the function's name."""
+    functions = [(account, f"{account.name}{end}") for account in accounts.values() for end in ("_step", "_foc_step")]
+    return {function: measurer(files, account.program, function) for account, function in functions}
 
 
 def _facts(
     drive: Drive,
     model: StateSpaceModel,
     steps: dict[str, FilterStep],
-    costs: dict[str, Cost],
-    certificates: dict[str, Certificate],
+    accounts: dict[str, Account],
+    measured: dict[str, Record],
+    figures: dict[str, Figures],
     tests: dict[str, SelfTest],
 ) -> dict[str, Any]:
     return {
@@ -147,14 +180,27 @@ def _facts(
             kind: {
                 "gain": step.gain,
                 "iteration": step.iteration_proof or ("bounded loop" if kind == "ickf" else "none"),
-                "operations": costs[kind].operations,
-                "estimated_cycles": costs[kind].cycles,
-                "state_words": costs[kind].words,
-                "certificate": _rounded(asdict(certificates[kind])),
+                **_cost_facts(accounts[kind].filter),
+                "controller": _cost_facts(accounts[kind].controller),
+                "certificate": _rounded(asdict(figures[kind].certificate)),
+                "chip_model": {name: _rounded(item) for name, item in asdict(figures[kind].chip).items()},
                 "selftest": {"vectors": tests[kind].vectors, "words": tests[kind].words},
             }
             for kind, step in steps.items()
         },
+        "measured": measured,
+    }
+
+
+def _cost_facts(ledger: Ledger) -> dict[str, Any]:
+    """Operations and cycles; ``estimated_cycles`` is the figure at k = 2.5."""
+    return {
+        "operations": ledger.calls,
+        "operations_sincos_expanded": ledger.expanded,
+        "estimated_cycles": cycles(ledger.calls, FACTORS[0]),
+        "cycles": {f"{k:g}": cycles(ledger.calls, k) for k in FACTORS},
+        "cycles_sincos_expanded": {f"{k:g}": cycles(ledger.expanded, k) for k in FACTORS},
+        "state_words": ledger.words,
     }
 
 

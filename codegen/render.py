@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,6 @@ from typing import Any
 import jinja2
 
 from codegen import __version__
-from codegen.certificate import Certificate
-from codegen.cost import CYCLES_PER_OPERATION, Cost
 from codegen.layout import Listing
 from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.printers.python import PythonPrinter
@@ -73,10 +72,9 @@ def render_filter(
     step: FilterStep,
     listings: dict[str, Listing],
     target: Target,
-    cost: Cost,
-    certificate: Certificate,
+    notes: Sequence[str],
 ) -> tuple[str, str]:
-    """Header and source of one filter for one target."""
+    """Header and source of one filter for one target; ``notes`` are the lines at the source's head."""
     drive, model = about.drive, about.model
     printer = CPrinter(target)
     n = len(model.states)
@@ -102,7 +100,7 @@ def render_filter(
         "filter.c.j2",
         **common,
         generated_trig=target.generated_trig,
-        notes=_notes(step, target, cost, certificate, about),
+        notes=notes,
         constants=_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
@@ -134,33 +132,6 @@ def with_ramfuncs(source: str, cold: set[str]) -> str:
     functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
     head, include, tail = source.partition("#include")
     return f"{head}{render('ramfunc.j2', functions=functions)}\n{include}{tail}"
-
-
-def _notes(step: FilterStep, target: Target, cost: Cost, certificate: Certificate, about: Description) -> list[str]:
-    ops = cost.operations
-    worst = ", ".join(
-        f"{state.name} {e:.1e} {state.unit}" for state, e in zip(about.model.states, certificate.x, strict=True)
-    )
-    notes = [
-        f"For {target.purpose}.",
-        "Cost at most: "
-        f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
-        f"  estimated {cost.cycles} cycles on C28x + FPU32 "
-        f"(published cycles, k = {CYCLES_PER_OPERATION}; not measured), {cost.words} words of state.",
-    ]
-    if step.kind == "ickf":
-        iteration = (
-            "one pass: H is constant, iterating is provably idle"
-            if step.iteration_proof
-            else "loop over one update, at most N_max"
-        )
-        notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")
-    if target.generated_trig:
-        notes += [
-            f"float32 against float64, one step, worst of {certificate.samples} draws from the operating box:",
-            f"  {worst}, P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e}).",
-        ]
-    return notes
 
 
 def trig_note(target: Target) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from codegen.layout import Listing, lay_out
@@ -36,7 +36,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
     }
 
 
-def render_foc(about: Description, kind: str) -> tuple[str, str]:
+def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str, str]:
     """Header and source of the controller around one filter, float32 for the chip."""
     printer = CPrinter(F28335)
     context = controller_context(about, printer)
@@ -54,6 +54,7 @@ def render_foc(about: Description, kind: str) -> tuple[str, str]:
         "foc.c.j2",
         **{**context, **common},
         control=about.drive.control,
+        notes=notes,
         constants=[
             {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
             for c in constants

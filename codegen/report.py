@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from codegen.certificate import Certificate
-from codegen.cost import CYCLES, CYCLES_PER_OPERATION, Cost
+from typing import Any
+
+from codegen.budget import CLOCK, CYCLES, FACTORS, INTERRUPT, PERIODS, Account, cycles
+from codegen.certificate import Figures
 from codegen.equations import readable, sparsity
+from codegen.ledger import OPERATIONS, Ledger
+from codegen.measure import FLAGS, Record
 from codegen.render import FILTER_TITLES, Description, render
 from codegen.render_selftest import SelfTest
 from codegen.trig import sin_cos_bound
@@ -14,8 +18,9 @@ from model.filters import FilterStep
 def render_report(
     about: Description,
     steps: dict[str, FilterStep],
-    costs: dict[str, Cost],
-    certificates: dict[str, Certificate],
+    accounts: dict[str, Account],
+    measured: dict[str, Record],
+    figures: dict[str, Figures],
     tests: dict[str, SelfTest],
 ) -> str:
     """The readable side of the manifest."""
@@ -42,11 +47,49 @@ def render_report(
         constants=eq.constants,
         sparsity=sparsity(model),
         steps=steps,
-        costs=costs,
-        certificates=certificates,
+        budget=_budget(about, accounts, measured),
+        figures=figures,
         tests=tests,
         titles=FILTER_TITLES,
-        k=CYCLES_PER_OPERATION,
-        cycles=CYCLES,
         trig=sin_cos_bound(),
     )
+
+
+def _budget(about: Description, accounts: dict[str, Account], measured: dict[str, Record]) -> dict[str, Any]:
+    """What the Budget section prints: one row a filter, and one for the controller around it."""
+    periods = {**PERIODS, about.sample_time: round(CLOCK * about.drive.model.sample_time)}
+    rows = []
+    for kind, account in accounts.items():
+        for subject, ledger, function in (
+            (kind, account.filter, f"{account.name}_step"),
+            (f"{kind} and controller", account.controller, f"{account.name}_foc_step"),
+        ):
+            rows.append(_row(subject, ledger, measured[function], periods))
+    missing = sorted({row["not_measured"] for row in rows if row["not_measured"]})
+    compilers = sorted({record["compiler"] for record in measured.values() if "compiler" in record})
+    return {
+        "operations": OPERATIONS,
+        "factors": FACTORS,
+        "prices": CYCLES,
+        "interrupt": INTERRUPT,
+        "periods": periods,
+        "rows": rows,
+        "missing": missing,
+        "compilers": compilers,
+        "flags": " ".join(FLAGS),
+        "limits": {key: value for key, value in about.drive.budget.model_dump().items() if value is not None},
+    }
+
+
+def _row(subject: str, ledger: Ledger, record: Record, periods: dict[str, int]) -> dict[str, Any]:
+    called, expanded = ([cycles(counts, k) for k in FACTORS] for counts in (ledger.calls, ledger.expanded))
+    return {
+        "subject": subject,
+        "ledger": ledger,
+        "cycles": called,
+        "expanded": expanded,
+        "shares": [[round(100 * value / period) for value in called] for period in periods.values()],
+        "stack": record.get("stack_bytes", "not measured"),
+        "text": record.get("text_bytes", "not measured"),
+        "not_measured": record.get("not_measured"),
+    }

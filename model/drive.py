@@ -44,6 +44,7 @@ Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
 Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
+CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 Variance = Annotated[float, Field(gt=0, le=1e12)]
 
 
@@ -107,6 +108,20 @@ class Control(_Section):
     speed_bandwidth: Bandwidth = 60.0
 
 
+class Budget(_Section):
+    """What a step may cost; ``generate`` fails beyond it. Cycles are computed from published ones (150 MHz C28x).
+
+    ``cycles``: the dearest filter alone; ``controller_cycles``: with the controller around it, the whole interrupt;
+    ``k``: cycles an addition or multiplication is priced at, 2.5 typical, 5 the bound; ``ram_words``: the largest
+    filter's state struct.
+    """
+
+    cycles: CycleCount = None
+    controller_cycles: CycleCount = None
+    k: Annotated[float, Field(ge=1.0, le=10.0)] = 2.5
+    ram_words: Annotated[int | None, Field(ge=10, le=10_000, strict=True), Unit("16-bit words")] = None
+
+
 class Drive(_Section):
     """A validated drive file. ``sha256`` is the hash of the file's text; it goes into the generated header."""
 
@@ -116,6 +131,7 @@ class Drive(_Section):
     filter: Filter
     operating_box: OperatingBox = OperatingBox()
     control: Control = Control()
+    budget: Budget = Budget()
     sha256: str = ""
 
     @model_validator(mode="after")
@@ -230,6 +246,7 @@ _SECTIONS: dict[str, type[_Section]] = {
     "filter": Filter,
     "operating_box": OperatingBox,
     "control": Control,
+    "budget": Budget,
 }
 
 

@@ -16,6 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from codegen import __version__
+from codegen.budget import BudgetError
 from codegen.folder import FolderError
 from model.drive import DriveError, cautions, load_drive
 from runtime.commands.board import pil, record
@@ -230,6 +231,9 @@ def main() -> None:
     except (UserError, DriveError, FolderError) as error:
         print(f"pmsm-ickf: {error}", file=sys.stderr)
         sys.exit(2)
+    except BudgetError as error:
+        print(f"pmsm-ickf: {error}", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         print("pmsm-ickf: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -12,8 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from codegen.budget import check_budget
 from codegen.folder import MANIFEST, difference, write_folder
-from codegen.generate import generate
+from codegen.generate import Package, generate
+from codegen.measure import Measurer, kept_records
 from model.drive import DriveError, load_drive, shipped_drives
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
@@ -66,7 +68,7 @@ def generate_drives(
     packages = []
     for drive in drives or shipped_drives():
         progress(f"{drive}: generating")
-        packages.append((drive, generate(load_drive(drive))))
+        packages.append((drive, _generate(drive, out, check)))
     names = [package.drive.name for _, package in packages]
     for name in names:
         if names.count(name) > 1:
@@ -81,6 +83,15 @@ def generate_drives(
             write_folder(folder, package.files, force)
         results.append(Written(package.drive.name, folder, state, len(package.files), diff))
     return results
+
+
+def _generate(drive: str, out: Path | None, check: bool) -> Package:
+    """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
+    loaded = load_drive(drive)
+    kept = kept_records(target_folder(drive, loaded.name, out))
+    package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check))
+    check_budget(loaded, package.accounts)
+    return package
 
 
 def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progress) -> list[tuple[Proof, Evidence]]:

@@ -22,7 +22,10 @@ ALLOWED = 1e-2
 
 @dataclass(frozen=True)
 class Drift:
-    """|float32 - float64| along a run: x (N, n) in the states' units, P (N,) relative; and the float64 run."""
+    """|float32 - float64| along a run: x (N, n) in the states' units, P (N,) relative; and the float64 run.
+
+    Link D-chip compares the modelled chip with float32 in the same way.
+    """
 
     x: Array
     P: Array
@@ -45,16 +48,21 @@ def link_bd(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array, s
     """Judge the run from step ``settled`` on; before it the covariance still falls from P_0."""
     single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
     result = drift(single, double, u, y)
-    tail = slice(settled, None)
+    rows = drift_rows(double, result, settled)
+    data = f"{len(u) - settled} steps at speed"
+    return Link("B-D", "float64 = float32, within a bound", folder.drive, kind, gain, data, rows), result
+
+
+def drift_rows(estimator: Estimator, result: Drift, settled: int) -> tuple[Row, ...]:
+    """Worst deviation from step ``settled`` on, a row a state and one for P; allowed: ``ALLOWED`` of a sigma."""
+    tail, steps = slice(settled, None), len(result.P) - settled
     sigma = np.sqrt(np.einsum("kii->ki", result.exact.P[tail])).min(axis=0)
-    names = zip(double.state_names, double.state_units, strict=True)
+    names = zip(estimator.state_names, estimator.state_units, strict=True)
     rows = [
-        Row("25, 34", name, unit, _worst(result.x[tail, k]), ALLOWED * float(sigma[k]), len(u) - settled)
+        Row("25, 34", name, unit, _worst(result.x[tail, k]), ALLOWED * float(sigma[k]), steps)
         for k, (name, unit) in enumerate(names)
     ]
-    rows.append(Row("26, 32", "P", "relative", _worst(result.P[tail]), ALLOWED, len(u) - settled))
-    data = f"{len(u) - settled} steps at speed"
-    return Link("B-D", "float64 = float32, within a bound", folder.drive, kind, gain, data, tuple(rows)), result
+    return (*rows, Row("26, 32", "P", "relative", _worst(result.P[tail]), ALLOWED, steps))
 
 
 def _worst(error: Array) -> float:

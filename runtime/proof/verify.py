@@ -16,6 +16,7 @@ from codegen.box import BoxSamples, sample_box
 from codegen.certificate import SAMPLES
 from codegen.folder import FolderError, check_unedited, difference, write_folder
 from codegen.generate import Package, generate
+from codegen.measure import Measurer, kept_records
 from model.drive import Drive, load_drive
 from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
@@ -24,6 +25,7 @@ from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
 from runtime.proof.link_bd import Drift, link_bd
+from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.result import IterationEffect, Link, Proof
 from runtime.proof.trajectory import Trajectory, make_trajectory
@@ -45,6 +47,7 @@ class Effort:
     box_draws: int = 300  # for link A-B; D-E takes all of them
     bit_steps: int = 10_000
     drift_steps: int = 100_000
+    chip_steps: int = 1000  # about 1.5 ms each: every operation is modelled
     optimisations: tuple[tuple[str, ...], ...] = OPTIMISATIONS
 
 
@@ -83,7 +86,8 @@ def verify(
 def check_ready(drive: str | Path) -> None:
     """Raise UserError where :func:`verify` would before it compares anything: cheap, so done for all drives first."""
     find_compiler()
-    _check_current(generated_folder(drive), generate(load_drive(drive)))
+    path = generated_folder(drive)
+    _check_current(path, generate(load_drive(drive), measurer=Measurer(kept_records(path))))
 
 
 def generated_folder(drive: str | Path) -> Path:
@@ -94,7 +98,7 @@ def generated_folder(drive: str | Path) -> Path:
 def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
     """All links for the gain the drive ships, and again for the other gain of the ICKF."""
     progress("generating")
-    package = generate(drive)
+    package = generate(drive, measurer=Measurer(kept_records(path)))
     _check_current(path, package)
     proof = Proof(drive.name)
     proof.links.append(compare_derivations(drive))
@@ -169,7 +173,7 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B on trajectory and box, D-E for each optimisation, B-D along the long run."""
+        """A-B on trajectory and box, D-E for each optimisation, B-D along the long run, D-chip at its start."""
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
         self.progress(f"{label}: A-B, reference along the trajectory")
@@ -183,7 +187,9 @@ class Prover:
         long, settled = self.long
         drift_link, drift = link_bd(self.folder, kind, step.gain, long.u, long.y, settled)
         evidence.drift[label] = drift
-        return [*found, drift_link]
+        self.progress(f"{label}: D-chip, the chip's arithmetic as modelled")
+        steps = self.effort.chip_steps
+        return [*found, drift_link, link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps])]
 
     def link_a_b(self, kind: str) -> list[Link]:
         """Stage by stage along the trajectory, and B on its own."""

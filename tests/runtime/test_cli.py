@@ -116,7 +116,7 @@ def test_verify_writes_json(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "proof.json").read_text())
     assert data["passed"] is True
     (drive,) = data["drives"]
-    assert {link["name"] for link in drive["links"]} == {"model", "A-B", "B-D", "D-E"}
+    assert {link["name"] for link in drive["links"]} == {"model", "A-B", "B-D", "D-E", "D-chip"}
     assert all(row["worst"] <= row["allowed"] for link in drive["links"] for row in link["rows"])
     assert "same number of iterates" in done.stdout
 
@@ -202,3 +202,30 @@ def test_coarse_euler_is_cautioned(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "caution: drive 'coarse': forward Euler with T R / L = 0.34" in done.stderr
     assert "sample_time <= 5.81e-05 s" in done.stderr
+
+
+def test_a_budget_exceeded_writes_nothing_and_exits_1(tmp_path: Path) -> None:
+    text = PAPER.replace("paper_spmsm", "tight") + "\n[budget]\ncycles = 500\n"
+    (tmp_path / "tight.toml").write_text(text)
+    done = call("generate", "paper_spmsm", "tight.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert re.search(r"drive 'tight': filter '\w+' takes \d+ cycles a step .*, budget.cycles is 500\. What would", line)
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "tight.toml").write_text(text.replace("cycles = 500", "cycles = 20000"))
+    assert call("generate", "tight.toml", "--out", "out", cwd=tmp_path).returncode == 0
+    report = (tmp_path / "out" / "tight" / "REPORT.md").read_text()
+    assert "The drive file allows: cycles = 20000" in report
+
+
+def test_generate_and_check_need_no_cross_compiler(tmp_path: Path) -> None:
+    """Without it the report says so, and neither machine calls the other's folder stale."""
+    nothing = {"PATH": str(tmp_path / "empty")}
+    assert call("generate", "--check", cwd=tmp_path, **nothing).returncode == 0
+    done = call("generate", "paper_spmsm", "--out", "out", cwd=tmp_path, **nothing)
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "out" / "paper_spmsm" / "REPORT.md").read_text()
+    assert "not measured: arm-none-eabi-gcc not found (Debian: gcc-arm-none-eabi)." in report
+    for environment in (nothing, {}):
+        done = call("generate", "paper_spmsm", "--out", "out", "--check", cwd=tmp_path, **environment)
+        assert done.returncode == 0, done.stdout

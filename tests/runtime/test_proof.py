@@ -26,7 +26,12 @@ from runtime.proof.verify import Effort, Prover, prove, verify
 from tests.conftest import DRIVES, variant
 
 QUICK = Effort(
-    trajectory=0.004, box_draws=20, bit_steps=300, drift_steps=500, optimisations=(("-O0",), ("-O3", "-march=native"))
+    trajectory=0.004,
+    box_draws=20,
+    bit_steps=300,
+    drift_steps=500,
+    chip_steps=50,
+    optimisations=(("-O0",), ("-O3", "-march=native")),
 )
 
 
@@ -46,7 +51,7 @@ def test_chain_holds_quickly(name: str) -> None:
     seen: list[str] = []
     proof, _ = verify(name, QUICK, seen.append)
     assert proof.passed, list(proof.failures())
-    assert {link.name for link in proof.links} == {"model", "A-B", "B-D", "D-E"}
+    assert {link.name for link in proof.links} == {"model", "A-B", "B-D", "D-E", "D-chip"}
     assert {link.variant for link in proof.links if link.name == "A-B"} == {
         "ckf",
         "ickf, cubature gain",

@@ -1,0 +1,105 @@
+"""Cycles on paper, and the budgets a drive file sets: computed from published cycles, nothing here was measured.
+
+``cycles = k (add + mul) + 25 div + 29 sqrt + 44 sincos + 60``: k covers loads, the operation, its delay slot and
+the store; 2.5 is typical of published compiler listings of float motor code, 4 high, 5 the bound. Division, root
+and sincos are the cycles TI publishes for its fastRTS library, 60 the interrupt's entry and exit. Additions
+include subtractions and negations; comparisons and selections are not priced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from codegen.ledger import Ledger, Program
+from model.drive import Drive
+
+FACTORS = (2.5, 4.0, 5.0)
+CYCLES = {"div": 25, "sqrt": 29, "sincos": 44}
+INTERRUPT = 60
+CLOCK = 150e6  # Hz
+PERIODS = {"10 kHz": 15_000, "20 kHz": 7_500, "50 kHz": 3_000}
+
+
+class BudgetError(RuntimeError):
+    """A step that costs more than the drive file allows; one line: which, how much, and what would help."""
+
+
+def cycles(operations: Mapping[str, int], k: float) -> int:
+    """Cycles of one step on the C28x with FPU32.
+
+    >>> cycles({"add": 10, "mul": 10, "div": 1, "sqrt": 1, "sincos": 1}, k=2.5)
+    208
+    """
+    priced = sum(CYCLES[name] * operations.get(name, 0) for name in CYCLES)
+    return round(k * (operations.get("add", 0) + operations.get("mul", 0)) + priced + INTERRUPT)
+
+
+@dataclass(frozen=True)
+class Account:
+    """What one filter costs, alone and with the controller around it; counted in the emitted files."""
+
+    program: Program
+    name: str
+    max_iterations: int
+
+    @cached_property
+    def filter(self) -> Ledger:
+        return self.program.ledger(f"{self.name}_step", f"{self.name}_t", self.max_iterations)
+
+    @cached_property
+    def controller(self) -> Ledger:
+        """The whole interrupt body, the filter included."""
+        return self.program.ledger(f"{self.name}_foc_step", f"{self.name}_foc_t", self.max_iterations)
+
+    def most_iterations(self, function: str, budget: int, k: float) -> int | None:
+        """Largest N_max below the drive's whose cycles fit, if there is one."""
+        fitting = [n for n in range(1, self.max_iterations) if self.at(function, n, k) <= budget]
+        return max(fitting, default=None)
+
+    def at(self, function: str, max_iterations: int, k: float) -> int:
+        return cycles(self.program.count(f"{self.name}{function}", max_iterations), k)
+
+
+def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:
+    """Compare every filter with the drive's ``[budget]``.
+
+    Raises
+    ------
+    BudgetError
+        At the first budget that is exceeded, for the filter that exceeds it most.
+    """
+    budget = drive.budget
+    for key, function in (("cycles", "_step"), ("controller_cycles", "_foc_step")):
+        allowed = getattr(budget, key)
+        if allowed is not None:
+            _check_cycles(drive, accounts, key, function, allowed)
+    if budget.ram_words is not None:
+        kind, account = max(accounts.items(), key=lambda item: item[1].filter.words)
+        if account.filter.words > budget.ram_words:
+            raise BudgetError(
+                f"drive '{drive.name}': filter '{kind}' keeps {account.filter.words} 16-bit words of RAM, "
+                f"budget.ram_words is {budget.ram_words}. "
+                "What would help: fewer states, since the covariance grows with their square."
+            )
+
+
+def _check_cycles(drive: Drive, accounts: Mapping[str, Account], key: str, function: str, allowed: int) -> None:
+    k, n = drive.budget.k, drive.filter.max_iterations
+    spent = {kind: account.at(function, n, k) for kind, account in accounts.items()}
+    kind = max(spent, key=lambda name: spent[name])
+    if spent[kind] <= allowed:
+        return
+    helps = []
+    fitting = accounts[kind].most_iterations(function, allowed, k)
+    if fitting is not None:
+        helps.append(f"filter.max_iterations = {fitting} ({accounts[kind].at(function, fitting, k)} cycles)")
+    helps += [f"kinds without '{kind}' ('{name}': {cost} cycles)" for name, cost in spent.items() if cost <= allowed]
+    if not helps:
+        helps = ["a cheaper kind ('ekf' is the cheapest)", "fewer states", "a longer sample_time with a larger budget"]
+    what = f"filter '{kind}'" if function == "_step" else f"the controller with filter '{kind}'"
+    raise BudgetError(
+        f"drive '{drive.name}': {what} takes {spent[kind]} cycles a step (k = {k:g}, N_max = {n}; computed from "
+        f"published cycles), budget.{key} is {allowed}. What would help: {', or '.join(helps)}."
+    )

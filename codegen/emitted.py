@@ -1,0 +1,176 @@
+"""Reads emitted C as C: directives by a small preprocessor of our own, the rest by pycparser.
+
+No compiler is needed, so counting works wherever generating does. The preprocessor knows what the emitted text
+uses (includes of the folder, object- and function-like macros, conditionals) and takes the F28335's branches.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pycparser import CParser, c_ast
+
+#: What TI's compiler and its float.h and limits.h define for the F28335: the branches the chip would take.
+CHIP_MACROS = {
+    "__TMS320C28XX__": "1",
+    "__TMS320C28XX_FPU32__": "1",
+    "FLT_RADIX": "2",
+    "FLT_MANT_DIG": "24",
+    "FLT_MAX_EXP": "128",
+    "FLT_MIN_EXP": "-125",
+    "CHAR_BIT": "16",
+    "UINT_MAX": "0xFFFFU",
+}
+
+_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_IDENTIFIER = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*)")
+
+
+class EmittedError(ValueError):
+    """Emitted C that the reader does not understand: the generator wrote something new; one line says what."""
+
+
+def code_of(text: str) -> str:
+    """The text without comments, blank lines and trailing blanks: what a compiler's output depends on.
+
+    >>> code_of("int a; /* state */")
+    'int a;'
+    """
+    lines = (line.rstrip() for line in _COMMENT.sub(" ", text).splitlines())
+    return "\n".join(line for line in lines if line)
+
+
+def parse_emitted(files: Mapping[str, str], name: str) -> tuple[c_ast.FileAST, tuple[str, ...]]:
+    """Syntax tree of one emitted file, and what it was read from: itself and its includes within ``files``.
+
+    Raises
+    ------
+    EmittedError
+        If this reader or pycparser does not understand the text.
+    """
+    preprocessor = _Preprocessor(files)
+    text = preprocessor.read(name)
+    try:
+        return CParser().parse(text, name), tuple(sorted(preprocessor.included))
+    except Exception as error:  # pycparser's ParseError has moved between its versions
+        raise EmittedError(f"{name} cannot be read as C: {error}") from error
+
+
+@dataclass(frozen=True)
+class _Macro:
+    body: str
+    parameters: tuple[str, ...] | None = None
+
+
+class _Preprocessor:
+    """One run over one file; macros and the stack of conditionals live here."""
+
+    def __init__(self, files: Mapping[str, str]) -> None:
+        self.files = files
+        self.macros = {name: _Macro(body) for name, body in CHIP_MACROS.items()}
+        self.included: set[str] = set()
+
+    def read(self, name: str) -> str:
+        """The file's text with every directive carried out."""
+        self.included.add(name)
+        text = _COMMENT.sub(" ", self.files[name]).replace("\\\n", " ")
+        output: list[str] = []
+        chunk: list[str] = []  # expanded as a whole, since a macro's arguments may span lines
+        active: list[tuple[bool, bool]] = []  # (this branch is taken, some branch of this #if was)
+        for line in text.splitlines():
+            directive = _DIRECTIVE.match(line)
+            if directive is None:
+                if all(taken for taken, _ in active):
+                    chunk.append(line)
+                continue
+            output.append(self._expand("\n".join(chunk)))
+            chunk = []
+            word, rest = directive.groups()
+            if not self._conditional(word, rest, active) and all(taken for taken, _ in active):
+                output.append(self._carry_out(word, rest, name))
+        output.append(self._expand("\n".join(chunk)))
+        return "\n".join(output)
+
+    def _conditional(self, word: str, rest: str, active: list[tuple[bool, bool]]) -> bool:
+        """Follow #if ... #endif; False if ``word`` is another directive."""
+        if word in {"if", "ifdef", "ifndef"}:
+            alive = all(taken for taken, _ in active)
+            true = alive and self._condition(word, rest)
+            active.append((true, true))
+        elif word in {"elif", "else"}:
+            _, seen = active.pop()
+            alive = all(taken for taken, _ in active)
+            true = alive and not seen and (word == "else" or self._condition("if", rest))
+            active.append((true, seen or true))
+        elif word == "endif":
+            active.pop()
+        else:
+            return False
+        return True
+
+    def _condition(self, word: str, rest: str) -> bool:
+        if word != "if":
+            return (rest.split()[0] in self.macros) == (word == "ifdef")
+        text = re.sub(r"defined\s*(?:\(\s*(\w+)\s*\)|(\w+))", lambda m: str(int((m[1] or m[2]) in self.macros)), rest)
+        text = _IDENTIFIER.sub("0", self._expand(text))
+        text = re.sub(r"\b(0[xX][\da-fA-F]+|\d+)[uUlL]*", lambda m: str(int(m[1], 0)), text)
+        text = text.replace("&&", " and ").replace("||", " or ")
+        text = re.sub(r"!(?!=)", " not ", text)
+        if not re.fullmatch(r"(?:[\d\s()<>=!+*/%-]|and|or|not)+", text):
+            raise EmittedError(f"condition not understood: #if {rest}")
+        return bool(eval(text, {"__builtins__": {}}))
+
+    def _carry_out(self, word: str, rest: str, where: str) -> str:
+        if word == "include":
+            target = re.match(r'"([^"]+)"', rest)
+            folder = where.rpartition("/")[0]
+            path = f"{folder}/{target[1]}" if target and folder else target[1] if target else ""
+            return self.read(path) if path in self.files and path not in self.included else ""
+        if word == "define":
+            name, parameters, body = re.fullmatch(r"(\w+)(\([^)]*\))?\s*(.*)", rest).groups()  # type: ignore[union-attr]
+            split = None if parameters is None else tuple(p.strip() for p in parameters[1:-1].split(",") if p.strip())
+            self.macros[name] = _Macro(body.strip(), split)
+        elif word == "undef":
+            self.macros.pop(rest.strip(), None)
+        elif word == "error":
+            raise EmittedError(f"{where}: the chip's branch ends in #error {rest}")
+        return ""  # #pragma and the like place code, they do not compute
+
+    def _expand(self, text: str, hidden: frozenset[str] = frozenset()) -> str:
+        """Macros replaced, their bodies too; a macro is not expanded inside itself."""
+        result, position = [], 0
+        while match := _IDENTIFIER.search(text, position):
+            name, end = match[0], match.end()
+            macro = self.macros.get(name) if name not in hidden else None
+            result.append(text[position : match.start()])
+            arguments: list[str] = []
+            if macro is not None and macro.parameters is not None:
+                arguments, end = _arguments(text, end)
+                macro = macro if end > match.end() else None
+            if macro is None:
+                result.append(name)
+            else:
+                values = {p: self._expand(a, hidden) for p, a in zip(macro.parameters or (), arguments, strict=True)}
+                body = _IDENTIFIER.sub(lambda m, values=values: values.get(m[0], m[0]), macro.body)  # type: ignore[misc]
+                result.append(self._expand(body, hidden | {name}))
+            position = end
+        return "".join([*result, text[position:]])
+
+
+def _arguments(text: str, start: int) -> tuple[list[str], int]:
+    """Arguments of a macro call whose name ends at ``start``, and where the call ends (``start`` if it is none)."""
+    opening = re.compile(r"\s*\(").match(text, start)
+    if opening is None:
+        return [], start
+    depth, begin, arguments = 1, opening.end(), []
+    for k in range(opening.end(), len(text)):
+        depth += {"(": 1, ")": -1}.get(text[k], 0)
+        if (text[k] == "," and depth == 1) or depth == 0:
+            arguments.append(text[begin:k].strip())
+            begin = k + 1
+        if depth == 0:
+            return [a for a in arguments if a or len(arguments) > 1], k + 1
+    raise EmittedError("a macro's arguments do not end")

@@ -1,0 +1,131 @@
+"""Stack and code size of emitted C, measured on a stand-in: GCC for a Cortex-M4F, because no C28x compiler is at hand.
+
+A measurement is keyed by the code it was made from (comments left out, flags included) and kept in manifest.json:
+the same code gives the same report on any machine, with or without the compiler.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pycparser import c_ast
+
+from codegen.emitted import code_of
+from codegen.folder import FolderError, read_manifest
+from codegen.ledger import Program, Unit
+
+COMPILER = "arm-none-eabi-gcc"
+FLAGS = ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-std=c89", "-ffp-contract=off")
+NOT_FOUND = f"{COMPILER} not found (Debian: gcc-arm-none-eabi)"
+
+#: What manifest.json keeps: source_sha256, and either compiler, stack_bytes and text_bytes, or not_measured.
+Record = dict[str, Any]
+
+
+def kept_records(folder: Path) -> dict[str, Record]:
+    """Measurements a generated folder holds, by name of the function; none if there is no such folder."""
+    try:
+        records: dict[str, Record] = read_manifest(folder).get("measured", {})
+    except FolderError:
+        return {}
+    return records
+
+
+@dataclass
+class Measurer:
+    """Takes what was kept for the same code, else measures.
+
+    ``compile`` off: what was not kept is reported as not measured, whatever is installed. ``retry``: code that was
+    kept as not measured is measured once there is a compiler.
+    """
+
+    kept: Mapping[str, Record] = field(default_factory=dict)
+    compile: bool = False
+    retry: bool = False
+    _objects: dict[str, tuple[dict[str, int], int]] = field(default_factory=dict)
+
+    def __call__(self, files: Mapping[str, str], program: Program, function: str) -> Record:
+        """Record of ``function``, with everything it calls; ``files`` are the folder's texts."""
+        units = _reached(program, *program.find(function))
+        key = _digest({name: files[name] for unit in units for name in unit.files})
+        kept = self.kept.get(function, {})
+        usable = kept.get("source_sha256") == key
+        if usable and not ("not_measured" in kept and self.retry and shutil.which(COMPILER)):
+            return dict(kept)
+        if not self.compile:
+            return {"source_sha256": key, "not_measured": "not asked for"}
+        if shutil.which(COMPILER) is None:
+            return {"source_sha256": key, "not_measured": NOT_FOUND}
+        objects = {unit.name: self._object(files, unit) for unit in units}
+        return {
+            "source_sha256": key,
+            "compiler": f"{COMPILER} {compiler_version()}",
+            "stack_bytes": _deepest(program, objects, function),
+            "text_bytes": sum(text for _, text in objects.values()),
+        }
+
+    def _object(self, files: Mapping[str, str], unit: Unit) -> tuple[dict[str, int], int]:
+        if unit.name not in self._objects:
+            self._objects[unit.name] = compile_object({name: files[name] for name in unit.files}, unit.name)
+        return self._objects[unit.name]
+
+
+def compiler_version() -> str:
+    return subprocess.run([COMPILER, "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int], int]:
+    """Compile one file: the frame of each function that was not inlined, and the bytes of code and constants."""
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, text in files.items():
+            (Path(scratch) / name).write_text(text, encoding="utf-8")
+        command = [COMPILER, *FLAGS, "-fstack-usage", "-c", source, "-o", "measured.o"]
+        subprocess.run(command, cwd=scratch, check=True, capture_output=True)
+        frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
+        size = subprocess.run(
+            [COMPILER.replace("gcc", "size"), "measured.o"], cwd=scratch, check=True, capture_output=True, text=True
+        )
+    return frames, int(size.stdout.splitlines()[1].split()[0])
+
+
+def _frames(usage: str) -> dict[str, int]:
+    """Bytes by function from GCC's .su file; clones (``name.constprop.0``) count as the function, the largest wins."""
+    frames: dict[str, int] = {}
+    for line in usage.splitlines():
+        place, size, _ = line.split("\t")
+        name = place.rpartition(":")[2].partition(".")[0]
+        frames[name] = max(frames.get(name, 0), int(size))
+    return frames
+
+
+def _reached(program: Program, unit: Unit, definition: c_ast.FuncDef) -> list[Unit]:
+    """The files a function needs, its own first."""
+    units = [unit]
+    for callee in program.callees(unit, definition):
+        units += [other for other in _reached(program, *callee) if other not in units]
+    return units
+
+
+def _deepest(program: Program, objects: Mapping[str, tuple[dict[str, int], int]], function: str) -> int:
+    """Largest sum of frames along any chain of calls; an inlined function lies in its caller's frame.
+
+    A bound: what is inlined here and called there counts twice.
+    """
+
+    def depth(unit: Unit, definition: c_ast.FuncDef) -> int:
+        own = objects[unit.name][0].get(definition.decl.name, 0)
+        return own + max((depth(*callee) for callee in program.callees(unit, definition)), default=0)
+
+    return depth(*program.find(function))
+
+
+def _digest(files: Mapping[str, str]) -> str:
+    text = "\n".join([" ".join(FLAGS), *(f"{name}\n{code_of(text)}" for name, text in sorted(files.items()))])
+    return hashlib.sha256(text.encode()).hexdigest()

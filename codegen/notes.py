@@ -1,0 +1,59 @@
+"""What the head of a generated C file says of itself: purpose, cost, and how far its numbers can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from codegen.budget import Account, cycles
+from codegen.certificate import Certificate, ChipModel
+from codegen.ledger import Ledger
+from codegen.targets import Target
+from model.filters import FilterStep
+from model.quantities import Quantity
+
+
+def filter_notes(
+    step: FilterStep,
+    target: Target,
+    states: Sequence[Quantity],
+    account: Account | None,
+    certificate: Certificate,
+    chip: ChipModel,
+) -> list[str]:
+    """Lines of a filter's head; ``account`` is None while the text is still to be counted, and for the host."""
+    notes = [f"For {target.purpose}."]
+    if account is not None:
+        notes += cost_notes(account.filter)
+    if step.kind == "ickf":
+        iteration = (
+            "one pass: H is constant, iterating is provably idle"
+            if step.iteration_proof
+            else "loop over one update, at most N_max"
+        )
+        notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")
+    if target.generated_trig:
+        notes += [
+            f"float32 against float64, one step, worst of {certificate.samples} draws from the operating box:",
+            f"  {_deviation(states, certificate)}.",
+            "On the chip its division, root and flush to zero are expected to add",
+            f"  {_deviation(states, chip.fpu32)}",
+            "  (modelled, not measured; seeds after an emulator's tables, unverified on silicon).",
+        ]
+    return notes
+
+
+def cost_notes(ledger: Ledger, title: str = "Cost at most") -> list[str]:
+    """Operations, cycles and RAM, worst case."""
+    ops = ledger.calls
+    return [
+        f"{title}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
+        f"  estimated {cycles(ops, 2.5)} cycles on C28x + FPU32 (k = 2.5; {cycles(ops, 5)} at k = 5; "
+        f"from published cycles, not measured), {ledger.words} words of state.",
+    ]
+
+
+def _deviation(states: Sequence[Quantity], certificate: Certificate) -> str:
+    worst = ", ".join(
+        f"{state.name} {error:.1e} {state.unit}" for state, error in zip(states, certificate.x, strict=True)
+    )
+    return f"{worst}, P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e})"

@@ -1,0 +1,51 @@
+"""Link D-chip: float32 on the host against the chip's arithmetic as modelled, running free side by side.
+
+The model (:mod:`codegen.fpu32`) divides and takes roots by Newton steps and flushes denormals. What this link says
+is modelled, not measured; it is the expectation that the user's own board is later compared with.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from codegen.fpu32 import FPU32, Flushed
+from runtime.estimator.estimator import Estimator, load_folder
+from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.proof.link_bd import drift, drift_rows
+from runtime.proof.result import Link
+
+Array = NDArray[Any]
+
+
+class ChipBackend(NumpyBackend):
+    """The generated float32 Python, every number of it wrapped in a modelled arithmetic."""
+
+    def __init__(self, module: ModuleType, kind: str, number: type[Flushed] = FPU32) -> None:
+        super().__init__(module, kind, "float32")
+        self.number = number
+        self.filter = SimpleNamespace(**{name: self._wrap(value) for name, value in vars(self.filter).items()})
+
+    def _wrap(self, value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(self.number(item) for item in value)
+        return value if isinstance(value, int) else self.number(value)
+
+    def reset(self, x0: Array, P0: Array) -> None:
+        super().reset(x0, P0)
+        for name in ("x", "P", "u_held"):
+            setattr(self.filter, name, self._wrap(getattr(self.filter, name)))
+
+    def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
+        super().step(self._wrap(tuple(u)), self._wrap(tuple(y)), stages)
+
+
+def link_chip(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array) -> Link:
+    """Run both from the drive's start over ``u``, ``y`` (N, 2); judged like link B-D, by the filter's own sigmas."""
+    chip = Estimator(folder, kind, ChipBackend(folder.module, kind), "float32")
+    host = load_folder(folder, kind, "numpy", "float32")
+    rows = drift_rows(host, drift(chip, host, u, y), 0)
+    return Link("D-chip", "float32 = the chip's modelled arithmetic", folder.drive, kind, gain, f"{len(u)} steps", rows)

@@ -1,0 +1,208 @@
+"""The ledger counts what a person counts, and agrees with the graph the text was printed from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import casadi as ca
+import pytest
+
+from codegen.budget import cycles
+from codegen.emitted import EmittedError, code_of, parse_emitted
+from codegen.generate import generate
+from codegen.layout import Listing, lay_out
+from codegen.ledger import Program
+from codegen.printers.c import CPrinter
+from codegen.targets import F28335
+from codegen.trig import sin_cos_listing, wrap_listing
+from model.controller import clarke_block
+from model.drive import Drive
+from model.filters.program import BlockBuilder
+from runtime.estimator.folder import GENERATED
+
+PRELUDE = """
+#define PMSM_SQRT(x) sqrtf(x)
+#define SIZE 3
+typedef float float32;
+typedef struct { float32 sine; float32 cosine; } sin_cos_pair;
+typedef struct { float32 gain[SIZE]; int max_iterations; float32 bias; int n; } part_t;
+typedef struct { part_t part; float32 limit; } f_t;
+static sin_cos_pair sin_cos(float32 x) { sin_cos_pair r; r.sine = x * x; r.cosine = 1.0f - x; return r; }
+static float32 twice(float32 a) { return a + a; }
+static void scale(float32 *a, int count) { int k; for (k = 0; k < count; k++) { a[k] = a[k] * 2.0f; } }
+"""
+
+
+def count(body: str, n_max: int = 4, expand: bool = False, more: str = "") -> dict[str, int]:
+    text = f"{PRELUDE}{more}\nfloat32 step(f_t *f, float32 a, float32 b)\n{{\nfloat32 v[3]; int k;\n{body}\n}}\n"
+    return dict(Program({"x.c": text}, "x.c").count("step", n_max, expand))
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("return a + b - a * b;", {"add": 2, "mul": 1}),
+        ("return -a / (b - -2.0f);", {"add": 2, "div": 1}),  # -2.0f is a literal
+        ("return a * (2.0f * 3.0f);", {"mul": 1}),  # the compiler's, not the chip's
+        ("k = 1 + 2; v[k + 1] = a; k++; return v[k * 2];", {}),  # whole numbers are not floats
+        ("return PMSM_SQRT(a * a + b * b);", {"mul": 2, "add": 1, "sqrt": 1}),
+        ("v[0] += a; v[1] *= b; v[2] -= a; return v[0];", {"add": 2, "mul": 1}),
+        ("return twice(twice(a * b));", {"add": 2, "mul": 1}),
+        ("return f->part.gain[1] * f->limit;", {"mul": 1}),
+        ("return f->part.n * 2;", {}),
+        ("return a < b ? a + b : a * b;", {"compare": 1, "select": 1, "add": 1, "mul": 1}),
+        ("if (a < b && b > 0.0f) { a = a * b; } else { a = a * b * b; } return a;", {"compare": 2, "mul": 2}),
+        ("if (k) { a = a / b; } return a;", {"div": 1}),
+        ("for (k = 0; k < SIZE; k++) { a = a + b; } return a;", {"add": 3}),
+        ("for (k = 0; k <= SIZE; k++) { a = a + b; } return a;", {"add": 4}),
+        ("scale(v, SIZE); scale(v, 5); return v[0];", {"mul": 8}),
+        ("do { a = a * b; k++; } while (a > b && k < f->part.max_iterations); return a;", {"mul": 4, "compare": 4}),
+    ],
+)  # fmt: skip
+def test_counts_are_those_of_a_hand_count(body: str, expected: dict[str, int]) -> None:
+    assert count(body) == expected
+
+
+def test_loops_within_loops_multiply() -> None:
+    body = "int j; for (k = 0; k < 3; k++) { for (j = 0; j < 2; j++) { a = a * b; } a = a + b; } return a;"
+    assert count(body) == {"mul": 6, "add": 3}
+
+
+def test_sin_cos_is_counted_both_ways() -> None:
+    body = "return sin_cos(a + b).sine;"
+    assert count(body) == {"add": 1, "sincos": 1}
+    assert count(body, expand=True) == {"add": 2, "mul": 1}
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("return expf(a);", "no cost known for a call of 'expf'"),
+        ("while (a < b) { a = a * b; } return a;", "a loop without a bound"),
+        ("scale(v, f->part.n); return a;", "a loop without a bound"),
+        ("switch (k) { default: a = a * b; } return a;", "switch is not counted"),
+        ("return a +;", "x.c cannot be read as C"),
+    ],
+)
+def test_what_cannot_be_counted_is_refused(body: str, expected: str) -> None:
+    with pytest.raises(EmittedError, match=expected):
+        count(body)
+
+
+def test_struct_words_follow_the_c28x() -> None:
+    """3 floats (6), an int (1) and its gap (1), a float (2), an int and the tail (2); then a float outside."""
+    program = Program({"x.c": PRELUDE}, "x.c")
+    assert program.units[0].words("part_t") == 12
+    assert program.units[0].words("f_t") == 14
+    assert program.units[0].words("sin_cos_pair") == 4
+
+
+def test_directives_take_the_chips_branch() -> None:
+    header = "#ifndef H\n#define H\ntypedef float real; /* a { comment */\n#endif\n"
+    source = """#include "h.h"
+#include "h.h"
+#include <math.h>
+#if defined(__TMS320C28XX__) && !defined(NOT_HERE) && UINT_MAX == 0xFFFFU
+#define SUM(a, b) ((a) + \\
+                   (b))
+#pragma CODE_SECTION(f, "ramfuncs")
+#elif defined(__GNUC__)
+#error "the host"
+#else
+#define SUM(a, b) 0
+#endif
+real f(real x) { return SUM(SUM(x, 1.0f),
+                            x * x); }
+"""
+    tree, files = parse_emitted({"s.c": source, "h.h": header, "other.h": ""}, "s.c")
+    assert files == ("h.h", "s.c")
+    assert [type(item).__name__ for item in tree.ext] == ["Typedef", "FuncDef"]
+    assert Program({"s.c": source, "h.h": header}, "s.c").count("f", 1) == {"add": 2, "mul": 1}
+    with pytest.raises(EmittedError, match='ends in #error "no"'):
+        parse_emitted({"s.c": '#ifdef __TMS320C28XX__\n#error "no"\n#endif\n'}, "s.c")
+
+
+def test_casadi_counts_the_same_block() -> None:
+    """An expression without shared work: CasADi's own instruction count, operation by operation."""
+    b = BlockBuilder("block", "A block")
+    x, y, z = b.input("v", ["x", "y", "z"])
+    result = ca.sqrt(x * y + z / x) - (y - z) * (x + z)
+    b.output("r", [result])
+    block = b.build()
+    function = ca.Function("f", [ca.vertcat(x, y, z)], [result])
+    names = {ca.OP_ADD: "add", ca.OP_SUB: "add", ca.OP_MUL: "mul", ca.OP_DIV: "div", ca.OP_SQRT: "sqrt"}
+    expected = Counter(
+        names[op] for k in range(function.n_instructions()) if (op := function.instruction_id(k)) in names
+    )
+    text = PRELUDE + CPrinter(F28335).format_block(lay_out(block, []))
+    assert Program({"x.c": text}, "x.c").count("block", 1) == expected
+
+
+def _graph_count(listing: Listing) -> dict[str, int]:
+    counted = {"add", "mul", "div", "sqrt", "sincos"}
+    return {name: number for name, number in listing.operations().items() if number and name in counted}
+
+
+def test_the_graph_agrees_block_by_block(drive: Drive) -> None:
+    """The text is counted, the graph it was printed from is counted: both must be the same work."""
+    from codegen.generate import build_steps, lay_out_steps
+
+    wrap = Counter(_graph_count(wrap_listing(F28335.precision)))
+    model, steps = build_steps(drive)
+    listings = lay_out_steps(model, steps)
+    program = generate(drive, samples=5).accounts["ckf"].program
+    for block in steps["ckf"].blocks:
+        listing = listings[block.name]
+        expected = Counter(_graph_count(listing))
+        for _ in range(listing.operations()["wrap"]):
+            expected += wrap
+        found = program.count(block.name, 1)
+        assert {name: found[name] for name in expected} == dict(expected), block.name
+    assert program.count("sin_cos", 1, expand_sin_cos=True) == _graph_count(sin_cos_listing())
+    assert program.count("clarke", 1) == _graph_count(lay_out(clarke_block(), []))
+
+
+def test_the_printed_figures_are_those_of_the_printed_text(drive: Drive) -> None:
+    """The head of the file quotes the count of the file, and so do report and manifest."""
+    import json
+
+    folder = GENERATED / drive.name
+    files = {path.name: path.read_text() for path in folder.glob("*.[ch]")}
+    manifest: dict[str, Any] = json.loads((folder / "manifest.json").read_text())
+    report = (folder / "REPORT.md").read_text()
+    for kind, facts in manifest["filters"].items():
+        name = f"{drive.name}_{kind}"
+        program = Program(files, f"{name}.c", f"{name}_foc.c")
+        for function, source, recorded in (("_step", "", facts), ("_foc_step", "_foc", facts["controller"])):
+            ops = program.count(name + function, drive.filter.max_iterations)
+            assert {key: ops[key] for key in recorded["operations"]} == recorded["operations"]
+            text = files[f"{name}{source}.c"]
+            assert f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt" in text
+            figures = [cycles(ops, k) for k in (2.5, 4, 5)]
+            assert f"estimated {figures[0]} cycles" in text
+            assert " / ".join(str(figure) for figure in figures) in report
+
+
+def test_one_more_iteration_costs_one_more_pass() -> None:
+    from model.drive import load_drive
+
+    account = generate(load_drive("ipmsm_flux"), samples=5).accounts["ickf"]
+    passes = [account.program.count(f"{account.name}_step", n)["mul"] for n in (1, 2, 3, 6)]
+    once = passes[1] - passes[0]
+    assert once > 0
+    assert passes == [passes[0] + once * k for k in (0, 1, 2, 5)]
+
+
+def test_a_mutant_of_the_text_changes_the_count(drive: Drive) -> None:
+    """The count is of the text: one operation more in the file is one more in the ledger."""
+    name = f"{drive.name}_ckf"
+    files = {path.name: path.read_text() for path in (GENERATED / drive.name).glob("*.[ch]")}
+    before = Program(files, f"{name}.c").count(f"{name}_step", 1)
+    files[f"{name}.c"] = files[f"{name}.c"].replace("P_out[0] = ", "P_out[0] = x[0] * ", 1)
+    after = Program(files, f"{name}.c").count(f"{name}_step", 1)
+    assert after - before == {"mul": 1}
+
+
+def test_code_of_leaves_what_a_compiler_sees() -> None:
+    assert code_of("/* a\n b */\nint x;   \n\n/* c */ int y;\n") == "int x;\n  int y;"

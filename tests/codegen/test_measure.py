@@ -1,0 +1,81 @@
+"""Measurements are kept by the code they were made from: same code, same report, with or without the compiler."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from codegen.folder import write_folder
+from codegen.generate import generate
+from codegen.ledger import Program
+from codegen.measure import NOT_FOUND, Measurer, kept_records
+from model.drive import load_drive
+from runtime.estimator.folder import GENERATED
+
+NAME = "paper_spmsm_ckf"
+STEP = f"{NAME}_step"
+
+
+def committed() -> tuple[dict[str, str], dict[str, dict[str, object]]]:
+    folder = GENERATED / "paper_spmsm"
+    return {path.name: path.read_text() for path in folder.glob("*.[ch]")}, kept_records(folder)
+
+
+def record(measurer: Measurer, files: dict[str, str]) -> dict[str, object]:
+    return measurer(files, Program(files, f"{NAME}.c", f"{NAME}_foc.c"), STEP)
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_same_code_is_reused_and_comments_are_no_code() -> None:
+    files, kept = committed()
+    assert record(Measurer(kept, compile=True), files) == kept[STEP]
+    files[f"{NAME}.c"] = files[f"{NAME}.c"].replace("/* ", "/* another word, ", 3)
+    files["paper_spmsm_ickf.c"] += "int elsewhere;\n"
+    assert record(Measurer(kept, compile=True), files) == kept[STEP]
+
+
+@pytest.mark.usefixtures("no_compiler")
+@pytest.mark.parametrize("name", [f"{NAME}.c", f"{NAME}.h"])
+def test_other_code_is_not_measured_without_the_compiler(name: str) -> None:
+    files, kept = committed()
+    files[name] += "typedef int another;\n"
+    found = record(Measurer(kept, compile=True), files)
+    assert found["not_measured"] == NOT_FOUND == "arm-none-eabi-gcc not found (Debian: gcc-arm-none-eabi)"
+    assert found["source_sha256"] != kept[STEP]["source_sha256"]
+
+
+def test_a_missing_measurement_is_made_up_for_only_when_writing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """--check takes the folder as it is; generate measures as soon as there is a compiler."""
+    files, kept = committed()
+    missing = {STEP: {"source_sha256": kept[STEP]["source_sha256"], "not_measured": NOT_FOUND}}
+    made = ({STEP: 72, "time_update": 100}, 1000)
+    monkeypatch.setattr("codegen.measure.compile_object", lambda files, source: made)
+    monkeypatch.setattr("codegen.measure.compiler_version", lambda: "1.2.3")
+    monkeypatch.setattr(shutil, "which", lambda name: f"bin/{name}")
+    assert record(Measurer(missing, compile=True), files) == missing[STEP]
+    found = record(Measurer(missing, compile=True, retry=True), files)
+    assert (found["compiler"], found["stack_bytes"], found["text_bytes"]) == ("arm-none-eabi-gcc 1.2.3", 172, 1000)
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_report_says_what_was_not_measured(tmp_path: Path) -> None:
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5, measurer=Measurer(compile=True))
+    assert f"not measured: {NOT_FOUND}." in package.files["REPORT.md"]
+    manifest = json.loads(package.files["manifest.json"])
+    assert {entry["not_measured"] for entry in manifest["measured"].values()} == {NOT_FOUND}
+    write_folder(tmp_path / "d", package.files)
+    again = generate(drive, samples=5, measurer=Measurer(kept_records(tmp_path / "d"), compile=True))
+    assert again.files == package.files
+
+
+def test_no_folder_keeps_nothing(tmp_path: Path) -> None:
+    assert kept_records(tmp_path / "none") == {}

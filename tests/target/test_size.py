@@ -1,0 +1,58 @@
+"""Stack and code size on the stand-in, measured again and compared with what is committed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+
+import pytest
+
+from codegen.ledger import Program
+from codegen.measure import COMPILER, NOT_FOUND, Measurer, compiler_version
+from model.drive import Drive
+from runtime.estimator.folder import GENERATED
+
+
+@pytest.fixture(autouse=True)
+def _compiler() -> None:
+    if shutil.which(COMPILER) is None:
+        assert "CI" not in os.environ, NOT_FOUND
+        pytest.skip(NOT_FOUND)
+
+
+def test_committed_measurements_hold(drive: Drive) -> None:
+    """Equal with the same compiler; another one may schedule and spill differently, so 15 %."""
+    folder = GENERATED / drive.name
+    files = {path.name: path.read_text() for path in folder.glob("*.[ch]")}
+    committed = json.loads((folder / "manifest.json").read_text())["measured"]
+    measurer = Measurer(compile=True)
+    assert len(committed) == 2 * len(drive.filter.kinds)
+    for function, record in committed.items():
+        assert "not_measured" not in record, f"{function}: regenerate on a machine that has {COMPILER}"
+        name = function.removesuffix("_step").removesuffix("_foc")
+        found = measurer(files, Program(files, f"{name}.c", f"{name}_foc.c"), function)
+        assert found["source_sha256"] == record["source_sha256"]
+        same = record["compiler"] == f"{COMPILER} {compiler_version()}"
+        for key in ("stack_bytes", "text_bytes"):
+            assert found[key] == (record[key] if same else pytest.approx(record[key], rel=0.15)), (function, key)
+
+
+FILES = {
+    "leaf.h": "int leaf(volatile int *p);\nint side(volatile int *p);\nint top(volatile int *p);\n",
+    "leaf.c": """#include "leaf.h"
+int leaf(volatile int *p) { volatile int a[50]; a[0] = *p; return a[0]; }
+int side(volatile int *p) { volatile int a[10]; a[0] = *p; return a[0]; }
+""",
+    "top.c": """#include "leaf.h"
+static int middle(volatile int *p) { volatile int a[100]; a[1] = leaf(p); return a[1] + side(a); }
+int top(volatile int *p) { volatile int a[25]; a[2] = side(p); return middle(p) + a[2]; }
+""",
+}
+
+
+def test_stack_is_the_deepest_chain_across_files() -> None:
+    """25 + 100 + 50 words of 4 bytes, middle inlined or not; side does not add to leaf. At most 64 bytes of linkage."""
+    found = Measurer(compile=True)(FILES, Program(FILES, "top.c", "leaf.c"), "top")
+    assert 700 <= found["stack_bytes"] <= 764
+    assert 0 < found["text_bytes"] < 400
