@@ -1,0 +1,202 @@
+"""Gate: Frama-C's EVA proves that one step from any state in a box, with any input, makes no run-time error.
+
+No NaN, no infinity, no division by zero, no read of what was not written, nothing out of bounds. EVA computes with
+intervals: what it proves holds for every float32 in them; what it cannot prove is an alarm, not yet an error.
+
+Two kinds of fact are handed to it, each proved elsewhere. Sine and cosine stay within 1 plus the error that the
+generator proved for them; EVA checks that fact's condition (the argument's range) at every call, and the function's
+body for errors like any other. And divisors stay above the bound that :mod:`runtime.firmware.static.divisions` proved:
+in ``g = D f; a = R + f g`` EVA does not see that f g = D f^2 is not negative.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from codegen.folder import read_manifest
+from codegen.trig import sin_cos_bound
+from runtime.firmware.check import Check
+from runtime.firmware.static.bans import parse
+from runtime.firmware.static.box import Box, Form, filter_box
+from runtime.firmware.static.divisions import Range, divisions
+from runtime.firmware.static.tool import missing, run
+
+NAME = "no run-time error"
+
+#: 16-bit int, IEEE floats; the header's own question about excess precision answered as on the chip.
+#: Subdividing lets EVA see that x * x is not negative; slevel keeps both ways through a branch apart for a while.
+OPTIONS = [
+    "-eva",
+    "-machdep=x86_16",
+    "-warn-special-float=non-finite",
+    "-eva-subdivide-non-linear=16",
+    "-eva-slevel=50",
+    "-eva-no-print",
+    "-main=proof",
+]
+PREPROCESSOR = "-msse2 -mfpmath=sse -U__GNUC__"
+
+_ALARM = re.compile(
+    r"^\[eva:alarm\] (?P<place>[^:\s]+:\d+): Warning:\s*(?P<text>.*?)(?=^\[|\Z)", re.MULTILINE | re.DOTALL
+)
+_COVERAGE = re.compile(r"(\d+) statements reached \(out of (\d+)\)")
+
+#: Names of the facts handed over, as they appear in EVA's words; one of them unproved by EVA is no alarm.
+_GIVEN = ("function sin_cos: postcondition", "assertion 'range'")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What EVA said: alarms as ``file:line: text``, statements reached of all, and whether it got to the end."""
+
+    alarms: tuple[str, ...]
+    reached: int
+    statements: int
+    seconds: float
+    failure: str
+
+    @property
+    def proved(self) -> bool:
+        return not self.alarms and not self.failure
+
+
+def covariance_form(folder: Path, prefix: str) -> Form:
+    """Whether the struct carries P itself or its factors, as its header's comment on P says."""
+    header = (folder / f"{prefix}.h").read_text(encoding="utf-8")
+    comment = re.search(r"\bP\[\d+\];\s*/\*(.*?)\*/", header, re.DOTALL)
+    return "factors" if comment and re.search(r"L D L|factor", comment[1]) else "packed"
+
+
+def eva_checks(folder: Path) -> list[Check]:
+    """One check a filter of the folder."""
+    absent = missing(NAME, folder.name, "frama-c")
+    if absent:
+        return [absent]
+    manifest = read_manifest(folder)
+    return [eva_check(folder, kind) for kind in manifest["filters"]]
+
+
+def eva_check(folder: Path, kind: str, box: Box | None = None) -> Check:
+    """EVA on one filter; ``box`` replaces the drive's own."""
+    absent = missing(NAME, f"{folder.name}, {kind}", "frama-c")
+    if absent:
+        return absent
+    manifest = read_manifest(folder)
+    prefix = f"{manifest['drive']}_{kind}"
+    form = covariance_form(folder, prefix)
+    verdict = analyse_step(folder, prefix, box or filter_box(manifest, form))
+    figure = (
+        f"{len(verdict.alarms)} alarms, {verdict.reached} of {verdict.statements} statements, {verdict.seconds:.1f} s"
+    )
+    how = "proved by EVA for one step from any state in the box" if verdict.proved else "EVA, one step from any state"
+    detail = tuple(filter(None, (verdict.failure, *verdict.alarms)))
+    return Check(NAME, f"{folder.name}, {kind}", "passed" if verdict.proved else "failed", figure, how, detail)
+
+
+def analyse_step(folder: Path, prefix: str, box: Box) -> Verdict:
+    """Run EVA on a driver that calls ``<prefix>_init`` once and ``<prefix>_step`` from the box."""
+    path = folder / f"{prefix}.c"
+    source = with_bounds(with_contract(path.read_text(encoding="utf-8")), divisor_bounds(path))
+    return analyse({f"{prefix}.c": source, "driver.c": driver(prefix, box)}, folder)
+
+
+def divisor_bounds(path: Path) -> dict[tuple[str, str], float]:
+    """(function, name) -> proved lower bound of a divisor; Q and R as the drive's tuning has them."""
+    tuning = read_manifest(path.parent)["parameters"]["filter"]
+    noise = {"Q": tuning["process_noise"], "R": tuning["measurement_noise"]}
+    loaded = {f"{name}[{k}]": float(np.float32(v)) for name, values in noise.items() for k, v in enumerate(values)}
+    inputs = {name: Range(value, value) for name, value in loaded.items()}
+    return {
+        (division.function, division.divisor): division.range.low
+        for division in divisions(parse(path).functions(), inputs)
+        if division.range.low > 0.0 and division.divisor.isidentifier()
+    }
+
+
+def with_bounds(source: str, bounds: dict[tuple[str, str], float]) -> str:
+    """The source with an assertion behind the definition of each divisor."""
+    for (function, name), low in bounds.items():
+        start = re.search(rf"^(?:static )?\w+ {function}\([^;{{]*\)\n\{{", source, re.M)
+        definition = re.compile(rf"const float32 {name} = [^;]*;").search(source, start.end()) if start else None
+        if definition:
+            fact = f" /*@ assert range: {name} >= {low:.9e}; */"
+            source = source[: definition.end()] + fact + source[definition.end() :]
+    return source
+
+
+def driver(prefix: str, box: Box) -> str:
+    """C of a caller whose struct and inputs may be anything in the box; the tuning is what ``_init`` loads."""
+    lines = [f"    {place} = Frama_C_float_interval({_c(i.low)}, {_c(i.high)});" for place, i in box.places.items()]
+    return "\n".join(
+        [
+            f'#include "{prefix}.h"',
+            '#include "__fc_builtin.h"',
+            f"static {prefix}_t f;",
+            "int proof(void);",
+            "int proof(void)",
+            "{",
+            "    float32 u[2];",
+            "    float32 y[2];",
+            f"    {prefix}_init(&f);",
+            *lines,
+            f"    return {prefix}_step(&f, u, y);",
+            "}\n",
+        ]
+    )
+
+
+def with_contract(source: str) -> str:
+    """The source with the generator's bound on sine and cosine as a contract; unchanged if it has none."""
+    bound = sin_cos_bound()
+    size = 1.0 + 2.0 * bound.proved
+    contract = (
+        f"/*@ requires \\is_finite(x) && -{bound.limit!r} <= x <= {bound.limit!r};\n    assigns \\nothing;\n"
+        + "".join(
+            f"    ensures \\is_finite(\\result.{name}) && -{size:.8f} <= \\result.{name} <= {size:.8f};\n"
+            for name in ("sine", "cosine")
+        )
+        + "*/\n"
+    )
+    return source.replace("static pmsm_pair sin_cos(float32 x)", f"{contract}static pmsm_pair sin_cos(float32 x)")
+
+
+def analyse(files: dict[str, str], headers: Path, options: tuple[str, ...] = ()) -> Verdict:
+    """EVA on some C texts whose entry is ``proof``; their headers are found in a folder, sqrtf in Frama-C's library."""
+    _, share = run(["frama-c", "-print-share-path"])
+    with tempfile.TemporaryDirectory() as scratch:
+        paths = [Path(scratch) / name for name in files]
+        for path, text in zip(paths, files.values(), strict=True):
+            path.write_text(text, encoding="utf-8")
+        extra = f"-I{share.strip()}/libc -I{headers.resolve()} {PREPROCESSOR}"
+        begin = time.monotonic()
+        code, said = run(["frama-c", *OPTIONS, *options, f"-cpp-extra-args={extra}", *map(str, paths)])
+    return _verdict(code, said, time.monotonic() - begin)
+
+
+def _verdict(code: int, said: str, seconds: float) -> Verdict:
+    alarms = tuple(
+        f"{Path(match['place']).name}: {' '.join(match['text'].split())}"
+        for match in _ALARM.finditer(said)
+        if not any(given in match["text"] for given in _GIVEN)
+    )
+    coverage = _COVERAGE.search(said)
+    failure = ""
+    if code or coverage is None:
+        errors = [line for line in said.splitlines() if "rror" in line]
+        failure = errors[-1] if errors else f"frama-c ended with {code}"
+    elif "NON TERMINATING FUNCTION" in said:
+        failure = "no execution reaches the end of the step"
+    reached, statements = (int(coverage[1]), int(coverage[2])) if coverage else (0, 0)
+    return Verdict(alarms, reached, statements, seconds, failure)
+
+
+def _c(value: float) -> str:
+    """A float32 literal of C; the box's ends are rounded to float32."""
+    text = str(np.float32(value))
+    return f"{text if any(mark in text for mark in '.e') else text + '.0'}f"

@@ -1,0 +1,36 @@
+"""Running the tools the gates lean on: a missing one is said, with the Debian package that brings it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from runtime.firmware.check import Check
+
+#: Debian package of each tool.
+PACKAGES = {"gcc": "gcc", "clang": "clang", "cppcheck": "cppcheck", "frama-c": "frama-c-base"}
+
+#: Seconds after which a tool is taken to hang; each needs a few.
+PATIENCE = 300
+
+
+def missing(name: str, subject: str, tool: str) -> Check | None:
+    """A "not run" check if the tool is not there, else None."""
+    if shutil.which(tool):
+        return None
+    return Check(name, subject, "not run", "", f"{tool} not found", (f"apt install {PACKAGES[tool]}",))
+
+
+def run(command: Sequence[str], cwd: Path | None = None) -> tuple[int, str]:
+    """Exit code and everything said, standard output first."""
+    done = subprocess.run(
+        list(command), cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, errors="replace"
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def firmware_sources(folder: Path) -> list[Path]:
+    """Every C file of a generated folder that goes onto the chip: all but the host's flavour."""
+    return sorted(path for path in folder.rglob("*.c") if "host" not in path.relative_to(folder).parts)
