@@ -63,7 +63,7 @@ def render_filter_selftest(
         samples=_samples(module),
         starts=[_start(int(first), run) for first, run in zip(firsts, runs, strict=False)],
         rows=[_vector(k, (u[k], "u", "V"), (y[k], "y", "A"), recording, n, True) for k in range(vectors)],
-        compare=render("selftest_compare.j2"),
+        compare=render("selftest_compare.j2", p=p),
         round=printer.format_literal(F28335.precision.rounding),
         below_pi=printer.format_literal(F28335.precision.below_pi),
         sin_cos=sin_cos_text(printer),
@@ -89,7 +89,7 @@ def render_control_selftest(about: Description, kind: str, run: ControlRun, reco
         outputs=outputs,
         delay=run.delay,
         rows=[_vector(k, *given, recording, 3, False) for k, given in enumerate(inputs)],
-        compare=render("selftest_compare.j2"),
+        compare=render("selftest_compare.j2", p=p),
     )
     return SelfTest(header, source, vectors, words)
 

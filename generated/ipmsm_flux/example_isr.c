@@ -43,8 +43,10 @@
 #define TELEMETRY_EVERY 200
 
 #define INV_TWO_PI 0.15915494f
-#define INV_SQRT_3 0.57735027f
 #define POLE_PAIRS 3.0f
+#if !WHOLE_CONTROLLER
+#define INV_SQRT_3 0.57735027f
+#endif
 
 /* --- yours: the only places that touch hardware --------------------------------------------------------------- */
 

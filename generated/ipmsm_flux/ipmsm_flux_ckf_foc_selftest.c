@@ -11,9 +11,9 @@ typedef struct {
     int status;
     Uint32 expected[N_WORDS];
     Uint16 allowed[N_WORDS]; /* biased exponent of the power of two allowed with a tolerance */
-} vector;
+} ipmsm_flux_ckf_foc_vector;
 
-static const vector VECTORS[N_VECTORS] = {
+static const ipmsm_flux_ckf_foc_vector VECTORS[N_VECTORS] = {
     /* 1: phase = 3, 0 A; command = 20, 540 rad/s, V -> 0.196892, 0.968375, 0.0316249 | 0.073575, -1.43695,
        1.9533 */
     {{0x40400000UL, 0x00000000UL}, {0x41A00000UL, 0x44070000UL}, 0,
@@ -59,11 +59,11 @@ static const vector VECTORS[N_VECTORS] = {
 typedef union {
     Uint32 word;
     float32 value;
-} bits;
+} ipmsm_flux_ckf_foc_bits;
 
 static float32 value_of(Uint32 word)
 {
-    bits b;
+    ipmsm_flux_ckf_foc_bits b;
     b.word = word;
     return b.value;
 }
@@ -71,7 +71,7 @@ static float32 value_of(Uint32 word)
 /* Bit for bit; with a tolerance, within tolerance * 2^(allowed - 127). NaN agrees with nothing then. */
 static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolerance)
 {
-    bits b;
+    ipmsm_flux_ckf_foc_bits b;
     float32 off;
     float32 limit;
     if (!(tolerance > 0.0f)) {
@@ -84,7 +84,7 @@ static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolera
 }
 
 /* One sample; the stage of the first word that differs, or 0. */
-static int replay(ipmsm_flux_ckf_foc_t *c, const vector *v, float32 tolerance)
+static int replay(ipmsm_flux_ckf_foc_t *c, const ipmsm_flux_ckf_foc_vector *v, float32 tolerance)
 {
     float32 phase[2];
     float32 command[2];

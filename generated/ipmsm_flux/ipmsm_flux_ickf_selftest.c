@@ -15,7 +15,7 @@ typedef struct {
     int first;
     Uint32 x_0[N_STATES];
     Uint32 P_0[N_STATES];
-} start;
+} ipmsm_flux_ickf_start;
 
 typedef struct {
     Uint32 u[2];
@@ -24,7 +24,7 @@ typedef struct {
     int iterations;
     Uint32 expected[N_WORDS];
     Uint16 allowed[N_WORDS]; /* biased exponent of the power of two allowed with a tolerance */
-} vector;
+} ipmsm_flux_ickf_vector;
 
 /* Operands and results of the arithmetic itself. */
 typedef struct {
@@ -38,9 +38,9 @@ typedef struct {
     Uint32 wrapped;
     Uint16 quotient_allowed;
     Uint16 root_allowed;
-} sample;
+} ipmsm_flux_ickf_sample;
 
-static const sample SAMPLES[N_SAMPLES] = {
+static const ipmsm_flux_ickf_sample SAMPLES[N_SAMPLES] = {
     /* a = 1, b = 3, angle = 0.5 */
     {0x3F800000UL, 0x40400000UL, 0x3F000000UL, 0x3EAAAAABUL, 0x3F800000UL, 0x3EF57744UL, 0x3F60A940UL,
      0x3F000000UL, 104, 106},
@@ -58,7 +58,7 @@ static const sample SAMPLES[N_SAMPLES] = {
      0x3CD8CAB3UL, 117, 113}
 };
 
-static const start STARTS[N_STARTS] = {
+static const ipmsm_flux_ickf_start STARTS[N_STARTS] = {
     /* start: x_0 = 0.544922, 0, 0, 0; P_0 = 0.01, 0.01, 50, 0.1 */
     {0, {0x3F0B8000UL, 0x00000000UL, 0x00000000UL, 0x00000000UL}, {0x3C23D70AUL, 0x3C23D70AUL, 0x42480000UL,
      0x3DCCCCCDUL}},
@@ -76,7 +76,7 @@ static const start STARTS[N_STARTS] = {
      0x368637BDUL}}
 };
 
-static const vector VECTORS[N_VECTORS] = {
+static const ipmsm_flux_ickf_vector VECTORS[N_VECTORS] = {
     /* 1: u = 80, 0 V; y = 0.31897, 0.100006 A -> 0.556475, 0.00126166, -0.00106867, -0.00709934 |
        1.30786e-05, 3.17081e-05, 0.00745142, 8.70761e-06, 0.00204511, 50.0483, 5.86767e-05, 0.0137811,
        0.00379571, 0.0255768 */
@@ -278,11 +278,11 @@ static const vector VECTORS[N_VECTORS] = {
 typedef union {
     Uint32 word;
     float32 value;
-} bits;
+} ipmsm_flux_ickf_bits;
 
 static float32 value_of(Uint32 word)
 {
-    bits b;
+    ipmsm_flux_ickf_bits b;
     b.word = word;
     return b.value;
 }
@@ -290,7 +290,7 @@ static float32 value_of(Uint32 word)
 /* Bit for bit; with a tolerance, within tolerance * 2^(allowed - 127). NaN agrees with nothing then. */
 static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolerance)
 {
-    bits b;
+    ipmsm_flux_ickf_bits b;
     float32 off;
     float32 limit;
     if (!(tolerance > 0.0f)) {
@@ -347,7 +347,7 @@ static float32 wrap_angle(float32 x)
 }
 
 /* Stage 1 .. 5 of the first result that is wrong, or 0. Operands are volatile: the chip computes, not the compiler. */
-static int arithmetic(const sample *s, float32 tolerance)
+static int arithmetic(const ipmsm_flux_ickf_sample *s, float32 tolerance)
 {
     volatile float32 a;
     volatile float32 b;
@@ -372,7 +372,7 @@ static int arithmetic(const sample *s, float32 tolerance)
     return (agrees(wrap_angle(angle), s->wrapped, 0, 0.0f) != 0) ? 0 : 5;
 }
 
-static void begin(ipmsm_flux_ickf_t *f, const start *s)
+static void begin(ipmsm_flux_ickf_t *f, const ipmsm_flux_ickf_start *s)
 {
     int k;
     for (k = 0; k < N_STATES; k++) {
@@ -383,7 +383,7 @@ static void begin(ipmsm_flux_ickf_t *f, const start *s)
 }
 
 /* One step; the stage of the first word that differs, or 0. */
-static int replay(ipmsm_flux_ickf_t *f, const vector *v, float32 tolerance)
+static int replay(ipmsm_flux_ickf_t *f, const ipmsm_flux_ickf_vector *v, float32 tolerance)
 {
     float32 u[2];
     float32 y[2];

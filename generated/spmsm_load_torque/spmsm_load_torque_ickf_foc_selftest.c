@@ -11,9 +11,9 @@ typedef struct {
     int status;
     Uint32 expected[N_WORDS];
     Uint16 allowed[N_WORDS]; /* biased exponent of the power of two allowed with a tolerance */
-} vector;
+} spmsm_load_torque_ickf_foc_vector;
 
-static const vector VECTORS[N_VECTORS] = {
+static const spmsm_load_torque_ickf_foc_vector VECTORS[N_VECTORS] = {
     /* 1: phase = 6, 0 A; command = 20, 311 rad/s, V -> 0.463787, 0.551948, 0.448052 | 0.0582113, -2.58737,
        6.47527 */
     {{0x40C00000UL, 0x00000000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
@@ -59,11 +59,11 @@ static const vector VECTORS[N_VECTORS] = {
 typedef union {
     Uint32 word;
     float32 value;
-} bits;
+} spmsm_load_torque_ickf_foc_bits;
 
 static float32 value_of(Uint32 word)
 {
-    bits b;
+    spmsm_load_torque_ickf_foc_bits b;
     b.word = word;
     return b.value;
 }
@@ -71,7 +71,7 @@ static float32 value_of(Uint32 word)
 /* Bit for bit; with a tolerance, within tolerance * 2^(allowed - 127). NaN agrees with nothing then. */
 static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolerance)
 {
-    bits b;
+    spmsm_load_torque_ickf_foc_bits b;
     float32 off;
     float32 limit;
     if (!(tolerance > 0.0f)) {
@@ -84,7 +84,7 @@ static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolera
 }
 
 /* One sample; the stage of the first word that differs, or 0. */
-static int replay(spmsm_load_torque_ickf_foc_t *c, const vector *v, float32 tolerance)
+static int replay(spmsm_load_torque_ickf_foc_t *c, const spmsm_load_torque_ickf_foc_vector *v, float32 tolerance)
 {
     float32 phase[2];
     float32 command[2];

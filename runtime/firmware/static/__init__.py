@@ -9,7 +9,7 @@ from runtime.firmware.check import Check
 
 
 def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: None) -> list[Check]:
-    """Every static gate on one generated folder; a gate whose tool is missing says so."""
+    """Every static gate on one generated folder, a few seconds; a gate whose tool is missing says so."""
     from runtime.firmware.static.bans import ban_checks
     from runtime.firmware.static.compilers import compiler_checks
     from runtime.firmware.static.eva import eva_checks

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from runtime.firmware.check import Check
-from runtime.firmware.static.tool import firmware_sources, missing, run
+from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
 #: One language for all: C89 to the letter, float operations never fused.
 LANGUAGE = ["-std=c89", "-pedantic", "-ffp-contract=off", "-Werror"]
@@ -54,8 +54,10 @@ def _view(folder: Path, name: str, tool: str, options: list[str], how: str) -> C
         return absent
     sources = firmware_sources(folder)
     said = []
-    for source in sources:
-        code, text = run([tool, *LANGUAGE, *options, source.name], cwd=source.parent)
+    runs = [(source, [*options, source.name]) for source in sources]
+    runs += [(source, [f"-D{OTHER_EXAMPLE}", *options, source.name]) for source in sources if is_example(source)]
+    for source, arguments in runs:
+        code, text = run([tool, *LANGUAGE, *arguments], cwd=source.parent)
         lines = [line for line in text.splitlines() if "error:" in line or "warning:" in line]
         said += lines or ([text.strip() or f"{source.name}: {tool} failed"] if code else [])
     figure = f"{len(said)} warnings in {len(sources)} files"

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 from pycparser import c_ast, c_generator
 
 #: Inputs that the generated headers document as positive: arrays by their argument's name, gains by their local's.
@@ -19,6 +20,9 @@ POSITIVE = ("Q", "R", "gain_speed_p", "gain_current_d_p", "gain_current_q_p", "g
 
 #: Least normal float32: what is positive is at least this on a machine without denormals.
 TINY = 2.0**-126
+
+#: Largest float32.
+HUGE = (2.0 - 2.0**-23) * 2.0**127
 
 #: More than the rounding of one float32 operation.
 ROUNDING = 2.0**-22
@@ -46,9 +50,10 @@ class Range:
 
 
 def _outward(bound: float, direction: float) -> float:
-    if bound * direction < 0.0:  # towards zero; rounding never passes TINY, which is a number of the format
-        return 0.0 if abs(bound) < TINY else math.copysign(max(abs(bound) * (1.0 - ROUNDING), TINY), bound)
-    return bound * (1.0 + ROUNDING)
+    size = abs(bound)
+    if bound * direction < 0.0:  # towards zero; rounding never passes TINY and HUGE, numbers of the format
+        return 0.0 if size < TINY else math.copysign(min(max(size * (1.0 - ROUNDING), TINY), HUGE), bound)
+    return bound * (1.0 + ROUNDING) if size * (1.0 + ROUNDING) <= HUGE else math.copysign(math.inf, bound)
 
 
 ANY = Range()
@@ -110,21 +115,25 @@ class Function:
             b = Range(-b.high, -b.low)
         return Range(_sum(a.low, b.low, -math.inf), _sum(a.high, b.high, math.inf)).widened()
 
-    def _product(self, node: c_ast.Node) -> Range:
-        """Factors that occur twice make a square; the others multiply."""
+    def _product(self, node: c_ast.BinaryOp) -> Range:
+        """Bounds operation by operation, as it is rounded; the sign of all factors together."""
+        a, b = self.range(node.left), self.range(node.right)
+        if node.op == "/":
+            b = Range(_inverse(b.high), _inverse(b.low)) if b.avoids_zero else ANY
+        result = _times(a, b).widened()
+        return Range(max(result.low, 0.0), max(result.high, 0.0)) if self._not_negative(node) else result
+
+    def _not_negative(self, node: c_ast.Node) -> bool:
+        """Factors that occur an even number of times, above or below the line, do not matter; the others must not be
+        negative, and below the line not zero, which has a sign."""
         above, below = self._factors(node)
-        result = Range(1.0, 1.0)
-        for text in {_write(factor) for factor in above}:
-            same = [factor for factor in above if _write(factor) == text]
-            if len(same) >= 2:
-                result = _times(result, _even_power(self.range(same[0]), 2 * (len(same) // 2))).widened()
-            if len(same) % 2:
-                result = _times(result, self.range(same[0])).widened()
-        for factor in below:
-            divisor = self.range(factor)
-            inverse = Range(_inverse(divisor.high), _inverse(divisor.low)) if divisor.avoids_zero else ANY
-            result = _times(result, inverse).widened()
-        return result
+        texts = [_write(factor) for factor in above + below]
+        odd = [texts.count(text) % 2 == 1 for text in texts]
+        return all(
+            self.range(factor).low >= 0.0 if k < len(above) else self.range(factor).low > 0.0
+            for k, factor in enumerate(above + below)
+            if odd[k]
+        )
 
     def _factors(self, node: c_ast.Node) -> tuple[list[c_ast.Node], list[c_ast.Node]]:
         """Numerators and denominators; a name that stands for a product of unknown sign is opened."""
@@ -221,6 +230,8 @@ def _handed_over(functions: list[c_ast.FuncDef]) -> set[str]:
     for node in (node for function in functions for node in _every(function.body)):
         if isinstance(node, c_ast.Decl) and isinstance(node.type, c_ast.ArrayDecl):
             local.add(node.name)
+        if isinstance(node, c_ast.Assignment) and isinstance(node.lvalue, c_ast.ArrayRef):
+            otherwise.add(_write(node.lvalue.name))
         if isinstance(node, c_ast.FuncCall) and node.args is not None:
             names = arguments.get(_write(node.name), [])
             for given, name in zip(node.args.exprs, [*names, *[""] * len(node.args.exprs)], strict=False):
@@ -291,7 +302,9 @@ def _literal(node: c_ast.Constant) -> Range:
         value = float(node.value.rstrip("fFlLuU")) if "x" not in node.value.lower() else _hexadecimal(node.value)
     except ValueError:
         return ANY
-    return Range(value, value)
+    with np.errstate(over="ignore"):
+        stored = float(np.float32(value))
+    return Range(stored, stored)
 
 
 def _hexadecimal(text: str) -> float:
@@ -308,11 +321,6 @@ def _times(a: Range, b: Range) -> Range:
     """A bound of zero times an infinite one is zero: the infinite one is never reached."""
     corners = [0.0 if 0.0 in (x, y) else x * y for x in (a.low, a.high) for y in (b.low, b.high)]
     return Range(min(corners), max(corners))
-
-
-def _even_power(base: Range, exponent: int) -> Range:
-    sizes = [math.inf if abs(value) > 1e30 else abs(value) ** exponent for value in (base.low, base.high)]
-    return Range(min(sizes) if base.avoids_zero else 0.0, max(sizes))
 
 
 def _inverse(value: float) -> float:

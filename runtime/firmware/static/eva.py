@@ -37,7 +37,6 @@ OPTIONS = [
     "-warn-special-float=non-finite",
     "-eva-subdivide-non-linear=16",
     "-eva-slevel=50",
-    "-eva-no-print",
     "-main=proof",
 ]
 PREPROCESSOR = "-msse2 -mfpmath=sse -U__GNUC__"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from runtime.firmware.check import Check
-from runtime.firmware.static.tool import firmware_sources, missing, run
+from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
 NAME = "MISRA C:2012"
 TABLE = Path(__file__).with_name("misra.toml")
@@ -71,6 +71,8 @@ def misra_checks(folder: Path) -> list[Check]:
         return [absent]
     sources = firmware_sources(folder)
     findings = find(sources) if sources else []
+    if any(map(is_example, sources)):
+        findings = list(dict.fromkeys([*findings, *find(sources, f"-D{OTHER_EXAMPLE}")]))
     count = Counter(finding.rule for finding in findings if finding.rule)
     broken = [f for f in findings if not f.rule and f.severity in {"error", "warning"}]
     required = [f for f in findings if f.rule and category(f.rule) != "advisory"]
@@ -87,12 +89,12 @@ def misra_checks(folder: Path) -> list[Check]:
     return [Check(NAME, folder.name, state, figure, how, tuple(detail))]
 
 
-def find(sources: list[Path]) -> list[Finding]:
+def find(sources: list[Path], *options: str) -> list[Finding]:
     """What cppcheck says, one finding a place and rule."""
     command = ["cppcheck", f"--platform={PLATFORM}", "--addon=misra", "--enable=style,warning", "--std=c89", "--quiet"]
     command += ["--max-configs=1", "--template={file}|{line}|{severity}|{id}|{message}"]
     command += [f"-D{name}={value}" for name, value in DEFINES.items()]
-    code, text = run([*command, *map(str, sources)])
+    code, text = run([*command, *options, *map(str, sources)])
     found = dict.fromkeys(filter(None, map(_finding, text.splitlines())))
     if code and not found:
         return [Finding("cppcheck", "error", "", text.strip()[-300:])]

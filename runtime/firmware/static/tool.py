@@ -31,6 +31,15 @@ def run(command: Sequence[str], cwd: Path | None = None) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
+#: The example interrupt is two programs in one file; this is the one its own default leaves out.
+OTHER_EXAMPLE = "WHOLE_CONTROLLER=0"
+
+
+def is_example(source: Path) -> bool:
+    """The file an application copies and makes its own: it holds state and names functions that are not ours."""
+    return source.stem.startswith("example_")
+
+
 def firmware_sources(folder: Path) -> list[Path]:
     """Every C file of a generated folder that goes onto the chip: all but the host's flavour."""
     return sorted(path for path in folder.rglob("*.c") if "host" not in path.relative_to(folder).parts)
