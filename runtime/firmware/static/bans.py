@@ -10,7 +10,7 @@ from pycparser import c_ast, c_parser
 
 from runtime.firmware.check import Check
 from runtime.firmware.static.divisions import SQRT, divisions
-from runtime.firmware.static.tool import firmware_sources, is_example, missing, run
+from runtime.firmware.static.tool import firmware_sources, is_bench, is_example, missing, run
 
 #: Words of a type that may occur. No char and no double, whose widths differ; ``long`` is 32 bits on the chip.
 TYPE_WORDS = frozenset({"float", "int", "short", "long", "unsigned", "signed", "void"})
@@ -34,15 +34,16 @@ class NotCError(Exception):
     """A file that the preprocessor or the parser refuses; the message is one line."""
 
 
-def parse(path: Path) -> Source:
-    """The file as its compiler sees it, with line numbers.
+def parse(path: Path, folder: Path | None = None) -> Source:
+    """The file as its compiler sees it, with line numbers; headers are beside it or in ``folder``.
 
     Raises
     ------
     NotCError
         If it does not preprocess or parse.
     """
-    code, text = run(["gcc", "-E", "-std=c89", "-U__GNUC__", "-D__GNUC__=4", path.name], cwd=path.parent)
+    include = f"-I{(folder or path.parent).resolve()}"
+    code, text = run(["gcc", "-E", "-std=c89", include, path.name], cwd=path.parent)
     if code:
         raise NotCError(f"{path.name}: {text.strip().splitlines()[-1]}")
     try:
@@ -62,7 +63,7 @@ def ban_checks(folder: Path) -> list[Check]:
     sources, broken = [], []
     for path in firmware_sources(folder):
         try:
-            sources.append(parse(path))
+            sources.append(parse(path, folder))
         except NotCError as error:
             broken.append(str(error))
     found = [*broken, *(line for source in sources for line in _bans(source, sources)), *_recursion(sources)]
@@ -101,21 +102,22 @@ def _bans(source: Source, sources: list[Source]) -> Iterator[str]:
     known = {function.decl.name for other in sources for function in other.functions()}
     own = {function.decl.name for function in source.functions()}
     public = {name for name in known if name in own or _declared(source, name)}
-    if is_example(source.path):  # what it calls of the application's is declared in it
-        public |= {item.name for item in source.tree.ext if isinstance(item, c_ast.Decl) and _here(item, source)}
+    open_ended = is_example(source.path) or is_bench(source.path)
+    if open_ended:  # what these call of the application's is declared in them or in their headers
+        public |= {item.name for item in source.tree.ext if isinstance(item, c_ast.Decl)}
     for item in source.tree.ext:
         if isinstance(item, c_ast.Typedef) or not _here(item, source):
             continue
-        if _variable(item) and not is_example(source.path):
+        if _variable(item) and not open_ended:
             yield f"{_place(source, item)}: global variable {item.name}"
         for node in _every(item):
-            complaint = _complaint(node, aliases, public)
+            complaint = _complaint(node, aliases, public, open_ended)
             if complaint:
                 yield f"{_place(source, node)}: {complaint}"
 
 
-def _complaint(node: c_ast.Node, aliases: dict[str, list[str]], known: set[str]) -> str | None:
-    """Why a node is banned, or None."""
+def _complaint(node: c_ast.Node, aliases: dict[str, list[str]], known: set[str], pointers: bool) -> str | None:
+    """Why a node is banned, or None; calls through ``pointers`` may be allowed."""
     if isinstance(node, c_ast.IdentifierType):
         words = _resolve(node.names, aliases)
         if not set(words) <= TYPE_WORDS or words.count("long") > 1:
@@ -130,7 +132,7 @@ def _complaint(node: c_ast.Node, aliases: dict[str, list[str]], known: set[str])
         return "goto"
     elif isinstance(node, c_ast.FuncCall):
         if not isinstance(node.name, c_ast.ID):
-            return "call through a pointer"
+            return None if pointers else "call through a pointer"
         if node.name.name not in known and node.name.name not in SQRT:
             return f"call of {node.name.name}"
     return None
@@ -138,7 +140,7 @@ def _complaint(node: c_ast.Node, aliases: dict[str, list[str]], known: set[str])
 
 def _runs(source: Source) -> bool:
     """Filter or controller. A self-test divides recorded numbers, to see what the chip makes of them."""
-    return not source.path.stem.endswith("_selftest") and not is_example(source.path)
+    return not (source.path.stem.endswith("_selftest") or is_example(source.path) or is_bench(source.path))
 
 
 def _variable(item: c_ast.Node) -> bool:

@@ -54,10 +54,10 @@ def _view(folder: Path, name: str, tool: str, options: list[str], how: str) -> C
         return absent
     sources = firmware_sources(folder)
     said = []
-    runs = [(source, [*options, source.name]) for source in sources]
-    runs += [(source, [f"-D{OTHER_EXAMPLE}", *options, source.name]) for source in sources if is_example(source)]
+    runs = [(source, options) for source in sources]
+    runs += [(source, [f"-D{OTHER_EXAMPLE}", *options]) for source in sources if is_example(source)]
     for source, arguments in runs:
-        code, text = run([tool, *LANGUAGE, *arguments], cwd=source.parent)
+        code, text = run([tool, *LANGUAGE, *arguments, "-I.", str(source.relative_to(folder))], cwd=folder)
         lines = [line for line in text.splitlines() if "error:" in line or "warning:" in line]
         said += lines or ([text.strip() or f"{source.name}: {tool} failed"] if code else [])
     figure = f"{len(said)} warnings in {len(sources)} files"

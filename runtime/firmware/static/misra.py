@@ -70,9 +70,9 @@ def misra_checks(folder: Path) -> list[Check]:
     if absent:
         return [absent]
     sources = firmware_sources(folder)
-    findings = find(sources) if sources else []
+    findings = find(sources, f"-I{folder}") if sources else []
     if any(map(is_example, sources)):
-        findings = list(dict.fromkeys([*findings, *find(sources, f"-D{OTHER_EXAMPLE}")]))
+        findings = list(dict.fromkeys([*findings, *find(sources, f"-I{folder}", f"-D{OTHER_EXAMPLE}")]))
     count = Counter(finding.rule for finding in findings if finding.rule)
     broken = [f for f in findings if not f.rule and f.severity in {"error", "warning"}]
     required = [f for f in findings if f.rule and category(f.rule) != "advisory"]

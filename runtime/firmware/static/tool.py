@@ -40,6 +40,11 @@ def is_example(source: Path) -> bool:
     return source.stem.startswith("example_")
 
 
+def is_bench(source: Path) -> bool:
+    """Processor-in-the-loop C: it stands on functions that the board's own code supplies."""
+    return source.parent.name == "board"
+
+
 def firmware_sources(folder: Path) -> list[Path]:
     """Every C file of a generated folder that goes onto the chip: all but the host's flavour."""
     return sorted(path for path in folder.rglob("*.c") if "host" not in path.relative_to(folder).parts)
