@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.check import Check
 
 
@@ -25,3 +26,8 @@ def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: N
         progress(f"{folder.name}: {words}")
         checks += gate(folder)
     return checks
+
+
+def static_gate(folder: GeneratedFolder, progress: Callable[[str], None]) -> list[Check]:
+    """:func:`static_checks` in the form :data:`runtime.firmware.tasks.GATES` wants."""
+    return static_checks(folder.path, progress)
