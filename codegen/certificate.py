@@ -84,7 +84,7 @@ def _compare(
     dx = np.abs(single[0] - double[0])
     angle = module["ANGLE"]
     dx[angle] = np.abs(np.remainder(single[0][angle] - double[0][angle] + np.pi, 2 * np.pi) - np.pi)
-    P, exact = (_matrices(packed, len(module["STATES"])) for packed in (single[1], double[1]))
+    P, exact = single[1], double[1]
     sigma = np.sqrt(np.einsum("bii->bi", exact))
     scale = sigma[:, :, None] * sigma[:, None, :]
     dP = np.max(np.abs(P - exact) / scale, axis=(1, 2))
@@ -100,28 +100,31 @@ def _compare(
     )
 
 
-def _matrices(packed: np.ndarray, n: int) -> np.ndarray:
-    """(n(n+1)/2, B) -> (B, n, n), symmetric."""
-    full = np.empty((packed.shape[1], n, n))
+def full_matrices(packed: np.ndarray, n: int) -> np.ndarray:
+    """Packed lower triangles (n(n+1)/2, B) -> (n, n, B), symmetric."""
+    full = np.empty((n, n, packed.shape[1]))
     rows, columns = np.tril_indices(n)
-    full[:, rows, columns] = full[:, columns, rows] = packed.T
+    full[rows, columns] = full[columns, rows] = packed
     return full
 
 
 def one_step(
     module: dict[str, Any], kind: str, box: BoxSamples, dtype: str, number: Callable[[Any], Any] = lambda value: value
 ) -> tuple[np.ndarray, np.ndarray]:
-    """x and packed P after one step from every sample, as float64 arrays with a trailing sample axis.
+    """x (n, B) and P (B, n, n) after one step from every sample, as float64 arrays.
 
     ``number`` wraps every quantity of the step, to run it on a modelled arithmetic.
     """
     math = module["MATH"][dtype]
     state = filter_state(module, dtype, number)
-    x, P, u, y = (tuple(number(row) for row in rows.astype(math.dtype)) for rows in (box.x, box.P, box.u, box.y))
-    state.x, state.P = x, P
+    words = module["pack"](full_matrices(box.P, len(module["STATES"]))).astype(np.float32)
+    x, P, u, y = (tuple(number(row) for row in rows.astype(math.dtype)) for rows in (box.x, words, box.u, box.y))
+    state.x = x
+    setattr(state, module["COVARIANCE"], P)
     state.u_held = tuple(number(row) for row in np.zeros_like(box.u, dtype=math.dtype))
     module["STEPS"][kind](state, u, y, math)
-    return np.array(state.x, dtype=float), np.array(state.P, dtype=float)
+    left = np.array(getattr(state, module["COVARIANCE"]), dtype=float)
+    return np.array(state.x, dtype=float), np.moveaxis(module["unpack"](left), 2, 0)
 
 
 def filter_state(module: dict[str, Any], dtype: str, number: Callable[[Any], Any]) -> SimpleNamespace:

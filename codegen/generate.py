@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -16,6 +17,7 @@ from codegen import __version__
 from codegen.box import sample_box
 from codegen.budget import FACTORS, Account, cycles
 from codegen.certificate import SAMPLES, Figures, certify, certify_chip
+from codegen.fast.steps import build_fast_filter
 from codegen.folder import with_manifest
 from codegen.layout import Listing, lay_out
 from codegen.ledger import Ledger, Program
@@ -46,7 +48,14 @@ class Package:
     accounts: dict[str, Account] = field(default_factory=dict)
 
 
-def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = None) -> Package:
+#: The shipped form exploits the model's structure; the literal one is the paper's, for reading and proving.
+FORMS: dict[str, Callable[[StateSpaceModel, str, str], FilterStep]] = {
+    "fast": build_fast_filter,
+    "literal": build_filter,
+}
+
+
+def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = None, form: str = "fast") -> Package:
     """Generate a drive's folder in memory; :func:`codegen.folder.write_folder` puts it on disk.
 
     Parameters
@@ -56,8 +65,9 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
         Draws from the operating box behind the certificate.
     measurer : Measurer, optional
         Where stack and code size come from; by default they are reported as not measured.
+    form : {"fast", "literal"}
     """
-    model, steps = build_steps(drive)
+    model, steps = build_steps(drive, form)
     listings = lay_out_steps(model, steps)
     about = Description(drive, model, tuple(default_initial_state(drive)))
     module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
@@ -74,10 +84,10 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     return Package(drive, model, steps, with_manifest(files, facts), accounts)
 
 
-def build_steps(drive: Drive) -> tuple[StateSpaceModel, dict[str, FilterStep]]:
+def build_steps(drive: Drive, form: str = "fast") -> tuple[StateSpaceModel, dict[str, FilterStep]]:
     """Stage 1: drive -> symbolic model -> one symbolic step a filter kind."""
     model = build(drive)
-    return model, {kind: build_filter(model, kind, drive.filter.gain) for kind in dict.fromkeys(drive.filter.kinds)}
+    return model, {kind: FORMS[form](model, kind, drive.filter.gain) for kind in dict.fromkeys(drive.filter.kinds)}
 
 
 def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Listing]:
@@ -172,6 +182,7 @@ def _facts(
 ) -> dict[str, Any]:
     return {
         "drive": drive.name,
+        "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
         "input_sha256": drive.sha256,
         "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
         "parameters": drive.model_dump(exclude={"sha256", "name"}),

@@ -10,7 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import casadi as ca
 
@@ -29,12 +29,13 @@ _FOLD: dict[str, Callable[..., float]] = {
 
 @dataclass(frozen=True)
 class Node:
-    """One operation. ``name`` is set for inputs and named constants, ``value`` for constants."""
+    """One operation. ``name`` is set for inputs and named constants, ``value`` and ``formula`` for constants."""
 
     op: str
     args: tuple[int, ...] = ()
     name: str = ""
     value: float = 0.0
+    formula: str = ""
 
 
 class Graph:
@@ -63,9 +64,9 @@ class Graph:
         """A scalar that enters the block."""
         return self._add(Node("input", name=name), ("input", name))
 
-    def const(self, value: float, name: str = "") -> int:
-        """A number; one with a name keeps it in print."""
-        return self._add(Node("const", name=name, value=value), ("const", name, repr(value)))
+    def const(self, value: float, name: str = "", formula: str = "") -> int:
+        """A number; one with a name keeps it in print, ``formula`` beside it."""
+        return self._add(Node("const", name=name, value=value, formula=formula), ("const", name, repr(value)))
 
     def op(self, op: str, *args: int) -> int:
         """An operation; the few rewrites here change no bit of its result, and constants are folded in double."""
@@ -74,6 +75,12 @@ class Graph:
             return simplified
         key = (op, *(sorted(args) if op in COMMUTATIVE else args))
         return self._add(Node(op, tuple(args)), key)
+
+    def adopt(self, node: Node, args: list[int]) -> int:
+        """A node of another graph, its arguments given in this one."""
+        if node.op == "input":
+            return self.input(node.name)
+        return self.const(node.value, node.name, node.formula) if node.op == "const" else self.op(node.op, *args)
 
     def _rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
         constants = [self.nodes[arg].value if self.nodes[arg].op == "const" else None for arg in args]
@@ -84,6 +91,10 @@ class Graph:
         if op == "div" and constants[1] is not None and math.frexp(constants[1])[0] == 0.5:
             return self.op("mul", args[0], self.const(1.0 / constants[1]))  # a power of two: exact either way
         return None
+
+    def is_two_pi(self, value: int) -> bool:
+        """See :class:`Algebra`."""
+        return self.nodes[value].op == "const" and abs(self.nodes[value].value - 2 * math.pi) < 1e-12
 
     def reachable(self, roots: Iterable[int]) -> list[int]:
         """All nodes the roots depend on, arguments before users."""
@@ -121,24 +132,41 @@ class UnsupportedOperationError(ValueError):
     """The tape holds an operation no printer knows; the message names it."""
 
 
-def read_tape(graph: Graph, function: Any, inputs: list[list[int]]) -> list[list[int]]:
-    """Replay a CasADi SX Function into ``graph``.
+Value = TypeVar("Value")
+
+
+class Algebra(Protocol[Value]):
+    """What a tape can be replayed in: a :class:`Graph`, or the even/odd numbers of :mod:`codegen.fast.split`."""
+
+    def const(self, value: float) -> Value:
+        """A number."""
+
+    def op(self, op: str, *args: Value) -> Value:
+        """An operation."""
+
+    def is_two_pi(self, value: Value) -> bool:
+        """Whether a value is the constant 2 pi: the one remainder that means wrapping an angle."""
+
+
+def read_tape(graph: Algebra[Value], function: Any, inputs: list[list[Value]]) -> list[list[Value]]:
+    """Replay a CasADi SX Function in an algebra, usually a :class:`Graph`.
 
     Parameters
     ----------
-    graph : Graph
+    graph : Algebra
     function : casadi.Function
         An SX function; every output dense or sparse, read by nonzero.
-    inputs : list of list of int
-        For each input of the function, the graph node of each of its entries.
+    inputs : list of list
+        For each input of the function, the value (in a Graph: the node) of each of its entries.
 
     Returns
     -------
-    list of list of int
-        For each output, the node of each nonzero.
+    list of list
+        For each output, the value of each nonzero.
     """
-    work: dict[int, int] = {}
-    outputs = [[0] * function.nnz_out(k) for k in range(function.n_out())]
+    work: dict[int, Value] = {}
+    zero = graph.const(0.0)
+    outputs = [[zero] * function.nnz_out(k) for k in range(function.n_out())]
     for k in range(function.n_instructions()):
         op = function.instruction_id(k)
         source, target = function.instruction_input(k), function.instruction_output(k)
@@ -153,7 +181,7 @@ def read_tape(graph: Graph, function: Any, inputs: list[list[int]]) -> list[list
     return outputs
 
 
-def _replay(graph: Graph, op: int, args: list[int]) -> int:
+def _replay(graph: Algebra[Value], op: int, args: list[Value]) -> Value:
     if op in _BINARY:
         return graph.op(_BINARY[op], args[0], args[1])
     if op in _UNARY:
@@ -164,7 +192,7 @@ def _replay(graph: Graph, op: int, args: list[int]) -> int:
         return graph.op("mul", graph.const(2.0), args[0])
     if op == ca.OP_INV:
         return graph.op("div", graph.const(1.0), args[0])
-    if op == ca.OP_REMAINDER and graph[args[1]].op == "const" and abs(graph[args[1]].value - 2 * math.pi) < 1e-12:
+    if op == ca.OP_REMAINDER and graph.is_two_pi(args[1]):
         return graph.op("wrap", args[0])
     names = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
     raise UnsupportedOperationError(

@@ -12,17 +12,35 @@ from typing import Any
 
 import casadi as ca
 
+from codegen.fast.expr import GraphBlock
 from codegen.graph import Graph, read_tape
+from codegen.passes import run_passes
 from model.quantities import Block, Constant, Stage
 
 
 @dataclass(frozen=True)
+class PairFunction:
+    """A helper that returns two values at once: its name in print, the operations it serves, what they are called."""
+
+    name: str
+    operations: tuple[str, str]
+    members: tuple[str, str]
+    argument: str
+
+
+SIN_COS = PairFunction("sin_cos", ("sin", "cos"), ("sine", "cosine"), "angle")
+SMALL_ANGLE = PairFunction("small_angle", ("sinc", "cosm1"), ("sinc", "cosm1"), "z")
+PAIRS = {op: function for function in (SIN_COS, SMALL_ANGLE) for op in function.operations}
+
+
+@dataclass(frozen=True)
 class Statement:
-    """``name = expression of node``; for op ``sincos`` the names of sine and cosine and the angle's node."""
+    """``name = expression of node``; for a pair the names of its halves, ``node`` being the argument."""
 
     node: int
     name: str
     pair: tuple[str, str] | None = None
+    function: PairFunction | None = None
 
 
 @dataclass
@@ -58,22 +76,23 @@ class Listing:
     def operations(self) -> Counter[str]:
         """Operations of one run: add (with sub and neg), mul, div, sqrt, sincos, wrap."""
         count: Counter[str] = Counter()
-        angles = set()
+        pairs = set()
         for index in self.live:
             node = self.graph[index]
-            if node.op in {"sin", "cos"}:
-                angles.add(node.args[0])
+            if node.op in PAIRS:
+                pairs.add((PAIRS[node.op].name, node.args[0]))
             elif node.op in {"add", "sub", "neg"}:
                 count["add"] += 1
             elif node.op not in {"input", "const"}:
                 count[node.op] += 1
-        count["sincos"] += len(angles)
+        count["sincos"] += sum(name == SIN_COS.name for name, _ in pairs)
+        count["small_angle"] += sum(name == SMALL_ANGLE.name for name, _ in pairs)
         return count
 
 
 def lay_out(block: Block, constants: list[Constant]) -> Listing:
-    """Read a block's tape, name its operations and order them."""
-    graph, outputs, stages = _to_graph(block, constants)
+    """Read a block's tape (or take its graph), name its operations and order them."""
+    graph, outputs, stages = _passed(block) if isinstance(block, GraphBlock) else _to_graph(block, constants)
     roots = [node for nodes in outputs.values() for node in nodes]
     live = frozenset(graph.reachable(roots))
     names = _name(block, graph, stages, live)
@@ -89,12 +108,26 @@ def _to_graph(block: Block, constants: list[Constant]) -> tuple[Graph, dict[str,
     function = ca.Function(block.name, [*ports, *symbols], [ca.densify(result) for result in results])
     inputs = [[graph.input(name) for name in port.names] for port in block.inputs]
     if constants:
-        inputs.append([graph.const(constant.value, constant.name) for constant in constants])
+        inputs.append([graph.const(constant.value, constant.name, constant.formula) for constant in constants])
     nodes = read_tape(graph, function, inputs)
     stage_nodes = dict(zip((stage.name for stage in block.stages), nodes, strict=False))
     assert len(stage_nodes) == len(block.stages), "stage names must differ within a block"
     output_nodes = dict(zip((port.name for port in block.outputs), nodes[len(block.stages) :], strict=True))
     return graph, output_nodes, stage_nodes
+
+
+def _passed(block: GraphBlock) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
+    """A fast block's graph after all passes; what a stage only suggests a name for may have gone (-1)."""
+    nodes = {
+        **{stage.name: [entry.node for entry in stage.entries] for stage in block.stages},
+        **{f"output {port.name}": [entry.node for entry in port.entries] for port in block.outputs},
+    }
+    kept = [stage.name for stage in block.stages if stage.scale != "none"]
+    roots = [node for name in (*(f"output {port.name}" for port in block.outputs), *kept) for node in nodes[name]]
+    graph, moved = run_passes(block.graph, roots)
+    stages = {stage.name: [moved.get(node, -1) for node in nodes[stage.name]] for stage in block.stages}
+    outputs = {port.name: [moved[node] for node in nodes[f"output {port.name}"]] for port in block.outputs}
+    return graph, outputs, stages
 
 
 def _results(block: Block) -> list[tuple[Any, ...]]:
@@ -116,9 +149,11 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
             first_user.setdefault(arg, index)
     for index in sorted(live):
         node = graph[index]
-        if node.op in {"sin", "cos"}:
-            angle = names.setdefault(node.args[0], _fresh("angle", taken))
-            names[index] = _fresh(f"{node.op}_{angle}", taken)
+        if node.op in PAIRS:
+            if node.args[0] not in names:
+                names[node.args[0]] = _fresh(PAIRS[node.op].argument, taken)
+            if index not in names:
+                names[index] = _fresh(f"{node.op}_{names[node.args[0]]}", taken)
         elif index not in names and uses[index] > 1 and node.op not in {"const", "neg"}:
             names[index] = _fresh(_describe(graph, index, names, first_user), taken)
     return names
@@ -169,8 +204,8 @@ def _order(
                 continue
             done.add(index)
             node = graph[index]
-            if node.op in {"sin", "cos"}:
-                done |= _pair(graph, names, node.args[0], section, done)
+            if node.op in PAIRS:
+                done |= _pair(graph, names, PAIRS[node.op], node.args[0], section)
             elif index in names and node.op not in {"input", "const"}:
                 section.statements.append(Statement(index, names[index]))
         if section.statements:
@@ -178,13 +213,13 @@ def _order(
     return sections
 
 
-def _pair(graph: Graph, names: dict[int, str], angle: int, section: Section, done: set[int]) -> set[int]:
-    """Sine and cosine of an angle come from one call; returns the nodes it settles."""
-    sin, cos = graph.op("sin", angle), graph.op("cos", angle)
-    statement = Statement(angle, f"sincos_{names[angle]}", (names.get(sin, ""), names.get(cos, "")))
-    if not any(known.name == statement.name for known in section.statements):
-        section.statements.append(statement)
-    return {sin, cos}
+def _pair(graph: Graph, names: dict[int, str], function: PairFunction, argument: int, section: Section) -> set[int]:
+    """Both values of a pair come from one call; returns the nodes it settles."""
+    first, second = (graph.op(op, argument) for op in function.operations)
+    label = f"{'sincos' if function is SIN_COS else 'turn'}_{names[argument]}"
+    halves = names.get(first, ""), names.get(second, "")
+    section.statements.append(Statement(argument, label, halves, function))
+    return {first, second}
 
 
 def _by_equation(stages: tuple[Stage, ...], nodes: dict[str, list[int]]) -> list[tuple[str, str, list[int]]]:

@@ -25,8 +25,6 @@ UNITS = 3
 DRAWS, MARGIN = 64, 8
 #: Where a word is 0 in every run: the smallest deviation that is told from 0.
 SMALLEST = 2.0**-100
-#: The covariance's field in the state; its words are opaque here.
-COVARIANCE = "P"
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: in
                 code = module["STEPS"][kind](state, _lanes(u, lanes), _lanes(y, lanes), module["MATH"]["float32"])
             status.append(np.broadcast_to(code, lanes))
             iterations.append(np.broadcast_to(state.iterations, lanes))
-            words.append(np.array([*state.x, *getattr(state, COVARIANCE)], dtype=np.float32))
+            words.append(np.array([*state.x, *getattr(state, module["COVARIANCE"])], dtype=np.float32))
     return np.array(status), np.array(iterations), np.array(words)
 
 
@@ -148,7 +146,7 @@ def _filter_state(module: dict[str, Any], x_0: Any, P_0: Any, lanes: int) -> Sim
     n = len(x_0)
     diagonal = np.diag(np.float32(P_0))[np.tril_indices(n)]
     state.x = _lanes(x_0, lanes)
-    setattr(state, COVARIANCE, _lanes(diagonal, lanes))
+    setattr(state, module["COVARIANCE"], _lanes(diagonal, lanes))
     state.u_held = _lanes(np.zeros(2), lanes)
     return state
 

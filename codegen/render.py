@@ -14,6 +14,7 @@ from codegen import __version__
 from codegen.layout import Listing
 from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.printers.python import PythonPrinter
+from codegen.small_angle import LIMIT, coefficients, small_angle_bound, small_angle_listing
 from codegen.targets import Target
 from codegen.trig import DOUBLE, SINGLE, sin_cos_bound, sin_cos_listing, wrap_listing
 from model.drive import Drive
@@ -34,6 +35,10 @@ FILTER_TITLES = {
     "ickf": "iterated cubature Kalman filter",
     "ekf": "extended Kalman filter",
     "ukf": "unscented Kalman filter",
+}
+COVARIANCE_COMMENTS = {
+    "P": "covariance of x: lower triangle, row by row: P00, P10, P11, P20, ...",
+    "LD": "covariance of x as L D L^T, L with unit diagonal: D0, L10, D1, L20, L21, D2, ...",
 }
 MACHINE_TITLES = {"surface": "surface PMSM, current states", "salient_flux": "salient PMSM, flux-linkage states"}
 
@@ -79,7 +84,8 @@ def render_filter(
     printer = CPrinter(target)
     n = len(model.states)
     looped = _repeats(step.body)
-    pair = any(listings[block.name].operations()["sincos"] for block in step.blocks)
+    turns = any(listings[block.name].operations()["small_angle"] for block in step.blocks)
+    pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
     common = {
         "p": f"{drive.name}_{step.kind}{target.tag}",
         "title": about.title(step.kind),
@@ -89,10 +95,12 @@ def render_filter(
         "n": n,
         "packed": n * (n + 1) // 2,
         "libm": target.libm,
+        "covariance": step.covariance,
     }
     header = render(
         "filter.h.j2",
         **common,
+        covariance_comment=COVARIANCE_COMMENTS[step.covariance],
         states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
         unused="" if looped else "; unused here: " + ("iterating is idle" if step.iteration_proof else "no iteration"),
     )
@@ -108,6 +116,12 @@ def render_filter(
         pair_type=printer.pair,
         trig_note=trig_note(target),
         sin_cos=sin_cos_text(printer),
+        turns=turns,
+        small_angle_note=small_angle_note(target) if turns else [],
+        turn_constants=_turn_constants(printer) if turns else [],
+        small_turn=printer.format_literal(LIMIT),
+        one=printer.format_literal(1.0),
+        sqrt=target.sqrt,
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
@@ -145,6 +159,27 @@ def trig_note(target: Target) -> list[str]:
     ]
 
 
+def small_angle_note(target: Target) -> list[str]:
+    """What is known of sinc and cosm1."""
+    lines = [
+        "How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., "
+        "cos(d) - 1 = COSM1_1 z + ...",
+        f"for d up to {LIMIT**0.5:.2g} rad.",
+    ]
+    if target.generated_trig:
+        bound = small_angle_bound()
+        lines.append(f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of z / 2.")
+    return lines
+
+
+def _turn_constants(printer: CPrinter) -> list[dict[str, str]]:
+    return [
+        {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
+        for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision), strict=True)
+        for k, value in enumerate(part, start=1)
+    ]
+
+
 def sin_cos_text(printer: CPrinter) -> str:
     if printer.target.generated_trig:
         return printer.format_helper(sin_cos_listing())
@@ -158,15 +193,20 @@ def _constants(
     about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter
 ) -> list[dict[str, str]]:
     """The named constants this filter uses."""
-    used = set()
-    for block in step.blocks:
-        listing = listings[block.name]
-        used |= {listing.graph[node].name for node in listing.live if listing.graph[node].op == "const"}
-    return [
-        {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
-        for c in about.model.constants
-        if c.name in used
-    ]
+    used = named_constants(about, [listings[block.name] for block in step.blocks])
+    return [{"name": name, "text": printer.format_literal(value), "formula": formula} for name, value, formula in used]
+
+
+def named_constants(about: Description, listings: list[Listing]) -> list[tuple[str, float, str]]:
+    """Name, value and formula of the constants that blocks use: the model's in its order, then products of them."""
+    found = {
+        node.name: (node.name, node.value, node.formula)
+        for listing in listings
+        for node in (listing.graph[index] for index in sorted(listing.live))
+        if node.op == "const" and node.name
+    }
+    own = [c.name for c in about.model.constants if c.name in found]
+    return [found.pop(name) for name in own] + list(found.values())
 
 
 def _tuning(about: Description) -> dict[str, Any]:
@@ -213,6 +253,8 @@ def render_module(
     """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render_drive`)."""
     drive, model = about.drive, about.model
     printer = PythonPrinter()
+    (covariance,) = {step.covariance for step in steps.values()}
+    turns = any(listing.operations()["small_angle"] for listing in listings.values())
     helpers = [
         printer.format_helper(sin_cos_listing(), "f32"),
         printer.format_helper(wrap_listing(SINGLE), "f32"),
@@ -231,14 +273,37 @@ def render_module(
         sample_time=repr(drive.model.sample_time),
         defaults={key: repr(value) for key, value in _tuning(about).items()},
         constants=[
-            {"name": c.name, "value": repr(c.value), "formula": c.formula}
-            for c in {c.name: c for c in (*model.constants, *controller["control_constants"])}.values()
+            {"name": name, "value": repr(value), "formula": formula}
+            for name, value, formula in {
+                c[0]: c
+                for c in (
+                    *named_constants(about, list(listings.values())),
+                    *((c.name, c.value, c.formula) for c in controller["control_constants"]),
+                )
+            }.values()
         ],
         helpers=helpers,
+        turns=turns,
+        small_angle=_python_small_angle(printer) if turns else "",
+        covariance=covariance,
+        packing=render("packing.py.j2", covariance=covariance),
         **controller,
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[
             {"kind": kind, "loops": _repeats(step.body), "program": "\n".join(printer.format_program(step.body))}
             for kind, step in steps.items()
         ],
+    )
+
+
+def _python_small_angle(printer: PythonPrinter) -> str:
+    """Both precisions of small_angle: the polynomials, and beyond the limit sine and cosine."""
+    return "\n\n".join(
+        render(
+            "small_angle.py.j2",
+            tag=tag,
+            limit=LIMIT,
+            polynomials=printer.format_helper(small_angle_listing(precision), tag).replace("def _", "def _polynomial_"),
+        )
+        for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from codegen.printers.c import CPrinter
 from codegen.printers.expression import wrap_line
-from codegen.recording import COVARIANCE, DRAWS, MARGIN, UNITS, Recording, execute
+from codegen.recording import DRAWS, MARGIN, UNITS, Recording, execute
 from codegen.render import Description, render, sin_cos_text
 from codegen.selftest import ControlRun, Segment
 from codegen.targets import F28335
@@ -36,6 +36,7 @@ def render_filter_selftest(
     about: Description, kind: str, module: str, runs: list[Segment], recording: Recording
 ) -> SelfTest:
     """Self-test of one filter."""
+    covariance = execute(module, "named")["COVARIANCE"]
     n, outputs = len(about.model.states), recording.words.shape[1]
     vectors = len(recording.words)
     firsts = np.cumsum([0, *(len(run.u) for run in runs)])
@@ -47,7 +48,7 @@ def render_filter_selftest(
         ("1", "the status"),
         ("2", "the number of iterations"),
         ("10 + k", "x[k]"),
-        ("20 + k", f"{COVARIANCE}[k]"),
+        ("20 + k", f"{covariance}[k]"),
     ]
     p = f"{about.drive.name}_{kind}"
     common = {**_common(about, p, vectors, words), "plan": plan, "stages": stages, "has_iterations": True}
@@ -59,7 +60,7 @@ def render_filter_selftest(
         **common,
         n=n,
         outputs=outputs,
-        covariance=COVARIANCE,
+        covariance=covariance,
         samples=_samples(module),
         starts=[_start(int(first), run) for first, run in zip(firsts, runs, strict=False)],
         rows=[_vector(k, (u[k], "u", "V"), (y[k], "y", "A"), recording, n, True) for k in range(vectors)],

@@ -55,11 +55,10 @@ _PI_TAIL = 1.2246467991473532e-16
 
 
 def split_pi(precision: Precision) -> tuple[float, ...]:
-    """Pi in parts so short that k times each but the last is exact (Cody and Waite)."""
+    """Pi in two parts, the first so short that k times it is exact (Cody and Waite)."""
     if precision.bits == 24:
         first = round(math.pi * 2**10) / 2**10
-        second = round((math.pi - first) * 2**24) / 2**24
-        return first, second, float(np.float32(math.pi - first - second + _PI_TAIL))
+        return first, float(np.float32(math.pi - first + _PI_TAIL))
     first = round(math.pi * 2**30) / 2**30
     return first, math.pi - first + _PI_TAIL
 
@@ -74,7 +73,7 @@ def _reduce(g: Graph, x: int, parts: tuple[float, ...], per_period: float, preci
     return k, r
 
 
-def _polynomial(g: Graph, z: int, coefficients: tuple[float, ...]) -> int:
+def polynomial(g: Graph, z: int, coefficients: tuple[float, ...]) -> int:
     """Horner's rule in z."""
     value = g.const(coefficients[-1])
     for c in reversed(coefficients[:-1]):
@@ -96,19 +95,17 @@ def sin_cos_listing() -> Listing:
     z = g.op("mul", r, r)
     outputs = {"sine": [g.op("mul", sign, sine)], "cosine": [g.op("mul", sign, cosine)]}
     names = {x: "x", magic: "ROUND", k: "k", r: "r", odd: "odd", sign: "sign", z: "z"}
-    reduction = Section(
-        "", "x = k pi + r with |r| <= pi / 2, pi in three parts", [Statement(k, "k"), Statement(r, "r")]
-    )
+    reduction = Section("", "x = k pi + r with |r| <= pi / 2, pi in two parts", [Statement(k, "k"), Statement(r, "r")])
     parity = Section("", "the sign is -1 for odd k", [Statement(odd, "odd"), Statement(sign, "sign")])
     values = Section("", "minimax polynomials in z = r^2", [Statement(z, "z")])
-    return _listing("sin_cos", g, names, [reduction, parity, values], outputs)
+    return helper_listing("sin_cos", g, names, [reduction, parity, values], outputs)
 
 
 def _sine_cosine(g: Graph, r: int) -> tuple[int, int]:
     """The two polynomials on |r| <= pi/2."""
     z = g.op("mul", r, r)
-    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), _polynomial(g, z, SIN_COEFFICIENTS)))
-    quarter = g.op("mul", g.op("mul", z, z), _polynomial(g, z, COS_COEFFICIENTS))
+    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), polynomial(g, z, SIN_COEFFICIENTS)))
+    quarter = g.op("mul", g.op("mul", z, z), polynomial(g, z, COS_COEFFICIENTS))
     cosine = g.op("add", g.op("sub", g.const(1.0), g.op("mul", g.const(0.5), z)), quarter)
     return sine, cosine
 
@@ -134,14 +131,16 @@ def wrap_listing(precision: Precision) -> Listing:
     }
     section = Section("", "r = x - 2 pi turns, kept inside [-pi, pi)", [])
     section.statements = [Statement(turns, "turns"), Statement(r, "r"), Statement(capped, "capped")]
-    return _listing("wrap_angle", g, names, [section], {"wrapped": [result]})
+    return helper_listing("wrap_angle", g, names, [section], {"wrapped": [result]})
 
 
-def _listing(
+def helper_listing(
     name: str, g: Graph, names: dict[int, str], sections: list[Section], outputs: dict[str, list[int]]
 ) -> Listing:
+    """A helper of one scalar, ready to print."""
     ports = tuple(Port(key, (), (key,)) for key in outputs)
-    block = Block(name, "", (Port("x", (), ("x",)),), ports, ())
+    (argument,) = (node.name for node in g.nodes if node.op == "input")
+    block = Block(name, "", (Port(argument, (), (argument,)),), ports, ())
     live = frozenset(g.reachable(node for nodes in outputs.values() for node in nodes))
     return Listing(block, g, names, sections, outputs, {}, live)
 
@@ -160,8 +159,8 @@ class SinCosBound:
 def sin_cos_bound() -> SinCosBound:
     """Bound |float32 result - true value|: argument reduction + approximation + rounding of the evaluation.
 
-    Reduction: k p1 and k p2 are exact for these k, x - k p1 is exact (the result has at most 24 bits), so only
-    two subtractions and the product k p3 round; sine and cosine pass the error of r on with a slope of at
+    Reduction: k p1 is exact for these k, x - k p1 is exact (the result has at most 24 bits), so only
+    the product k p2 and its subtraction round; sine and cosine pass the error of r on with a slope of at
     most 1. Approximation: polynomial against the library's float64 sine at 20 001 points. Rounding: error
     propagation through the very operations printed, over 256 pieces of the interval.
     """
@@ -169,8 +168,8 @@ def sin_cos_bound() -> SinCosBound:
     k_max = math.ceil(ARGUMENT_LIMIT / math.pi)
     parts = split_pi(SINGLE)
     r_max = math.pi / 2 + 2 * u * ARGUMENT_LIMIT / math.pi + 1e-6  # k may round the other way near a tie
-    tail = abs(math.pi - parts[0] - parts[1] - parts[2] + _PI_TAIL)
-    reduction = k_max * tail + u * k_max * abs(parts[2]) + 2 * u  # |r| < 2: half a unit in the last place is u
+    tail = abs(math.pi - parts[0] - parts[1] + _PI_TAIL)
+    reduction = k_max * tail + u * k_max * abs(parts[1]) + u  # |r| < 2: half a unit in the last place is u
     proved = 0.0
     grid = np.linspace(-r_max, r_max, 20_001)
     for which, exact in enumerate((np.sin, np.cos)):

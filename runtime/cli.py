@@ -97,11 +97,14 @@ def generate(
         bool, typer.Option("--check", help="Write nothing; exit 1 with a diff if a folder is stale.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a folder that was edited by hand.")] = False,
+    form: Annotated[
+        str, typer.Option(metavar="NAME", help="fast (what is shipped), or literal: the paper's shape, for reading.")
+    ] = "fast",
 ) -> None:
     """Generate C for the F28335, host C and Python from drive files."""
     _caution(drives)
     with working() as progress:
-        written = generate_drives(drives or [], out, check, force, progress)
+        written = generate_drives(drives or [], out, check, force, form, progress)
     if check:
         for item in written:
             if item.diff:

@@ -20,6 +20,7 @@ from model.drive import DriveError, load_drive, shipped_drives
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Conditions, Run
+from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.firmware.tasks import run_gates
@@ -59,16 +60,19 @@ def generate_drives(
     out: Path | None,
     check: bool = False,
     force: bool = False,
+    form: str = "fast",
     progress: Progress = lambda text: None,
 ) -> list[Written]:
     """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
 
     With ``check`` nothing is written.
     """
+    if form != "fast" and out is None:
+        raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
     packages = []
     for drive in drives or shipped_drives():
         progress(f"{drive}: generating")
-        packages.append((drive, _generate(drive, out, check)))
+        packages.append((drive, _generate(drive, out, check, form)))
     names = [package.drive.name for _, package in packages]
     for name in names:
         if names.count(name) > 1:
@@ -85,11 +89,11 @@ def generate_drives(
     return results
 
 
-def _generate(drive: str, out: Path | None, check: bool) -> Package:
+def _generate(drive: str, out: Path | None, check: bool, form: str) -> Package:
     """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
     loaded = load_drive(drive)
     kept = kept_records(target_folder(drive, loaded.name, out))
-    package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check))
+    package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check), form=form)
     check_budget(loaded, package.accounts)
     return package
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from codegen.layout import Listing, Statement
+from codegen.layout import SMALL_ANGLE, Listing, Statement
 from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
+from codegen.small_angle import coefficients
 from codegen.targets import Target
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
@@ -49,11 +50,22 @@ class CPrinter(ExpressionPrinter):
 
     def format_statement(self, listing: Listing, statement: Statement) -> list[str]:
         """One declaration, or the three that sine and cosine take."""
-        if statement.pair is None:
+        if statement.pair is None or statement.function is None:
             return [self._declaration(statement.name, self.expression(listing, statement.node))]
-        angle = listing.names[statement.node]
-        lines = [f"{INDENT}const {self.pair} {statement.name} = sin_cos({angle});"]
-        for name, member in zip(statement.pair, ("sine", "cosine"), strict=True):
+        argument, function = listing.names[statement.node], statement.function
+        if function is SMALL_ANGLE:
+            return [
+                self._declaration(name, horner(f"{prefix}_", len(part), argument) + end)
+                for name, prefix, part, end in zip(
+                    statement.pair,
+                    ("SINC", "COSM1"),
+                    coefficients(self.target.precision),
+                    (f" + {self.format_literal(1.0)}", ""),
+                    strict=True,
+                )
+            ]
+        lines = [f"{INDENT}const {self.pair} {statement.name} = {function.name}({argument});"]
+        for name, member in zip(statement.pair, function.members, strict=True):
             if name:
                 lines.append(self._declaration(name, f"{statement.name}.{member}"))
         return lines
@@ -87,7 +99,21 @@ class CPrinter(ExpressionPrinter):
                 wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT)
                 for k, node in enumerate(nodes)
             ]
-        return "\n".join([*lines, "}"])
+        return "\n".join([*lines, *self._widening(listing), "}"])
+
+    @staticmethod
+    def _widening(listing: Listing) -> list[str]:
+        """Where a block takes small angles: those that are not small, once all are written."""
+        turned = [s for section in listing.sections for s in section.statements if s.function is SMALL_ANGLE]
+        if not turned:
+            return []
+        z, turn = listing.outputs
+        test = " && ".join(f"({listing.names[s.node]} <= SMALL_TURN)" for s in turned)
+        return [
+            wrap_line(f"if (!({test})) {{", INDENT, INDENT),
+            f"{INDENT * 2}widen({z}_out, {turn}_out, {len(turned)});",
+            f"{INDENT}}}",
+        ]
 
     def _signature(self, block: Block) -> list[str]:
         real = self.target.real
@@ -146,8 +172,16 @@ class CPrinter(ExpressionPrinter):
         ]
 
 
+def horner(prefix: str, terms: int, variable: str) -> str:
+    """``((A_3 * z + A_2) * z + A_1) * z``: a polynomial without its constant, lowest power named 1."""
+    text = f"{prefix}{terms}"
+    for k in range(terms - 1, 0, -1):
+        text = f"({text} * {variable} + {prefix}{k})"
+    return f"{text} * {variable}"
+
+
 #: Arrays that live in the struct, and the field behind a block's argument.
-STRUCT_FIELDS = {"x": "f->x", "P": "f->P", "Q": "f->Q", "R": "f->R", "u": "f->u_held"}
+STRUCT_FIELDS = {"x": "f->x", "P": "f->P", "LD": "f->LD", "Q": "f->Q", "R": "f->R", "u": "f->u_held"}
 
 
 def _call(block: Block) -> str:

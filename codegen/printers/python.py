@@ -32,10 +32,10 @@ class PythonPrinter(ExpressionPrinter):
     # --- statements
 
     def format_statement(self, listing: Listing, statement: Statement) -> str:
-        if statement.pair is None:
+        if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
-        return f"{INDENT}{names} = math.sin_cos({listing.names[statement.node]})"
+        return f"{INDENT}{names} = math.{statement.function.name}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
         lines: list[str] = []
@@ -74,7 +74,8 @@ class PythonPrinter(ExpressionPrinter):
     @staticmethod
     def _format_input(port: str, length: int, used: list[tuple[int, str]]) -> list[str]:
         if len(used) == length and length > 1:
-            return [wrap_line(f"({', '.join(name for _, name in used)}) = {port}", INDENT, INDENT)]
+            text = ", ".join(name for _, name in used)
+            return [wrap_line(f"({text}){unbroken(f' = {port}')}", INDENT, INDENT)]
         return [f"{INDENT}{name} = {port}[{k}]" for k, name in used]
 
     def _format_stages(self, listing: Listing) -> list[str]:
@@ -90,12 +91,13 @@ class PythonPrinter(ExpressionPrinter):
 
     def format_helper(self, listing: Listing, suffix: str) -> str:
         """sin_cos or wrap_angle for one precision."""
-        results = ", ".join(self.expression(listing, nodes[0]) for nodes in listing.outputs.values())
+        results = ", ".join(self.reference(listing, nodes[0]) for nodes in listing.outputs.values())
         constants = [node for node in listing.graph.nodes if node.op == "const" and node.name]
+        (argument,) = (port.name for port in listing.block.inputs)
         body = [_assignment(node.name, self.format_literal(node.value)) for node in constants]
         body += [line for line in self.format_body(listing) if line]
         return "\n".join(
-            [f"def _{listing.block.name}_{suffix}(x):", *body, wrap_line(f"return {results}", INDENT, INDENT)]
+            [f"def _{listing.block.name}_{suffix}({argument}):", *body, wrap_line(f"return {results}", INDENT, INDENT)]
         )
 
     # --- the step
@@ -144,7 +146,10 @@ class PythonPrinter(ExpressionPrinter):
             *self.format_program(node.then),
             f"{INDENT}if not np.all(accepted):",
             f"{INDENT}{INDENT}{_call(otherwise.block, prefix='coast_')}",
-            f"{INDENT}{INDENT}x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)",
+            *(
+                f"{INDENT}{INDENT}{name} = _select(accepted, {name}, coast_{name})"
+                for name in (port.name for port in otherwise.block.outputs)
+            ),
         ]
 
 

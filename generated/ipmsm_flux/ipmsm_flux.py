@@ -8,6 +8,7 @@ float32 lanes compute the bits of the generated C; float64 lanes use the platfor
 import numpy as np
 
 STATES = ('psi_alpha', 'psi_beta', 'omega', 'theta')
+COVARIANCE = "LD"  # the field that carries P; see pack and unpack
 UNITS = ('Wb', 'Wb', 'rad/s', 'rad')
 ANGLE = 3  # index of the state that lives on a circle
 KINDS = ('ckf', 'ickf')
@@ -33,16 +34,16 @@ NOT_CONVERGED = 2  # max_iterations passed before (33) held: the last iterate is
 INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
 INV_L_Q = 19.607843137254903  # 1 / L_q, A/Wb
 PSI_M = 0.545  # magnet flux linkage, Wb
-POLE_PAIRS = 3.0  # p
 DECAY_D = 0.9900498337491681  # exp(-T R / L_d)
 DECAY_Q = 0.9929660314487113  # exp(-T R / L_q)
 GAIN_D = 9.950166250831892e-05  # (1 - exp(-T R / L_d)) L_d / R, s
 GAIN_Q = 9.9647887809923e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 MAGNET_D = 0.005422840606703382  # (1 - exp(-T R / L_d)) psi_m, Wb
-HALF_T = 5e-05  # T / 2, s
-ADVANCE = 0.0001  # T (1 + exp(-T D / J)) / 2, s
+HALF_T_POLE_PAIRS = 0.00015000000000000001  # HALF_T * POLE_PAIRS
+ADVANCE_POLE_PAIRS = 0.00030000000000000003  # ADVANCE * POLE_PAIRS
 L_D = 0.036  # L_d, H
 L_Q = 0.051  # L_q, H
+POLE_PAIRS = 3.0  # p
 TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
 MTPA_FLUX = 18.166666666666668  # psi_m / (2 (L_q - L_d)), A
@@ -61,9 +62,9 @@ def _larger(a, b):
 
 def _sin_cos_f32(x):
     ROUND = 12582912.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in three parts
+    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
     k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.881092071533203e-06 - k * -2.781813535079891e-08
+    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
     # --- the sign is -1 for odd k
     odd = k - 2.0 * (k * 0.5 + ROUND - ROUND)
     sign = 1.0 - 2.0 * (odd * odd)
@@ -80,7 +81,7 @@ def _wrap_angle_f32(x):
     BELOW_PI = 3.141592502593994
     # --- r = x - 2 pi turns, kept inside [-pi, pi)
     turns = x * 0.15915494309189535 + ROUND - ROUND
-    r = x - turns * 6.283203125 - turns * -1.7762184143066406e-05 - turns * -5.563627070159782e-08
+    r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
     capped = _smaller(r, BELOW_PI)
     return _larger(capped, -3.141592502593994)
 
@@ -99,12 +100,51 @@ def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
+def _polynomial_small_angle_f32(z):
+    sinc = ((-0.00019635721053736524 * z + 0.008332948732190088) * z + -0.16666665599949523) * z + 1.0
+    cosm1 = ((-0.0013704120390129683 * z + 0.041663211079514505) * z + -0.49999990418937185) * z
+    return sinc, cosm1
+
+
+def _small_angle_f32(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f32(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f32(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
+def _polynomial_small_angle_f64(z):
+    sinc = (((((((((-8.22063524662433e-18 * z + 2.8114572543455206e-15) * z + -7.647163731819816e-13) * z +
+        1.6059043836821613e-10) * z + -2.505210838544172e-08) * z + 2.7557319223985893e-06) * z +
+        -0.0001984126984126984) * z + 0.008333333333333333) * z + -0.16666666666666666) * z + 1.0)
+    cosm1 = (((((((((-1.5619206968586225e-16 * z + 4.779477332387385e-14) * z + -1.1470745597729725e-11) * z +
+        2.08767569878681e-09) * z + -2.755731922398589e-07) * z + 2.48015873015873e-05) * z +
+        -0.001388888888888889) * z + 0.041666666666666664) * z + -0.5) * z)
+    return sinc, cosm1
+
+
+def _small_angle_f64(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f64(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f64(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
 class Float32:
     """Generated arithmetic, the same operations as the C code."""
 
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
+    small_angle = staticmethod(_small_angle_f32)
 
 
 class Float64:
@@ -113,9 +153,36 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
+    small_angle = staticmethod(_small_angle_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
+
+
+def pack(P):
+    """Covariance (n, n, ...) -> the words of a filter's state: P = L D L^T row by row, D on the diagonal."""
+    n = len(STATES)
+    P = np.asarray(P, dtype=float)
+    L, D = np.zeros_like(P), np.zeros(P.shape[1:])
+    for j in range(n):
+        D[j] = P[j, j] - np.sum(L[j, :j] ** 2 * D[:j], axis=0)
+        L[j, j] = 1.0
+        for i in range(j + 1, n):
+            L[i, j] = (P[i, j] - np.sum(L[i, :j] * L[j, :j] * D[:j], axis=0)) / D[j]
+    return np.stack([D[i] if i == j else L[i, j] for i in range(n) for j in range(i + 1)])
+
+
+def unpack(words):
+    """The words of a filter's state (n (n + 1) / 2, ...) -> covariance (n, n, ...) = L D L^T, in float64."""
+    n = len(STATES)
+    words = np.asarray(words, dtype=float)
+    L = np.zeros((n, n, *words.shape[1:]))
+    for i in range(n):
+        L[i, :i] = words[i * (i + 1) // 2 : i * (i + 1) // 2 + i]
+        L[i, i] = 1.0
+    D = words[[i * (i + 3) // 2 for i in range(n)]]
+    return np.einsum("ik...,k...,jk...->ij...", L, D, L)
+
 
 
 def _within(values, limit):
@@ -130,602 +197,604 @@ def _select(mask, new, old):
     return tuple(np.where(mask, a, b)[()] for a, b in zip(new, old))
 
 
-def time_update(x, P, Q, u, math, stages=None):
-    """Time update, eq. 13-17."""
+def time_update_turns(LD, math, stages=None):
+    """Small angles of time_update: sin(d) / d and cos(d) - 1."""
+    D_0 = LD[0]
+    D_1 = LD[2]
+    L_20 = LD[3]
+    L_21 = LD[4]
+    D_2 = LD[5]
+    L_30 = LD[6]
+    L_31 = LD[7]
+    L_32 = LD[8]
+    D_3 = LD[9]
+
+    # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
+    part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    d_theta_mid_sq_0 = D_0 * 4.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0
+    part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    d_theta_mid_sq_1 = 4.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1
+    part_of_d_theta_mid_sq_2 = L_32 + 0.00015000000000000001
+    d_theta_mid_sq_2 = 4.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2
+    d_theta_mid_sq_3 = 4.0 * D_3
+    sinc_theta_mid_0, cosm1_theta_mid_0 = math.small_angle(d_theta_mid_sq_0)
+    sinc_theta_mid_1, cosm1_theta_mid_1 = math.small_angle(d_theta_mid_sq_1)
+    sinc_theta_mid_2, cosm1_theta_mid_2 = math.small_angle(d_theta_mid_sq_2)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.small_angle(d_theta_mid_sq_3)
+
+    return (
+        (d_theta_mid_sq_0, d_theta_mid_sq_1, d_theta_mid_sq_2, d_theta_mid_sq_3,),
+        (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
+            cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3,),
+    )
+
+
+def time_update(x, LD, Q, u, turn, math, stages=None):
+    """Time update, eq. 13-18."""
     (psi_alpha, psi_beta, omega, theta) = x
-    (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33) = P
+    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3) = LD
     (Q_0, Q_1, Q_2, Q_3) = Q
     (v_alpha, v_beta) = u
+    (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
+        cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3) = turn
 
-    # --- eq. 13: S = chol(P)
-    S_00 = np.sqrt(P_00)
-    S_10 = P_10 / S_00
-    S_11 = np.sqrt(P_11 - S_10 * S_10)
-    S_20 = P_20 / S_00
-    S_21 = (P_21 - S_20 * S_10) / S_11
-    S_22 = np.sqrt(P_22 - (S_20 * S_20 + S_21 * S_21))
-    S_30 = P_30 / S_00
-    S_31 = (P_31 - S_30 * S_10) / S_11
-    S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22
-    S_33 = np.sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32))
+    # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
+    theta_mid = theta + HALF_T_POLE_PAIRS * omega
+    odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_mid)
+    psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta
+    odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10
+    psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1
+    odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1
+    odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
+    part_of_even_psi_d_mid_0 = D_0 * 4.0 * odd_theta_mid_0_times_sinc_theta_mid_0
+    even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 + part_of_even_psi_d_mid_0 * odd_psi_beta_0
+    part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0
+    odd_psi_d_mid_0 = (part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
+        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0)
+    even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 - part_of_even_psi_d_mid_0 * odd_psi_alpha_0
+    odd_psi_q_mid_0 = (odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
+        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0)
+    v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta
+    v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha
+    decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2
+    gain_d_times_v_d = GAIN_D * v_d
+    psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D
+    even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0
+    gain_d_times_v_q = GAIN_D * v_q
+    odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0
+    decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2
+    gain_q_times_v_q = GAIN_Q * v_q
+    psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q
+    even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0
+    v_d_times_gain_q = v_d * GAIN_Q
+    odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0
+    odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
+    part_of_even_psi_d_mid_1 = 4.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1
+    even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 + odd_psi_beta_1 * part_of_even_psi_d_mid_1
+    part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0
+    odd_psi_d_mid_1 = (odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
+        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1)
+    even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 - odd_psi_alpha_1 * part_of_even_psi_d_mid_1
+    odd_psi_q_mid_1 = (odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
+        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1)
+    even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1
+    odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1
+    even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1
+    odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1
+    odd_theta_mid_2 = L_32 + 0.00015000000000000001
+    even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 + gain_d_times_v_d * cosm1_theta_mid_2
+    decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2
+    odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
+    odd_psi_d_next_2 = (decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2)
+    even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 + gain_q_times_v_q * cosm1_theta_mid_2
+    even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 + gain_d_times_v_d * cosm1_theta_mid_3
+    odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 + gain_d_times_v_q * sinc_theta_mid_3
+    even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 + gain_q_times_v_q * cosm1_theta_mid_3
+    psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0
+    even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 -
+        part_of_even_psi_d_mid_0 * odd_psi_q_next_0)
+    psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1
+    even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 -
+        part_of_even_psi_d_mid_1 * odd_psi_q_next_1)
+    psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2
+    part_of_even_psi_alpha_next_2 = 4.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2
+    psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q
+    part_of_even_psi_alpha_next_2_2 = (psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2)
+    even_psi_alpha_next_2 = (even_psi_d_next_2 + cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
+        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2)
+    psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3
+    part_of_even_psi_alpha_next_3 = 4.0 * D_3 * sinc_theta_mid_3
+    part_of_even_psi_alpha_next_3_2 = (psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+        v_d_times_gain_q * sinc_theta_mid_3)
+    even_psi_alpha_next_3 = (even_psi_d_next_3 + cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
+        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2)
+    psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0
+    even_psi_beta_next_0 = (part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0))
+    psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1
+    even_psi_beta_next_1 = (part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1))
+    psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2
+    even_psi_beta_next_2 = (part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2 +
+        cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2))
+    psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3
+    even_psi_beta_next_3 = (part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3 +
+        cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3))
+    odd_psi_alpha_next_0 = (part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
+        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0)
+    odd_psi_alpha_next_1 = (part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
+        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1)
+    part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0
+    odd_psi_alpha_next_2 = (odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
+        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2)
+    part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0
+    odd_psi_alpha_next_3 = (odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3)
+    odd_psi_beta_next_0 = (odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        part_of_odd_psi_q_mid_0 * odd_psi_q_next_0)
+    odd_psi_beta_next_1 = (odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+        part_of_odd_psi_q_mid_1 * odd_psi_q_next_1)
+    odd_psi_beta_next_2 = (psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
+        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2)
+    odd_psi_beta_next_3 = (psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3)
+    odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20
+    odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21
+    odd_theta_next_2 = L_32 + 0.00030000000000000003
 
-    # --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i
-    d_psi_alpha_0 = 2.0 * S_00
-    d_psi_beta_0 = 2.0 * S_10
-    d_psi_beta_1 = 2.0 * S_11
-    d_omega_0 = 2.0 * S_20
-    d_omega_1 = 2.0 * S_21
-    d_omega_2 = 2.0 * S_22
-    d_theta_0 = 2.0 * S_30
-    d_theta_1 = 2.0 * S_31
-    d_theta_2 = 2.0 * S_32
-    d_theta_3 = 2.0 * S_33
-    psi_alpha_0p = psi_alpha + d_psi_alpha_0
-    psi_alpha_0m = psi_alpha - d_psi_alpha_0
-    psi_beta_0p = psi_beta + d_psi_beta_0
-    psi_beta_1p = psi_beta + d_psi_beta_1
-    psi_beta_0m = psi_beta - d_psi_beta_0
-    psi_beta_1m = psi_beta - d_psi_beta_1
-    omega_0p = omega + d_omega_0
-    omega_1p = omega + d_omega_1
-    omega_2p = omega + d_omega_2
-    omega_0m = omega - d_omega_0
-    omega_1m = omega - d_omega_1
-    omega_2m = omega - d_omega_2
-    theta_0p = theta + d_theta_0
-    theta_1p = theta + d_theta_1
-    theta_2p = theta + d_theta_2
-    theta_3p = theta + d_theta_3
-    theta_0m = theta - d_theta_0
-    theta_1m = theta - d_theta_1
-    theta_2m = theta - d_theta_2
-    theta_3m = theta - d_theta_3
-
-    # --- eq. 15: X_i' = f(X_i, u)
-    omega_e_0p = POLE_PAIRS * omega_0p
-    theta_mid_0p = theta_0p + HALF_T * omega_e_0p
-    sin_theta_mid_0p, cos_theta_mid_0p = math.sin_cos(theta_mid_0p)
-    psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p
-    psi_q_mid_0p = cos_theta_mid_0p * psi_beta_0p - sin_theta_mid_0p * psi_alpha_0p
-    v_d_0p = cos_theta_mid_0p * v_alpha + sin_theta_mid_0p * v_beta
-    v_q_0p = cos_theta_mid_0p * v_beta - sin_theta_mid_0p * v_alpha
-    psi_d_next_0p = DECAY_D * psi_d_mid_0p + GAIN_D * v_d_0p + MAGNET_D
-    psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p
-    omega_e_1p = POLE_PAIRS * omega_1p
-    theta_mid_1p = theta_1p + HALF_T * omega_e_1p
-    sin_theta_mid_1p, cos_theta_mid_1p = math.sin_cos(theta_mid_1p)
-    psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p
-    psi_q_mid_1p = cos_theta_mid_1p * psi_beta_1p - sin_theta_mid_1p * psi_alpha
-    v_d_1p = cos_theta_mid_1p * v_alpha + sin_theta_mid_1p * v_beta
-    v_q_1p = cos_theta_mid_1p * v_beta - sin_theta_mid_1p * v_alpha
-    psi_d_next_1p = DECAY_D * psi_d_mid_1p + GAIN_D * v_d_1p + MAGNET_D
-    psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p
-    omega_e_2p = POLE_PAIRS * omega_2p
-    theta_mid_2p = theta_2p + HALF_T * omega_e_2p
-    sin_theta_mid_2p, cos_theta_mid_2p = math.sin_cos(theta_mid_2p)
-    psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta
-    psi_q_mid_2p = cos_theta_mid_2p * psi_beta - sin_theta_mid_2p * psi_alpha
-    v_d_2p = cos_theta_mid_2p * v_alpha + sin_theta_mid_2p * v_beta
-    v_q_2p = cos_theta_mid_2p * v_beta - sin_theta_mid_2p * v_alpha
-    psi_d_next_2p = DECAY_D * psi_d_mid_2p + GAIN_D * v_d_2p + MAGNET_D
-    psi_q_next_2p = DECAY_Q * psi_q_mid_2p + GAIN_Q * v_q_2p
-    omega_e_3p = POLE_PAIRS * omega
-    half_t_times_omega_e_3p = HALF_T * omega_e_3p
-    theta_mid_3p = theta_3p + half_t_times_omega_e_3p
-    sin_theta_mid_3p, cos_theta_mid_3p = math.sin_cos(theta_mid_3p)
-    psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta
-    psi_q_mid_3p = cos_theta_mid_3p * psi_beta - sin_theta_mid_3p * psi_alpha
-    v_d_3p = cos_theta_mid_3p * v_alpha + sin_theta_mid_3p * v_beta
-    v_q_3p = cos_theta_mid_3p * v_beta - sin_theta_mid_3p * v_alpha
-    psi_d_next_3p = DECAY_D * psi_d_mid_3p + GAIN_D * v_d_3p + MAGNET_D
-    psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p
-    omega_e_0m = POLE_PAIRS * omega_0m
-    theta_mid_0m = theta_0m + HALF_T * omega_e_0m
-    sin_theta_mid_0m, cos_theta_mid_0m = math.sin_cos(theta_mid_0m)
-    psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m
-    psi_q_mid_0m = cos_theta_mid_0m * psi_beta_0m - sin_theta_mid_0m * psi_alpha_0m
-    v_d_0m = cos_theta_mid_0m * v_alpha + sin_theta_mid_0m * v_beta
-    v_q_0m = cos_theta_mid_0m * v_beta - sin_theta_mid_0m * v_alpha
-    psi_d_next_0m = DECAY_D * psi_d_mid_0m + GAIN_D * v_d_0m + MAGNET_D
-    psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m
-    omega_e_1m = POLE_PAIRS * omega_1m
-    theta_mid_1m = theta_1m + HALF_T * omega_e_1m
-    sin_theta_mid_1m, cos_theta_mid_1m = math.sin_cos(theta_mid_1m)
-    psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m
-    psi_q_mid_1m = cos_theta_mid_1m * psi_beta_1m - sin_theta_mid_1m * psi_alpha
-    v_d_1m = cos_theta_mid_1m * v_alpha + sin_theta_mid_1m * v_beta
-    v_q_1m = cos_theta_mid_1m * v_beta - sin_theta_mid_1m * v_alpha
-    psi_d_next_1m = DECAY_D * psi_d_mid_1m + GAIN_D * v_d_1m + MAGNET_D
-    psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m
-    omega_e_2m = POLE_PAIRS * omega_2m
-    theta_mid_2m = theta_2m + HALF_T * omega_e_2m
-    sin_theta_mid_2m, cos_theta_mid_2m = math.sin_cos(theta_mid_2m)
-    psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta
-    psi_q_mid_2m = cos_theta_mid_2m * psi_beta - sin_theta_mid_2m * psi_alpha
-    v_d_2m = cos_theta_mid_2m * v_alpha + sin_theta_mid_2m * v_beta
-    v_q_2m = cos_theta_mid_2m * v_beta - sin_theta_mid_2m * v_alpha
-    psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D
-    psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m
-    theta_mid_3m = theta_3m + half_t_times_omega_e_3p
-    sin_theta_mid_3m, cos_theta_mid_3m = math.sin_cos(theta_mid_3m)
-    psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta
-    psi_q_mid_3m = cos_theta_mid_3m * psi_beta - sin_theta_mid_3m * psi_alpha
-    v_d_3m = cos_theta_mid_3m * v_alpha + sin_theta_mid_3m * v_beta
-    v_q_3m = cos_theta_mid_3m * v_beta - sin_theta_mid_3m * v_alpha
-    psi_d_next_3m = DECAY_D * psi_d_mid_3m + GAIN_D * v_d_3m + MAGNET_D
-    psi_q_next_3m = DECAY_Q * psi_q_mid_3m + GAIN_Q * v_q_3m
-    psi_alpha_next_0p = cos_theta_mid_0p * psi_d_next_0p - sin_theta_mid_0p * psi_q_next_0p
-    psi_alpha_next_1p = cos_theta_mid_1p * psi_d_next_1p - sin_theta_mid_1p * psi_q_next_1p
-    psi_alpha_next_2p = cos_theta_mid_2p * psi_d_next_2p - sin_theta_mid_2p * psi_q_next_2p
-    psi_alpha_next_3p = cos_theta_mid_3p * psi_d_next_3p - sin_theta_mid_3p * psi_q_next_3p
-    psi_alpha_next_0m = cos_theta_mid_0m * psi_d_next_0m - sin_theta_mid_0m * psi_q_next_0m
-    psi_alpha_next_1m = cos_theta_mid_1m * psi_d_next_1m - sin_theta_mid_1m * psi_q_next_1m
-    psi_alpha_next_2m = cos_theta_mid_2m * psi_d_next_2m - sin_theta_mid_2m * psi_q_next_2m
-    psi_alpha_next_3m = cos_theta_mid_3m * psi_d_next_3m - sin_theta_mid_3m * psi_q_next_3m
-    psi_beta_next_0p = sin_theta_mid_0p * psi_d_next_0p + cos_theta_mid_0p * psi_q_next_0p
-    psi_beta_next_1p = sin_theta_mid_1p * psi_d_next_1p + cos_theta_mid_1p * psi_q_next_1p
-    psi_beta_next_2p = sin_theta_mid_2p * psi_d_next_2p + cos_theta_mid_2p * psi_q_next_2p
-    psi_beta_next_3p = sin_theta_mid_3p * psi_d_next_3p + cos_theta_mid_3p * psi_q_next_3p
-    psi_beta_next_0m = sin_theta_mid_0m * psi_d_next_0m + cos_theta_mid_0m * psi_q_next_0m
-    psi_beta_next_1m = sin_theta_mid_1m * psi_d_next_1m + cos_theta_mid_1m * psi_q_next_1m
-    psi_beta_next_2m = sin_theta_mid_2m * psi_d_next_2m + cos_theta_mid_2m * psi_q_next_2m
-    psi_beta_next_3m = sin_theta_mid_3m * psi_d_next_3m + cos_theta_mid_3m * psi_q_next_3m
-    theta_next_0p = theta_0p + ADVANCE * omega_e_0p
-    theta_next_1p = theta_1p + ADVANCE * omega_e_1p
-    theta_next_2p = theta_2p + ADVANCE * omega_e_2p
-    advance_times_omega_e_3p = ADVANCE * omega_e_3p
-    theta_next_3p = theta_3p + advance_times_omega_e_3p
-    theta_next_0m = theta_0m + ADVANCE * omega_e_0m
-    theta_next_1m = theta_1m + ADVANCE * omega_e_1m
-    theta_next_2m = theta_2m + ADVANCE * omega_e_2m
-    theta_next_3m = theta_3m + advance_times_omega_e_3p
-
-    # --- eq. 16: x_pred = mean X_i', about the first point
-    offset_psi_alpha = (0.125 * (psi_alpha_next_1p - psi_alpha_next_0p +
-        (psi_alpha_next_2p - psi_alpha_next_0p) + (psi_alpha_next_3p - psi_alpha_next_0p) +
-        (psi_alpha_next_0m - psi_alpha_next_0p) + (psi_alpha_next_1m - psi_alpha_next_0p) +
-        (psi_alpha_next_2m - psi_alpha_next_0p) + (psi_alpha_next_3m - psi_alpha_next_0p)))
-    offset_psi_beta = (0.125 * (psi_beta_next_1p - psi_beta_next_0p + (psi_beta_next_2p - psi_beta_next_0p) +
-        (psi_beta_next_3p - psi_beta_next_0p) + (psi_beta_next_0m - psi_beta_next_0p) +
-        (psi_beta_next_1m - psi_beta_next_0p) + (psi_beta_next_2m - psi_beta_next_0p) +
-        (psi_beta_next_3m - psi_beta_next_0p)))
-    offset_omega = (0.125 * (omega_1p - omega_0p + (omega_2p - omega_0p) - d_omega_0 + (omega_0m - omega_0p) +
-        (omega_1m - omega_0p) + (omega_2m - omega_0p) - d_omega_0))
-    offset_theta = (0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
-        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p)))
-    psi_alpha_pred = psi_alpha_next_0p + offset_psi_alpha
-    psi_beta_pred = psi_beta_next_0p + offset_psi_beta
-    omega_pred = omega_0p + offset_omega
-    theta_pred = theta_next_0p + offset_theta
+    # --- eq. 16: x_pred = mean X_i'
+    offset_psi_alpha = ((even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+        even_psi_alpha_next_3) * 0.25)
+    offset_psi_beta = (0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
+        even_psi_beta_next_3))
+    psi_alpha_pred = (odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
+        (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta))
+    psi_beta_pred = (odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
+        (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta))
+    theta_pred = theta + ADVANCE_POLE_PAIRS * omega
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
-    dev_psi_alpha_1p = psi_alpha_next_1p - psi_alpha_pred
-    dev_psi_beta_1p = psi_beta_next_1p - psi_beta_pred
-    dev_omega_1p = omega_1p - omega_pred
-    dev_theta_1p = theta_next_1p - theta_pred
-    dev_psi_alpha_2p = psi_alpha_next_2p - psi_alpha_pred
-    dev_psi_beta_2p = psi_beta_next_2p - psi_beta_pred
-    dev_omega_2p = omega_2p - omega_pred
-    dev_theta_2p = theta_next_2p - theta_pred
-    dev_psi_alpha_3p = psi_alpha_next_3p - psi_alpha_pred
-    dev_psi_beta_3p = psi_beta_next_3p - psi_beta_pred
-    dev_omega_3p = omega - omega_pred
-    dev_theta_3p = theta_next_3p - theta_pred
-    dev_psi_alpha_0m = psi_alpha_next_0m - psi_alpha_pred
-    dev_psi_beta_0m = psi_beta_next_0m - psi_beta_pred
-    dev_omega_0m = omega_0m - omega_pred
-    dev_theta_0m = theta_next_0m - theta_pred
-    dev_psi_alpha_1m = psi_alpha_next_1m - psi_alpha_pred
-    dev_psi_beta_1m = psi_beta_next_1m - psi_beta_pred
-    dev_omega_1m = omega_1m - omega_pred
-    dev_theta_1m = theta_next_1m - theta_pred
-    dev_psi_alpha_2m = psi_alpha_next_2m - psi_alpha_pred
-    dev_psi_beta_2m = psi_beta_next_2m - psi_beta_pred
-    dev_omega_2m = omega_2m - omega_pred
-    dev_theta_2m = theta_next_2m - theta_pred
-    dev_psi_alpha_3m = psi_alpha_next_3m - psi_alpha_pred
-    dev_psi_beta_3m = psi_beta_next_3m - psi_beta_pred
-    dev_theta_3m = theta_next_3m - theta_pred
-    P_pred_00 = (0.125 * (offset_psi_alpha * offset_psi_alpha + dev_psi_alpha_1p * dev_psi_alpha_1p +
-        dev_psi_alpha_2p * dev_psi_alpha_2p + dev_psi_alpha_3p * dev_psi_alpha_3p +
-        dev_psi_alpha_0m * dev_psi_alpha_0m + dev_psi_alpha_1m * dev_psi_alpha_1m +
-        dev_psi_alpha_2m * dev_psi_alpha_2m + dev_psi_alpha_3m * dev_psi_alpha_3m) + Q_0)
-    P_pred_10 = (0.125 * (offset_psi_beta * offset_psi_alpha + dev_psi_beta_1p * dev_psi_alpha_1p +
-        dev_psi_beta_2p * dev_psi_alpha_2p + dev_psi_beta_3p * dev_psi_alpha_3p +
-        dev_psi_beta_0m * dev_psi_alpha_0m + dev_psi_beta_1m * dev_psi_alpha_1m +
-        dev_psi_beta_2m * dev_psi_alpha_2m + dev_psi_beta_3m * dev_psi_alpha_3m))
-    P_pred_11 = (0.125 * (offset_psi_beta * offset_psi_beta + dev_psi_beta_1p * dev_psi_beta_1p +
-        dev_psi_beta_2p * dev_psi_beta_2p + dev_psi_beta_3p * dev_psi_beta_3p +
-        dev_psi_beta_0m * dev_psi_beta_0m + dev_psi_beta_1m * dev_psi_beta_1m +
-        dev_psi_beta_2m * dev_psi_beta_2m + dev_psi_beta_3m * dev_psi_beta_3m) + Q_1)
-    P_pred_20 = (0.125 * (offset_omega * offset_psi_alpha + dev_omega_1p * dev_psi_alpha_1p +
-        dev_omega_2p * dev_psi_alpha_2p + dev_omega_3p * dev_psi_alpha_3p + dev_omega_0m * dev_psi_alpha_0m +
-        dev_omega_1m * dev_psi_alpha_1m + dev_omega_2m * dev_psi_alpha_2m + dev_omega_3p * dev_psi_alpha_3m))
-    P_pred_21 = (0.125 * (offset_omega * offset_psi_beta + dev_omega_1p * dev_psi_beta_1p +
-        dev_omega_2p * dev_psi_beta_2p + dev_omega_3p * dev_psi_beta_3p + dev_omega_0m * dev_psi_beta_0m +
-        dev_omega_1m * dev_psi_beta_1m + dev_omega_2m * dev_psi_beta_2m + dev_omega_3p * dev_psi_beta_3m))
-    dev_omega_3p_sq = dev_omega_3p * dev_omega_3p
-    P_pred_22 = (0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
-        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2)
-    P_pred_30 = (0.125 * (offset_theta * offset_psi_alpha + dev_theta_1p * dev_psi_alpha_1p +
-        dev_theta_2p * dev_psi_alpha_2p + dev_theta_3p * dev_psi_alpha_3p + dev_theta_0m * dev_psi_alpha_0m +
-        dev_theta_1m * dev_psi_alpha_1m + dev_theta_2m * dev_psi_alpha_2m + dev_theta_3m * dev_psi_alpha_3m))
-    P_pred_31 = (0.125 * (offset_theta * offset_psi_beta + dev_theta_1p * dev_psi_beta_1p +
-        dev_theta_2p * dev_psi_beta_2p + dev_theta_3p * dev_psi_beta_3p + dev_theta_0m * dev_psi_beta_0m +
-        dev_theta_1m * dev_psi_beta_1m + dev_theta_2m * dev_psi_beta_2m + dev_theta_3m * dev_psi_beta_3m))
-    P_pred_32 = (0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
-        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p))
-    P_pred_33 = (0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
-        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3)
+    dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha
+    dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha
+    dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha
+    dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha
+    dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta
+    dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta
+    dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta
+    dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta
+    D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0
+    D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1
+    D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2
+    D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3
+    part_of_P_pred_00 = (odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
+        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
+        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
+        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+        dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
+        dev_psi_alpha_3 * dev_psi_alpha_3))
+    part_of_P_pred_00_2 = (D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
+        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
+        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
+        dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
+        dev_psi_alpha_3 * dev_psi_beta_3))
+    part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2
+    odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2
+    D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0
+    D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1
+    D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2
+    D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3
+    part_of_P_pred_00_4 = (odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
+        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
+        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
+        dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3))
+    P_pred_00 = (odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
+        Q_0)
+    part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + odd_psi_beta_1_times_part_of_P_pred_00_2
+    part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4
+    P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2
+    P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 + Q_1
+    D_0_times_L_20 = D_0 * L_20
+    D_1_times_L_21 = D_1 * L_21
+    part_of_P_pred_20 = (D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1 +
+        D_2_times_odd_psi_alpha_next_2)
+    part_of_P_pred_20_2 = (D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
+        D_2_times_odd_psi_beta_next_2)
+    P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2
+    P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2
+    P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2
+    part_of_P_pred_30 = (D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
+        + D_3_times_odd_psi_alpha_next_3)
+    part_of_P_pred_30_2 = (D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
+        D_3_times_odd_psi_beta_next_3)
+    P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2
+    P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2
+    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
+    P_pred_32 = (D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
+        D_2_times_odd_theta_next_2)
+    P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
+        odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
+
+    # --- eq. 18: L D L^T = P_pred
+    part_of_L_pred_10 = 1.0 / P_pred_00
+    L_pred_10 = P_pred_10 * part_of_L_pred_10
+    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    L_pred_20 = part_of_L_pred_10 * P_pred_20
+    part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
+    part_of_L_pred_21_2 = 1.0 / D_pred_1
+    L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2
+    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2)
+    L_pred_30 = part_of_L_pred_10 * P_pred_30
+    part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
+    L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31
+    part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31
+    L_pred_32 = part_of_L_pred_32 / D_pred_2
+    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3))
 
     if stages is not None:
-        stages["S"] = (S_00, S_10, S_11, S_20, S_21, S_22, S_30, S_31, S_32, S_33,)
-        stages["X"] = (psi_alpha_0p, psi_alpha, psi_alpha, psi_alpha, psi_alpha_0m, psi_alpha, psi_alpha,
-            psi_alpha, psi_beta_0p, psi_beta_1p, psi_beta, psi_beta, psi_beta_0m, psi_beta_1m, psi_beta,
-            psi_beta, omega_0p, omega_1p, omega_2p, omega, omega_0m, omega_1m, omega_2m, omega, theta_0p,
-            theta_1p, theta_2p, theta_3p, theta_0m, theta_1m, theta_2m, theta_3m,)
-        stages["X_prop"] = (psi_alpha_next_0p, psi_alpha_next_1p, psi_alpha_next_2p, psi_alpha_next_3p,
-            psi_alpha_next_0m, psi_alpha_next_1m, psi_alpha_next_2m, psi_alpha_next_3m, psi_beta_next_0p,
-            psi_beta_next_1p, psi_beta_next_2p, psi_beta_next_3p, psi_beta_next_0m, psi_beta_next_1m,
-            psi_beta_next_2m, psi_beta_next_3m, omega_0p, omega_1p, omega_2p, omega, omega_0m, omega_1m,
-            omega_2m, omega, theta_next_0p, theta_next_1p, theta_next_2p, theta_next_3p, theta_next_0m,
-            theta_next_1m, theta_next_2m, theta_next_3m,)
-        stages["x_pred"] = (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred,)
+        stages["x_pred"] = (psi_alpha_pred, psi_beta_pred, omega, theta_pred,)
         stages["P_pred"] = (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30,
             P_pred_31, P_pred_32, P_pred_33,)
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred,),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33,),
+        (psi_alpha_pred, psi_beta_pred, omega, theta_pred,),
+        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
-def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
+def ckf_measurement_update_turns(LD_pred, math, stages=None):
+    """Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1."""
+    D_pred_0 = LD_pred[0]
+    D_pred_1 = LD_pred[2]
+    D_pred_2 = LD_pred[5]
+    L_pred_30 = LD_pred[6]
+    L_pred_31 = LD_pred[7]
+    L_pred_32 = LD_pred[8]
+    D_pred_3 = LD_pred[9]
+
+    # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
+    d_theta_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30
+    d_theta_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31
+    d_theta_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32
+    d_theta_sq_3 = 4.0 * D_pred_3
+    sinc_theta_0, cosm1_theta_0 = math.small_angle(d_theta_sq_0)
+    sinc_theta_1, cosm1_theta_1 = math.small_angle(d_theta_sq_1)
+    sinc_theta_2, cosm1_theta_2 = math.small_angle(d_theta_sq_2)
+    sinc_theta_3, cosm1_theta_3 = math.small_angle(d_theta_sq_3)
+
+    return (
+        (d_theta_sq_0, d_theta_sq_1, d_theta_sq_2, d_theta_sq_3,),
+        (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+            cosm1_theta_3,),
+    )
+
+
+def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     """Measurement update, eq. 18-26."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
+    (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+        cosm1_theta_3) = turn_pred
 
-    # --- eq. 18: S = chol(P_pred)
-    S_pred_00 = np.sqrt(P_pred_00)
-    S_pred_10 = P_pred_10 / S_pred_00
-    S_pred_11 = np.sqrt(P_pred_11 - S_pred_10 * S_pred_10)
-    S_pred_20 = P_pred_20 / S_pred_00
-    S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11
-    S_pred_22 = np.sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21))
-    S_pred_30 = P_pred_30 / S_pred_00
-    S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11
-    S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22
-    S_pred_33 = np.sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 + S_pred_32 * S_pred_32))
+    # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
+    odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_pred)
+    psi_alpha = psi_alpha_pred * odd_psi_beta_1 + odd_psi_alpha_1 * psi_beta_pred
+    odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10
+    psi_beta = odd_psi_beta_1 * psi_beta_pred - psi_alpha_pred * odd_psi_alpha_1
+    odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1
+    L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0
+    part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0
+    even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0
+    part_of_odd_psi_d_pred_0 = cosm1_theta_0 + 1.0
+    odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 + L_pred_30_times_sinc_theta_0 * psi_beta
+    even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0
+    odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 - L_pred_30_times_sinc_theta_0 * psi_alpha
+    i_d_pred = INV_L_D * (psi_alpha - PSI_M)
+    even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0
+    odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0
+    i_q_pred = psi_beta * INV_L_Q
+    even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0
+    odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0
+    L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1
+    part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1
+    even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1
+    part_of_odd_psi_q_pred_1 = cosm1_theta_1 + 1.0
+    odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 + psi_beta * L_pred_31_times_sinc_theta_1
+    even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1
+    odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 - psi_alpha * L_pred_31_times_sinc_theta_1
+    even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1
+    odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1
+    even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1
+    odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1
+    inv_l_d_times_psi_alpha = INV_L_D * psi_alpha
+    even_i_d_pred_2 = inv_l_d_times_psi_alpha * cosm1_theta_2
+    inv_l_d_times_psi_beta = INV_L_D * psi_beta
+    L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2
+    odd_i_d_pred_2 = inv_l_d_times_psi_beta * L_pred_32_times_sinc_theta_2
+    even_i_q_pred_2 = i_q_pred * cosm1_theta_2
+    even_i_d_pred_3 = inv_l_d_times_psi_alpha * cosm1_theta_3
+    odd_i_d_pred_3 = inv_l_d_times_psi_beta * sinc_theta_3
+    even_i_q_pred_3 = i_q_pred * cosm1_theta_3
+    i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0
+    even_y_i_alpha_0 = (even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
+        part_of_even_psi_q_pred_0 * odd_i_q_pred_0)
+    i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1
+    even_y_i_alpha_1 = (even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1 * odd_i_q_pred_1)
+    i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2
+    part_of_even_y_i_alpha_2 = 4.0 * D_pred_2 * L_pred_32_times_sinc_theta_2
+    inv_l_q_times_psi_alpha = INV_L_Q * psi_alpha
+    part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_alpha * L_pred_32_times_sinc_theta_2
+    even_y_i_alpha_2 = (even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2)
+    i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3
+    part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_3
+    part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_alpha * sinc_theta_3
+    even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
+        part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2)
+    i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0
+    even_y_i_beta_0 = (odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + (even_i_q_pred_0 +
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0))
+    i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1
+    even_y_i_beta_1 = (part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + (even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1))
+    i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2
+    even_y_i_beta_2 = (part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + (even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2))
+    i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3
+    even_y_i_beta_3 = (part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + (even_i_q_pred_3 +
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3))
+    odd_y_i_alpha_0 = (part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
+        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0)
+    odd_y_i_alpha_1 = (part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
+        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1)
+    part_of_odd_y_i_alpha_2 = cosm1_theta_2 + 1.0
+    odd_y_i_alpha_2 = (part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
+        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2)
+    part_of_odd_y_i_alpha_3 = cosm1_theta_3 + 1.0
+    odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 - sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3
+    odd_y_i_beta_0 = (L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
+        part_of_odd_psi_d_pred_0 * odd_i_q_pred_0)
+    odd_y_i_beta_1 = (L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
+        part_of_odd_psi_q_pred_1 * odd_i_q_pred_1)
+    odd_y_i_beta_2 = (i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
+        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2)
+    odd_y_i_beta_3 = (i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
+        part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3)
 
-    # --- eq. 19: sqrt(n) S; X_i = x_pred +- sqrt(n) S_i
-    d_pred_psi_alpha_0 = 2.0 * S_pred_00
-    d_pred_psi_beta_0 = 2.0 * S_pred_10
-    d_pred_psi_beta_1 = 2.0 * S_pred_11
-    d_pred_omega_0 = 2.0 * S_pred_20
-    d_pred_omega_1 = 2.0 * S_pred_21
-    d_pred_omega_2 = 2.0 * S_pred_22
-    d_pred_theta_0 = 2.0 * S_pred_30
-    d_pred_theta_1 = 2.0 * S_pred_31
-    d_pred_theta_2 = 2.0 * S_pred_32
-    d_pred_theta_3 = 2.0 * S_pred_33
-    psi_alpha_pred_0p = psi_alpha_pred + d_pred_psi_alpha_0
-    psi_alpha_pred_0m = psi_alpha_pred - d_pred_psi_alpha_0
-    psi_beta_pred_0p = psi_beta_pred + d_pred_psi_beta_0
-    psi_beta_pred_1p = psi_beta_pred + d_pred_psi_beta_1
-    psi_beta_pred_0m = psi_beta_pred - d_pred_psi_beta_0
-    psi_beta_pred_1m = psi_beta_pred - d_pred_psi_beta_1
-    omega_pred_0m = omega_pred - d_pred_omega_0
-    omega_pred_1m = omega_pred - d_pred_omega_1
-    omega_pred_2m = omega_pred - d_pred_omega_2
-    theta_pred_0p = theta_pred + d_pred_theta_0
-    theta_pred_1p = theta_pred + d_pred_theta_1
-    theta_pred_2p = theta_pred + d_pred_theta_2
-    theta_pred_3p = theta_pred + d_pred_theta_3
-    theta_pred_0m = theta_pred - d_pred_theta_0
-    theta_pred_1m = theta_pred - d_pred_theta_1
-    theta_pred_2m = theta_pred - d_pred_theta_2
-    theta_pred_3m = theta_pred - d_pred_theta_3
+    # --- eq. 21
+    offset_y_i_alpha = (even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 + even_y_i_alpha_3) * 0.25
+    offset_y_i_beta = 0.25 * (even_y_i_beta_0 + even_y_i_beta_1 + even_y_i_beta_2 + even_y_i_beta_3)
 
-    # --- eq. 20: Y_i = h(X_i)
-    sin_theta_pred_0p, cos_theta_pred_0p = math.sin_cos(theta_pred_0p)
-    psi_d_pred_0p = cos_theta_pred_0p * psi_alpha_pred_0p + sin_theta_pred_0p * psi_beta_pred_0p
-    psi_q_pred_0p = cos_theta_pred_0p * psi_beta_pred_0p - sin_theta_pred_0p * psi_alpha_pred_0p
-    i_d_pred_0p = INV_L_D * (psi_d_pred_0p - PSI_M)
-    i_q_pred_0p = INV_L_Q * psi_q_pred_0p
-    sin_theta_pred_1p, cos_theta_pred_1p = math.sin_cos(theta_pred_1p)
-    psi_d_pred_1p = cos_theta_pred_1p * psi_alpha_pred + sin_theta_pred_1p * psi_beta_pred_1p
-    psi_q_pred_1p = cos_theta_pred_1p * psi_beta_pred_1p - sin_theta_pred_1p * psi_alpha_pred
-    i_d_pred_1p = INV_L_D * (psi_d_pred_1p - PSI_M)
-    i_q_pred_1p = INV_L_Q * psi_q_pred_1p
-    sin_theta_pred_2p, cos_theta_pred_2p = math.sin_cos(theta_pred_2p)
-    psi_d_pred_2p = cos_theta_pred_2p * psi_alpha_pred + sin_theta_pred_2p * psi_beta_pred
-    psi_q_pred_2p = cos_theta_pred_2p * psi_beta_pred - sin_theta_pred_2p * psi_alpha_pred
-    i_d_pred_2p = INV_L_D * (psi_d_pred_2p - PSI_M)
-    i_q_pred_2p = INV_L_Q * psi_q_pred_2p
-    sin_theta_pred_3p, cos_theta_pred_3p = math.sin_cos(theta_pred_3p)
-    psi_d_pred_3p = cos_theta_pred_3p * psi_alpha_pred + sin_theta_pred_3p * psi_beta_pred
-    psi_q_pred_3p = cos_theta_pred_3p * psi_beta_pred - sin_theta_pred_3p * psi_alpha_pred
-    i_d_pred_3p = INV_L_D * (psi_d_pred_3p - PSI_M)
-    i_q_pred_3p = INV_L_Q * psi_q_pred_3p
-    sin_theta_pred_0m, cos_theta_pred_0m = math.sin_cos(theta_pred_0m)
-    psi_d_pred_0m = cos_theta_pred_0m * psi_alpha_pred_0m + sin_theta_pred_0m * psi_beta_pred_0m
-    psi_q_pred_0m = cos_theta_pred_0m * psi_beta_pred_0m - sin_theta_pred_0m * psi_alpha_pred_0m
-    i_d_pred_0m = INV_L_D * (psi_d_pred_0m - PSI_M)
-    i_q_pred_0m = INV_L_Q * psi_q_pred_0m
-    sin_theta_pred_1m, cos_theta_pred_1m = math.sin_cos(theta_pred_1m)
-    psi_d_pred_1m = cos_theta_pred_1m * psi_alpha_pred + sin_theta_pred_1m * psi_beta_pred_1m
-    psi_q_pred_1m = cos_theta_pred_1m * psi_beta_pred_1m - sin_theta_pred_1m * psi_alpha_pred
-    i_d_pred_1m = INV_L_D * (psi_d_pred_1m - PSI_M)
-    i_q_pred_1m = INV_L_Q * psi_q_pred_1m
-    sin_theta_pred_2m, cos_theta_pred_2m = math.sin_cos(theta_pred_2m)
-    psi_d_pred_2m = cos_theta_pred_2m * psi_alpha_pred + sin_theta_pred_2m * psi_beta_pred
-    psi_q_pred_2m = cos_theta_pred_2m * psi_beta_pred - sin_theta_pred_2m * psi_alpha_pred
-    i_d_pred_2m = INV_L_D * (psi_d_pred_2m - PSI_M)
-    i_q_pred_2m = INV_L_Q * psi_q_pred_2m
-    sin_theta_pred_3m, cos_theta_pred_3m = math.sin_cos(theta_pred_3m)
-    psi_d_pred_3m = cos_theta_pred_3m * psi_alpha_pred + sin_theta_pred_3m * psi_beta_pred
-    psi_q_pred_3m = cos_theta_pred_3m * psi_beta_pred - sin_theta_pred_3m * psi_alpha_pred
-    i_d_pred_3m = INV_L_D * (psi_d_pred_3m - PSI_M)
-    i_q_pred_3m = INV_L_Q * psi_q_pred_3m
-    y_i_alpha_0p = cos_theta_pred_0p * i_d_pred_0p - sin_theta_pred_0p * i_q_pred_0p
-    y_i_alpha_1p = cos_theta_pred_1p * i_d_pred_1p - sin_theta_pred_1p * i_q_pred_1p
-    y_i_alpha_2p = cos_theta_pred_2p * i_d_pred_2p - sin_theta_pred_2p * i_q_pred_2p
-    y_i_alpha_3p = cos_theta_pred_3p * i_d_pred_3p - sin_theta_pred_3p * i_q_pred_3p
-    y_i_alpha_0m = cos_theta_pred_0m * i_d_pred_0m - sin_theta_pred_0m * i_q_pred_0m
-    y_i_alpha_1m = cos_theta_pred_1m * i_d_pred_1m - sin_theta_pred_1m * i_q_pred_1m
-    y_i_alpha_2m = cos_theta_pred_2m * i_d_pred_2m - sin_theta_pred_2m * i_q_pred_2m
-    y_i_alpha_3m = cos_theta_pred_3m * i_d_pred_3m - sin_theta_pred_3m * i_q_pred_3m
-    y_i_beta_0p = sin_theta_pred_0p * i_d_pred_0p + cos_theta_pred_0p * i_q_pred_0p
-    y_i_beta_1p = sin_theta_pred_1p * i_d_pred_1p + cos_theta_pred_1p * i_q_pred_1p
-    y_i_beta_2p = sin_theta_pred_2p * i_d_pred_2p + cos_theta_pred_2p * i_q_pred_2p
-    y_i_beta_3p = sin_theta_pred_3p * i_d_pred_3p + cos_theta_pred_3p * i_q_pred_3p
-    y_i_beta_0m = sin_theta_pred_0m * i_d_pred_0m + cos_theta_pred_0m * i_q_pred_0m
-    y_i_beta_1m = sin_theta_pred_1m * i_d_pred_1m + cos_theta_pred_1m * i_q_pred_1m
-    y_i_beta_2m = sin_theta_pred_2m * i_d_pred_2m + cos_theta_pred_2m * i_q_pred_2m
-    y_i_beta_3m = sin_theta_pred_3m * i_d_pred_3m + cos_theta_pred_3m * i_q_pred_3m
+    # --- eq. 22: R, and what the bend of h adds to it
+    dev_y_i_alpha_0 = even_y_i_alpha_0 - offset_y_i_alpha
+    dev_y_i_alpha_1 = even_y_i_alpha_1 - offset_y_i_alpha
+    dev_y_i_alpha_2 = even_y_i_alpha_2 - offset_y_i_alpha
+    dev_y_i_alpha_3 = even_y_i_alpha_3 - offset_y_i_alpha
+    dev_y_i_beta_0 = even_y_i_beta_0 - offset_y_i_beta
+    dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta
+    dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta
+    dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta
+    part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 + odd_psi_alpha_1 * odd_psi_alpha_1 * R_1
+    noise_00 = (part_of_noise_00 + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
+        dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
+        dev_y_i_alpha_3 * dev_y_i_alpha_3))
+    noise_10 = (odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 +
+        dev_y_i_alpha_1 * dev_y_i_beta_1 + dev_y_i_alpha_2 * dev_y_i_beta_2 +
+        dev_y_i_alpha_3 * dev_y_i_beta_3))
+    noise_11 = (R_0 + R_1 - part_of_noise_00 + 0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3))
 
-    # --- eq. 21: y_pred = mean Y_i, about the first point
-    offset_y_i_alpha = (0.125 * (y_i_alpha_1p - y_i_alpha_0p + (y_i_alpha_2p - y_i_alpha_0p) +
-        (y_i_alpha_3p - y_i_alpha_0p) + (y_i_alpha_0m - y_i_alpha_0p) + (y_i_alpha_1m - y_i_alpha_0p) +
-        (y_i_alpha_2m - y_i_alpha_0p) + (y_i_alpha_3m - y_i_alpha_0p)))
-    offset_y_i_beta = (0.125 * (y_i_beta_1p - y_i_beta_0p + (y_i_beta_2p - y_i_beta_0p) +
-        (y_i_beta_3p - y_i_beta_0p) + (y_i_beta_0m - y_i_beta_0p) + (y_i_beta_1m - y_i_beta_0p) +
-        (y_i_beta_2m - y_i_beta_0p) + (y_i_beta_3m - y_i_beta_0p)))
-    y_i_alpha_pred = y_i_alpha_0p + offset_y_i_alpha
-    y_i_beta_pred = y_i_beta_0p + offset_y_i_beta
+    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
+    innovation_i_alpha = (odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
+        (i_d_pred + offset_y_i_alpha))
+    innovation_i_beta = (odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas -
+        (i_q_pred + offset_y_i_beta))
+    noise_10_per_noise_00 = noise_10 / noise_00
+    D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3
+    part_of_span_first = noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3
+    D_pred_2_times_odd_y_i_alpha_2 = D_pred_2 * odd_y_i_alpha_2
+    part_of_span_first_2 = part_of_span_first + odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2
+    D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1
+    part_of_span_first_3 = part_of_span_first_2 + odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1
+    D_pred_0_times_odd_y_i_alpha_0 = D_pred_0 * odd_y_i_alpha_0
+    span_first = part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0
+    part_of_psi_alpha_new = 1.0 / span_first
+    part_of_psi_alpha_new_2 = innovation_i_alpha * part_of_psi_alpha_new
+    part_of_span_second_3 = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00
+    part_of_span_second_4 = D_pred_3_times_odd_y_i_alpha_3 * part_of_span_second_3
+    part_of_span_second_5 = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00
+    part_of_span_second_6 = part_of_span_second_4 + D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_5
+    part_of_span_second_7 = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00
+    part_of_span_second_8 = part_of_span_second_6 + D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_7
+    part_of_span_second_2 = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00
+    innovation_after_first = (innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
+        part_of_psi_alpha_new_2 * (part_of_span_second_8 +
+        D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2))
+    part_of_span_second_13 = _larger(noise_11 - noise_10 * noise_10_per_noise_00, _smaller(R_0, R_1))
+    part_of_span_second_14 = 1.0 / part_of_span_first
+    part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14
+    part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15
+    part_of_span_second_17 = part_of_span_second_13 + part_of_span_second_3 * part_of_span_second_16
+    part_of_span_second_18 = odd_y_i_alpha_2 * part_of_span_second_14
+    part_of_span_second_19 = part_of_span_second_5 - part_of_span_second_4 * part_of_span_second_18
+    part_of_span_second_20 = 1.0 / part_of_span_first_2
+    part_of_span_second_21 = D_pred_2 * part_of_span_first * part_of_span_second_20
+    part_of_span_second_22 = part_of_span_second_19 * part_of_span_second_21
+    part_of_span_second_23 = part_of_span_second_17 + part_of_span_second_19 * part_of_span_second_22
+    part_of_span_second_24 = odd_y_i_alpha_1 * part_of_span_second_20
+    part_of_span_second_25 = part_of_span_second_7 - part_of_span_second_6 * part_of_span_second_24
+    part_of_span_second_9 = 1.0 / part_of_span_first_3
+    part_of_span_second_26 = D_pred_1 * part_of_span_first_2 * part_of_span_second_9
+    part_of_span_second_27 = part_of_span_second_25 * part_of_span_second_26
+    part_of_span_second_28 = part_of_span_second_23 + part_of_span_second_25 * part_of_span_second_27
+    part_of_span_second_10 = odd_y_i_alpha_0 * part_of_span_second_9
+    part_of_span_second_11 = part_of_span_second_2 - part_of_span_second_8 * part_of_span_second_10
+    part_of_span_second = D_pred_0 * part_of_span_first_3 * part_of_psi_alpha_new
+    part_of_span_second_12 = part_of_span_second * part_of_span_second_11
+    span_second = part_of_span_second_28 + part_of_span_second_11 * part_of_span_second_12
+    part_of_psi_alpha_new_3 = 1.0 / span_second
+    part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3
+    psi_alpha_new = (psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
+        part_of_span_second_12 * part_of_psi_alpha_new_4)
+    part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_10
+    psi_beta_new = (psi_beta_pred + part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
+        L_pred_10 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_span_second_27 +
+        part_of_span_second_12 * part_of_psi_beta_new))
+    part_of_omega_new = D_pred_2_times_odd_y_i_alpha_2 + D_pred_1_times_odd_y_i_alpha_1 * L_pred_21
+    part_of_omega_new_2 = L_pred_21 - D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_24
+    part_of_omega_new_3 = part_of_span_second_22 + part_of_span_second_27 * part_of_omega_new_2
+    part_of_omega_new_4 = L_pred_20 - part_of_span_second_10 * part_of_omega_new
+    omega_new = (omega_pred + part_of_psi_alpha_new_2 * (part_of_omega_new +
+        D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) + part_of_psi_alpha_new_4 * (part_of_omega_new_3 +
+        part_of_span_second_12 * part_of_omega_new_4))
+    part_of_theta_new = D_pred_3_times_odd_y_i_alpha_3 + L_pred_32 * D_pred_2_times_odd_y_i_alpha_2
+    part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1
+    part_of_theta_new_3 = L_pred_32 - D_pred_3_times_odd_y_i_alpha_3 * part_of_span_second_18
+    part_of_theta_new_4 = part_of_span_second_16 + part_of_span_second_22 * part_of_theta_new_3
+    part_of_theta_new_5 = L_pred_31 - part_of_span_second_24 * part_of_theta_new
+    part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_27 * part_of_theta_new_5
+    part_of_theta_new_7 = L_pred_30 - part_of_span_second_10 * part_of_theta_new_2
+    theta_new = (math.wrap(theta_pred + part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
+        L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_theta_new_6 +
+        part_of_span_second_12 * part_of_theta_new_7)))
 
-    # --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R
-    dev_y_i_alpha_1p = y_i_alpha_1p - y_i_alpha_pred
-    dev_y_i_beta_1p = y_i_beta_1p - y_i_beta_pred
-    dev_y_i_alpha_2p = y_i_alpha_2p - y_i_alpha_pred
-    dev_y_i_beta_2p = y_i_beta_2p - y_i_beta_pred
-    dev_y_i_alpha_3p = y_i_alpha_3p - y_i_alpha_pred
-    dev_y_i_beta_3p = y_i_beta_3p - y_i_beta_pred
-    dev_y_i_alpha_0m = y_i_alpha_0m - y_i_alpha_pred
-    dev_y_i_beta_0m = y_i_beta_0m - y_i_beta_pred
-    dev_y_i_alpha_1m = y_i_alpha_1m - y_i_alpha_pred
-    dev_y_i_beta_1m = y_i_beta_1m - y_i_beta_pred
-    dev_y_i_alpha_2m = y_i_alpha_2m - y_i_alpha_pred
-    dev_y_i_beta_2m = y_i_beta_2m - y_i_beta_pred
-    dev_y_i_alpha_3m = y_i_alpha_3m - y_i_alpha_pred
-    dev_y_i_beta_3m = y_i_beta_3m - y_i_beta_pred
-    Pyy_00 = (0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p * dev_y_i_alpha_1p +
-        dev_y_i_alpha_2p * dev_y_i_alpha_2p + dev_y_i_alpha_3p * dev_y_i_alpha_3p +
-        dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1m * dev_y_i_alpha_1m +
-        dev_y_i_alpha_2m * dev_y_i_alpha_2m + dev_y_i_alpha_3m * dev_y_i_alpha_3m) + R_0)
-    Pyy_10 = (0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p * dev_y_i_alpha_2p + dev_y_i_beta_3p * dev_y_i_alpha_3p +
-        dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1m +
-        dev_y_i_beta_2m * dev_y_i_alpha_2m + dev_y_i_beta_3m * dev_y_i_alpha_3m))
-    Pyy_11 = (0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p * dev_y_i_beta_2p + dev_y_i_beta_3p * dev_y_i_beta_3p +
-        dev_y_i_beta_0m * dev_y_i_beta_0m + dev_y_i_beta_1m * dev_y_i_beta_1m +
-        dev_y_i_beta_2m * dev_y_i_beta_2m + dev_y_i_beta_3m * dev_y_i_beta_3m) + R_1)
-
-    # --- eq. 23: Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T
-    dev_psi_alpha_pred_0m = psi_alpha_pred_0m - psi_alpha_pred
-    dev_psi_beta_pred_0m = psi_beta_pred_0m - psi_beta_pred
-    dev_omega_pred_0m = omega_pred_0m - omega_pred
-    dev_theta_pred_0m = theta_pred_0m - theta_pred
-    dev_psi_beta_pred_1m = psi_beta_pred_1m - psi_beta_pred
-    dev_omega_pred_1m = omega_pred_1m - omega_pred
-    dev_theta_pred_1m = theta_pred_1m - theta_pred
-    dev_omega_pred_2m = omega_pred_2m - omega_pred
-    dev_theta_pred_2m = theta_pred_2m - theta_pred
-    dev_theta_pred_3m = theta_pred_3m - theta_pred
-    Pxy_00 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_psi_alpha_0 * offset_y_i_alpha)
-    Pxy_01 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_beta_0m - d_pred_psi_alpha_0 * offset_y_i_beta)
-    Pxy_10 = (0.125 * (d_pred_psi_beta_1 * dev_y_i_alpha_1p - d_pred_psi_beta_0 * offset_y_i_alpha +
-        dev_psi_beta_pred_0m * dev_y_i_alpha_0m + dev_psi_beta_pred_1m * dev_y_i_alpha_1m))
-    Pxy_11 = (0.125 * (d_pred_psi_beta_1 * dev_y_i_beta_1p - d_pred_psi_beta_0 * offset_y_i_beta +
-        dev_psi_beta_pred_0m * dev_y_i_beta_0m + dev_psi_beta_pred_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
-        d_pred_omega_2 * dev_y_i_alpha_2p + dev_omega_pred_0m * dev_y_i_alpha_0m +
-        dev_omega_pred_1m * dev_y_i_alpha_1m + dev_omega_pred_2m * dev_y_i_alpha_2m))
-    Pxy_21 = (0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
-        d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
-        dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2m))
-    Pxy_30 = (0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
-        d_pred_theta_2 * dev_y_i_alpha_2p + d_pred_theta_3 * dev_y_i_alpha_3p +
-        dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1m +
-        dev_theta_pred_2m * dev_y_i_alpha_2m + dev_theta_pred_3m * dev_y_i_alpha_3m))
-    Pxy_31 = (0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
-        d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_3p +
-        dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
-        dev_theta_pred_2m * dev_y_i_beta_2m + dev_theta_pred_3m * dev_y_i_beta_3m))
-
-    # --- eq. 24: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-
-    # --- eq. 25: y - y_pred; x = x_pred + K (y - y_pred), theta wrapped
-    innovation_i_alpha = i_alpha_meas - y_i_alpha_pred
-    innovation_i_beta = i_beta_meas - y_i_beta_pred
-    psi_alpha_new = psi_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    psi_beta_new = psi_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_new = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_new = math.wrap(theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta))
-
-    # --- eq. 26: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
+    # --- eq. 26: L D L^T = P_new
+    D_new_0 = part_of_span_second * part_of_span_second_28 * part_of_psi_alpha_new_3
+    part_of_L_new_10 = 1.0 / part_of_span_second_28
+    part_of_L_new_10_2 = part_of_span_second_11 * part_of_L_new_10
+    L_new_10 = part_of_psi_beta_new - part_of_span_second_27 * part_of_L_new_10_2
+    D_new_1 = part_of_span_second_23 * part_of_span_second_26 * part_of_L_new_10
+    L_new_20 = part_of_omega_new_4 - part_of_omega_new_3 * part_of_L_new_10_2
+    part_of_L_new_21 = 1.0 / part_of_span_second_23
+    part_of_L_new_21_2 = part_of_span_second_25 * part_of_L_new_21
+    L_new_21 = part_of_omega_new_2 - part_of_span_second_22 * part_of_L_new_21_2
+    D_new_2 = part_of_span_second_17 * part_of_span_second_21 * part_of_L_new_21
+    L_new_30 = part_of_theta_new_7 - part_of_theta_new_6 * part_of_L_new_10_2
+    L_new_31 = part_of_theta_new_5 - part_of_theta_new_4 * part_of_L_new_21_2
+    part_of_L_new_32 = 1.0 / part_of_span_second_17
+    L_new_32 = part_of_theta_new_3 - part_of_span_second_16 * part_of_span_second_19 * part_of_L_new_32
+    D_new_3 = part_of_span_second_13 * part_of_span_second_15 * part_of_L_new_32
 
     if stages is not None:
-        stages["S_pred"] = (S_pred_00, S_pred_10, S_pred_11, S_pred_20, S_pred_21, S_pred_22, S_pred_30,
-            S_pred_31, S_pred_32, S_pred_33,)
-        stages["X_pred"] = (psi_alpha_pred_0p, psi_alpha_pred, psi_alpha_pred, psi_alpha_pred,
-            psi_alpha_pred_0m, psi_alpha_pred, psi_alpha_pred, psi_alpha_pred, psi_beta_pred_0p,
-            psi_beta_pred_1p, psi_beta_pred, psi_beta_pred, psi_beta_pred_0m, psi_beta_pred_1m, psi_beta_pred,
-            psi_beta_pred, omega_pred + d_pred_omega_0, omega_pred + d_pred_omega_1, omega_pred +
-            d_pred_omega_2, omega_pred, omega_pred_0m, omega_pred_1m, omega_pred_2m, omega_pred,
-            theta_pred_0p, theta_pred_1p, theta_pred_2p, theta_pred_3p, theta_pred_0m, theta_pred_1m,
-            theta_pred_2m, theta_pred_3m,)
-        stages["Y"] = (y_i_alpha_0p, y_i_alpha_1p, y_i_alpha_2p, y_i_alpha_3p, y_i_alpha_0m, y_i_alpha_1m,
-            y_i_alpha_2m, y_i_alpha_3m, y_i_beta_0p, y_i_beta_1p, y_i_beta_2p, y_i_beta_3p, y_i_beta_0m,
-            y_i_beta_1m, y_i_beta_2m, y_i_beta_3m,)
-        stages["y_pred"] = (y_i_alpha_pred, y_i_beta_pred,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x"] = (psi_alpha_new, psi_beta_new, omega_new, theta_new,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,)
     return (
         (psi_alpha_new, psi_beta_new, omega_new, theta_new,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,),
     )
 
 
-def coast(x_pred, P_pred, math, stages=None):
+def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
 
     return (
         (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred),),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33,),
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
-def ickf_iterate(x_j, x_pred, P_pred, R, y, math, stages=None):
+def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     """One iterate, eq. 28-33."""
     (psi_alpha_j, psi_beta_j, omega_j, theta_j) = x_j
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    P_pred_00 = P_pred[0]
-    P_pred_10 = P_pred[1]
-    P_pred_11 = P_pred[2]
-    P_pred_20 = P_pred[3]
-    P_pred_21 = P_pred[4]
-    P_pred_30 = P_pred[6]
-    P_pred_31 = P_pred[7]
-    P_pred_32 = P_pred[8]
-    P_pred_33 = P_pred[9]
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 28: h(x^j); H^j = dh/dx at x^j
-    sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
-    psi_d_j = cos_theta_j * psi_alpha_j + sin_theta_j * psi_beta_j
-    psi_q_j = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j
-    i_d_j = INV_L_D * (psi_d_j - PSI_M)
-    i_q_j = INV_L_Q * psi_q_j
-    cos_theta_j_times_i_d_j = cos_theta_j * i_d_j
-    sin_theta_j_times_i_q_j = sin_theta_j * i_q_j
-    h_i_alpha_j = cos_theta_j_times_i_d_j - sin_theta_j_times_i_q_j
-    sin_theta_j_times_i_d_j = sin_theta_j * i_d_j
-    cos_theta_j_times_i_q_j = cos_theta_j * i_q_j
-    h_i_beta_j = sin_theta_j_times_i_d_j + cos_theta_j_times_i_q_j
-    inv_l_d_times_cos_theta_j = INV_L_D * cos_theta_j
-    inv_l_q_times_sin_theta_j = INV_L_Q * sin_theta_j
-    H_00 = cos_theta_j * inv_l_d_times_cos_theta_j + sin_theta_j * inv_l_q_times_sin_theta_j
-    inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j
-    inv_l_q_times_cos_theta_j = INV_L_Q * cos_theta_j
-    H_01 = cos_theta_j * inv_l_d_times_sin_theta_j - sin_theta_j * inv_l_q_times_cos_theta_j
-    inv_l_d_times_psi_q_j = INV_L_D * psi_q_j
-    inv_l_q_times_psi_d_j = INV_L_Q * psi_d_j
-    H_03 = (cos_theta_j * inv_l_d_times_psi_q_j - sin_theta_j_times_i_d_j - (cos_theta_j_times_i_q_j -
-        sin_theta_j * inv_l_q_times_psi_d_j))
-    H_10 = sin_theta_j * inv_l_d_times_cos_theta_j - cos_theta_j * inv_l_q_times_sin_theta_j
-    H_11 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * inv_l_q_times_cos_theta_j
-    H_13 = (cos_theta_j_times_i_d_j + sin_theta_j * inv_l_d_times_psi_q_j - (sin_theta_j_times_i_q_j +
-        cos_theta_j * inv_l_q_times_psi_d_j))
-
-    # --- eq. 30: Pxy^j = P_pred H^jT
-    Pxy_00 = P_pred_00 * H_00 + P_pred_10 * H_01 + P_pred_30 * H_03
-    Pxy_01 = P_pred_00 * H_10 + P_pred_10 * H_11 + P_pred_30 * H_13
-    Pxy_10 = P_pred_10 * H_00 + P_pred_11 * H_01 + P_pred_31 * H_03
-    Pxy_11 = P_pred_10 * H_10 + P_pred_11 * H_11 + P_pred_31 * H_13
-    Pxy_20 = P_pred_20 * H_00 + P_pred_21 * H_01 + P_pred_32 * H_03
-    Pxy_21 = P_pred_20 * H_10 + P_pred_21 * H_11 + P_pred_32 * H_13
-    Pxy_30 = P_pred_30 * H_00 + P_pred_31 * H_01 + P_pred_33 * H_03
-    Pxy_31 = P_pred_30 * H_10 + P_pred_31 * H_11 + P_pred_33 * H_13
-
-    # --- eq. 29: Pyy^j = H^j P_pred H^jT + R
-    Pyy_00 = H_00 * Pxy_00 + H_01 * Pxy_10 + H_03 * Pxy_30 + R_0
-    Pyy_10 = H_10 * Pxy_00 + H_11 * Pxy_10 + H_13 * Pxy_30
-    Pyy_11 = H_10 * Pxy_01 + H_11 * Pxy_11 + H_13 * Pxy_31 + R_1
-
-    # --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-
-    # --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1}
+    # --- eq. 31: x_pred - x^j
     back_psi_alpha = psi_alpha_pred - psi_alpha_j
     back_psi_beta = psi_beta_pred - psi_beta_j
     back_theta = theta_pred - theta_j
-    innovation_i_alpha = (i_alpha_meas - h_i_alpha_j - (H_00 * back_psi_alpha + H_01 * back_psi_beta +
-        H_03 * back_theta))
-    innovation_i_beta = (i_beta_meas - h_i_beta_j - (H_10 * back_psi_alpha + H_11 * back_psi_beta +
-        H_13 * back_theta))
-    psi_alpha_after = psi_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    psi_beta_after = psi_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta)
+
+    # --- eq. 20: Jacobian
+    sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
+    psi_d_j = cos_theta_j * psi_alpha_j + sin_theta_j * psi_beta_j
+    psi_q_j = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j
+    cos_theta_j_times_inv_l_d = cos_theta_j * INV_L_D
+    sin_theta_j_times_inv_l_q = sin_theta_j * INV_L_Q
+    slope_y_i_alpha_0 = cos_theta_j * cos_theta_j_times_inv_l_d + sin_theta_j * sin_theta_j_times_inv_l_q
+    cos_theta_j_times_inv_l_q = cos_theta_j * INV_L_Q
+    slope_y_i_alpha_1 = cos_theta_j_times_inv_l_d * sin_theta_j - sin_theta_j * cos_theta_j_times_inv_l_q
+    inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j
+    psi_d_j_minus_psi_m = psi_d_j - PSI_M
+    part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m
+    cos_theta_j_times_inv_l_q_times_psi_q_j = cos_theta_j_times_inv_l_q * psi_q_j
+    slope_y_i_alpha_3 = (cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
+        (cos_theta_j_times_inv_l_q_times_psi_q_j - sin_theta_j_times_inv_l_q * psi_d_j))
+    slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * cos_theta_j_times_inv_l_q
+    part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m
+    sin_theta_j_times_inv_l_q_times_psi_q_j = sin_theta_j_times_inv_l_q * psi_q_j
+    slope_y_i_beta_3 = (inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
+        (cos_theta_j_times_inv_l_q * psi_d_j + sin_theta_j_times_inv_l_q_times_psi_q_j))
+
+    # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
+    innovation_i_alpha = (i_alpha_meas - (part_of_innovation_i_alpha -
+        sin_theta_j_times_inv_l_q_times_psi_q_j) - (slope_y_i_alpha_0 * back_psi_alpha +
+        slope_y_i_alpha_1 * back_psi_beta + slope_y_i_alpha_3 * back_theta))
+    innovation_i_beta = (i_beta_meas - (part_of_slope_y_i_alpha_3 + cos_theta_j_times_inv_l_q_times_psi_q_j) -
+        (back_psi_alpha * slope_y_i_alpha_1 + back_psi_beta * slope_y_i_beta_1 +
+        back_theta * slope_y_i_beta_3))
+
+    # --- eq. 22: Pyy^j
+    part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30
+    D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00
+    part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31
+    D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2
+    slope_y_i_alpha_3_times_L_pred_32 = slope_y_i_alpha_3 * L_pred_32
+    D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32
+    part_of_Pyy_00_3 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32
+    slope_y_i_alpha_3_times_D_pred_3 = slope_y_i_alpha_3 * D_pred_3
+    Pyy_00 = (part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
+        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 +
+        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_00_3 +
+        slope_y_i_alpha_3 * slope_y_i_alpha_3_times_D_pred_3 + R_0)
+    part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3
+    part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3
+    part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3
+    Pyy_10 = (D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
+        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 +
+        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_10_3 +
+        slope_y_i_alpha_3_times_D_pred_3 * slope_y_i_beta_3)
+    D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10
+    D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2
+    D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3
+    Pyy_11 = (part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10 +
+        part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3)
+        + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 + R_1)
+
+    # --- eq. 28: Pyy^-1 innovation
+    part_of_share_0 = 1.0 / Pyy_00
+    part_of_share_0_times_Pyy_10 = part_of_share_0 * Pyy_10
+    share_1 = ((innovation_i_beta -
+        innovation_i_alpha * part_of_share_0_times_Pyy_10) / _larger(Pyy_11 - Pyy_10 * part_of_share_0_times_Pyy_10, R_1))
+    share_0 = innovation_i_alpha * part_of_share_0 - part_of_share_0_times_Pyy_10 * share_1
+
+    # --- eq. 31: K innovation = L along; x^{j+1}
+    along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1
+    along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 + D_pred_1_times_part_of_Pyy_10_2 * share_1
+    along_2 = part_of_Pyy_00_3 * share_0 + part_of_Pyy_10_3 * share_1
+    along_3 = slope_y_i_alpha_3_times_D_pred_3 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1
+    psi_alpha_after = psi_alpha_pred + along_0
+    psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1)
+    omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2)
+    theta_after = theta_pred + (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 + along_3)
 
     # --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2
     moved_psi_alpha = psi_alpha_after - psi_alpha_j
@@ -736,103 +805,141 @@ def ickf_iterate(x_j, x_pred, P_pred, R, y, math, stages=None):
         + moved_theta * moved_theta)
 
     if stages is not None:
-        stages["h_j"] = (h_i_alpha_j, h_i_beta_j,)
-        stages["H"] = (H_00, H_01, 0.0, H_03, H_10, H_11, 0.0, H_13,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x_next"] = (psi_alpha_after, psi_beta_after, omega_after, theta_after,)
     return (
         (psi_alpha_after, psi_beta_after, omega_after, theta_after,),
-        (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31,),
-        (Pyy_00, Pyy_10, Pyy_11,),
+        (part_of_Pyy_00, part_of_Pyy_00_2, slope_y_i_alpha_3_times_L_pred_32, slope_y_i_alpha_3,
+            part_of_Pyy_10, part_of_Pyy_10_2, L_pred_32 * slope_y_i_beta_3, slope_y_i_beta_3,),
+        (R_0, 0.0, R_1,),
         (change,),
     )
 
 
-def ickf_finish(x_j, P_pred, K, Pyy, math, stages=None):
+def ickf_finish(x_j, LD_pred, HL, noise, math, stages=None):
     """Result of the last iterate, eq. 32 and 34."""
     (psi_alpha_j, psi_beta_j, omega_j, theta_j) = x_j
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
-    (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31) = K
-    (Pyy_00, Pyy_10, Pyy_11) = Pyy
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
+    (HL_00, HL_01, HL_02, HL_03, HL_10, HL_11, HL_12, HL_13) = HL
+    noise_00 = noise[0]
+    noise_11 = noise[2]
 
-    # --- eq. 34: x = x^N, theta wrapped
+    # --- eq. 32
+    HL_03_times_D_pred_3 = HL_03 * D_pred_3
+    part_of_D_new_0 = noise_00 + HL_03 * HL_03_times_D_pred_3
+    HL_02_times_D_pred_2 = HL_02 * D_pred_2
+    part_of_D_new_0_2 = part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2
+    HL_01_times_D_pred_1 = HL_01 * D_pred_1
+    part_of_D_new_0_3 = part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1
+    span_first = part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00
+    part_of_D_new_0_5 = 1.0 / part_of_D_new_0
+    part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5
+    HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6
+    part_of_D_new_0_7 = noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6
+    HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5
+    HL_03_times_D_pred_3_times_HL_13 = HL_03_times_D_pred_3 * HL_13
+    part_of_D_new_0_8 = HL_12 - HL_02_times_part_of_D_new_0_5 * HL_03_times_D_pred_3_times_HL_13
+    part_of_D_new_0_9 = 1.0 / part_of_D_new_0_2
+    part_of_D_new_0_10 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_9
+    part_of_D_new_0_11 = part_of_D_new_0_8 * part_of_D_new_0_10
+    part_of_D_new_0_12 = part_of_D_new_0_7 + part_of_D_new_0_8 * part_of_D_new_0_11
+    HL_01_times_part_of_D_new_0_9 = HL_01 * part_of_D_new_0_9
+    part_of_D_new_0_13 = HL_03_times_D_pred_3_times_HL_13 + HL_02_times_D_pred_2 * HL_12
+    part_of_D_new_0_14 = HL_11 - HL_01_times_part_of_D_new_0_9 * part_of_D_new_0_13
+    part_of_D_new_0_15 = 1.0 / part_of_D_new_0_3
+    part_of_D_new_0_16 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_15
+    part_of_D_new_0_17 = part_of_D_new_0_14 * part_of_D_new_0_16
+    part_of_D_new_0_18 = part_of_D_new_0_12 + part_of_D_new_0_14 * part_of_D_new_0_17
+    part_of_D_new_0_4 = D_pred_0 * part_of_D_new_0_3 / span_first
+    HL_00_times_part_of_D_new_0_15 = HL_00 * part_of_D_new_0_15
+    part_of_span_second = (HL_10 -
+        HL_00_times_part_of_D_new_0_15 * (part_of_D_new_0_13 + HL_01_times_D_pred_1 * HL_11))
+    span_second = part_of_D_new_0_18 + part_of_D_new_0_4 * part_of_span_second * part_of_span_second
+
+    # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_j)
 
-    # --- eq. 32: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
+    # --- eq. 32: L D L^T = P_new
+    D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_18 / span_second
+    part_of_L_new_10 = 1.0 / part_of_D_new_0_18
+    part_of_L_new_10_2 = part_of_span_second * part_of_L_new_10
+    L_new_10 = (L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_15 -
+        part_of_D_new_0_17 * part_of_L_new_10_2)
+    D_new_1 = part_of_D_new_0_12 * part_of_D_new_0_16 * part_of_L_new_10
+    part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_9
+    L_new_20 = (L_pred_20 -
+        HL_00_times_part_of_D_new_0_15 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
+        part_of_L_new_10_2 * (part_of_D_new_0_11 + part_of_D_new_0_17 * part_of_L_new_20))
+    part_of_L_new_21 = 1.0 / part_of_D_new_0_12
+    part_of_L_new_21_2 = part_of_D_new_0_14 * part_of_L_new_21
+    L_new_21 = part_of_L_new_20 - part_of_D_new_0_11 * part_of_L_new_21_2
+    D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_10 * part_of_L_new_21
+    part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32
+    part_of_L_new_30_2 = L_pred_32 - HL_03_times_D_pred_3 * HL_02_times_part_of_D_new_0_5
+    part_of_L_new_30_3 = HL_13_times_part_of_D_new_0_6 + part_of_D_new_0_11 * part_of_L_new_30_2
+    part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_9 * part_of_L_new_30
+    L_new_30 = (L_pred_30 -
+        HL_00_times_part_of_D_new_0_15 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
+        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_17 * part_of_L_new_30_4))
+    L_new_31 = part_of_L_new_30_4 - part_of_L_new_21_2 * part_of_L_new_30_3
+    part_of_L_new_32 = 1.0 / part_of_D_new_0_7
+    L_new_32 = part_of_L_new_30_2 - HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_8 * part_of_L_new_32
+    D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32
 
     if stages is not None:
         stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,)
     return (
         (psi_alpha_j, psi_beta_j, omega_j, theta_new,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,),
     )
 
 
 def ckf_step(f, u, y, math, stages=None):
-    """One step of the ckf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ckf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
-    x, P = ckf_measurement_update(x_pred, P_pred, f.R, y, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
+    z_pred, turn_pred = ckf_measurement_update_turns(LD_pred, math, stages)
+    x, LD = ckf_measurement_update(x_pred, LD_pred, f.R, y, turn_pred, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 
 def ickf_step(f, u, y, math, stages=None):
-    """One step of the ickf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ickf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.zeros(np.shape(accepted), int)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
     x_j = x_pred
     moving = accepted
     for j in range(max(1, int(f.max_iterations))):
         iterate = None if stages is None else {}
-        new_x_j, new_K, new_Pyy, new_change = ickf_iterate(x_j, x_pred, P_pred, f.R, y, math, iterate)
+        new_x_j, new_HL, new_noise, new_change = ickf_iterate(x_j, x_pred, LD_pred, f.R, y, math, iterate)
         x_j = new_x_j if j == 0 else _select(moving, new_x_j, x_j)
-        K = new_K if j == 0 else _select(moving, new_K, K)
-        Pyy = new_Pyy if j == 0 else _select(moving, new_Pyy, Pyy)
+        HL = new_HL if j == 0 else _select(moving, new_HL, HL)
+        noise = new_noise if j == 0 else _select(moving, new_noise, noise)
         if stages is not None:
             stages.setdefault("iterates", []).append(iterate)
         iterations = iterations + np.where(moving, 1, 0)
@@ -840,11 +947,12 @@ def ickf_step(f, u, y, math, stages=None):
         if not np.any(moving):
             break
     status = status | np.where(moving, NOT_CONVERGED, 0)
-    x, P = ickf_finish(x_j, P_pred, K, Pyy, math, stages)
+    x, LD = ickf_finish(x_j, LD_pred, HL, noise, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 

@@ -16,7 +16,7 @@ extern "C" {
 typedef struct {
     /* estimate */
     float32 x[4]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad */
-    float32 P[10]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
+    float32 LD[10]; /* covariance of x as L D L^T, L with unit diagonal: D0, L10, D1, L20, L21, D2, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
     float32 Q[4]; /* process noise variances per step, each positive */
     float32 R[2]; /* measurement noise variances, A^2, each positive */

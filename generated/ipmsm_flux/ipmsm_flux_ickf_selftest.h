@@ -32,7 +32,7 @@ extern "C" {
  *   stage 1: the status
  *   stage 2: the number of iterations
  *   stage 10 + k: x[k]
- *   stage 20 + k: P[k]
+ *   stage 20 + k: LD[k]
  */
 int ipmsm_flux_ickf_selftest(ipmsm_flux_ickf_t *work, float32 tolerance);
 

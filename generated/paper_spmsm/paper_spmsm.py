@@ -8,6 +8,7 @@ float32 lanes compute the bits of the generated C; float64 lanes use the platfor
 import numpy as np
 
 STATES = ('i_alpha', 'i_beta', 'omega', 'theta')
+COVARIANCE = "LD"  # the field that carries P; see pack and unpack
 UNITS = ('A', 'A', 'rad/s', 'rad')
 ANGLE = 3  # index of the state that lives on a circle
 KINDS = ('ckf', 'ickf')
@@ -30,15 +31,18 @@ INPUT_REJECTED = 1  # u or y is NaN, infinite or out of range: the state is a pu
 NOT_CONVERGED = 2  # max_iterations passed before (33) held: the last iterate is kept
 
 # Motor data and sample time, folded.
-POLE_PAIRS = 4.0  # p
 DECAY_I = 0.9311377245508982  # 1 - T R / L
-GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
 GAIN_V = 0.023952095808383235  # T / L, A/V
-SAMPLE_TIME = 2e-05  # sample time, s
 DECAY_OMEGA = 0.999995  # 1 - T D / J
+GAIN_E_POLE_PAIRS = 0.016766467065868262  # GAIN_E * POLE_PAIRS
+GAIN_E_POLE_PAIRS_X4 = 0.06706586826347305  # 4 * GAIN_E * POLE_PAIRS
+POLE_PAIRS_SAMPLE_TIME = 8e-05  # POLE_PAIRS * SAMPLE_TIME
+GAIN_E_SQ_POLE_PAIRS_SQ = 0.0002811144178708451  # GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS
+DECAY_OMEGA_SQ = 0.9999900000249999  # DECAY_OMEGA * DECAY_OMEGA
 L_D = 0.000835  # L_d, H
 L_Q = 0.000835  # L_q, H
 PSI_M = 0.175  # magnet flux linkage, Wb
+POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
 
@@ -55,9 +59,9 @@ def _larger(a, b):
 
 def _sin_cos_f32(x):
     ROUND = 12582912.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in three parts
+    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
     k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.881092071533203e-06 - k * -2.781813535079891e-08
+    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
     # --- the sign is -1 for odd k
     odd = k - 2.0 * (k * 0.5 + ROUND - ROUND)
     sign = 1.0 - 2.0 * (odd * odd)
@@ -74,7 +78,7 @@ def _wrap_angle_f32(x):
     BELOW_PI = 3.141592502593994
     # --- r = x - 2 pi turns, kept inside [-pi, pi)
     turns = x * 0.15915494309189535 + ROUND - ROUND
-    r = x - turns * 6.283203125 - turns * -1.7762184143066406e-05 - turns * -5.563627070159782e-08
+    r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
     capped = _smaller(r, BELOW_PI)
     return _larger(capped, -3.141592502593994)
 
@@ -93,12 +97,51 @@ def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
+def _polynomial_small_angle_f32(z):
+    sinc = ((-0.00019635721053736524 * z + 0.008332948732190088) * z + -0.16666665599949523) * z + 1.0
+    cosm1 = ((-0.0013704120390129683 * z + 0.041663211079514505) * z + -0.49999990418937185) * z
+    return sinc, cosm1
+
+
+def _small_angle_f32(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f32(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f32(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
+def _polynomial_small_angle_f64(z):
+    sinc = (((((((((-8.22063524662433e-18 * z + 2.8114572543455206e-15) * z + -7.647163731819816e-13) * z +
+        1.6059043836821613e-10) * z + -2.505210838544172e-08) * z + 2.7557319223985893e-06) * z +
+        -0.0001984126984126984) * z + 0.008333333333333333) * z + -0.16666666666666666) * z + 1.0)
+    cosm1 = (((((((((-1.5619206968586225e-16 * z + 4.779477332387385e-14) * z + -1.1470745597729725e-11) * z +
+        2.08767569878681e-09) * z + -2.755731922398589e-07) * z + 2.48015873015873e-05) * z +
+        -0.001388888888888889) * z + 0.041666666666666664) * z + -0.5) * z)
+    return sinc, cosm1
+
+
+def _small_angle_f64(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f64(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f64(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
 class Float32:
     """Generated arithmetic, the same operations as the C code."""
 
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
+    small_angle = staticmethod(_small_angle_f32)
 
 
 class Float64:
@@ -107,9 +150,36 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
+    small_angle = staticmethod(_small_angle_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
+
+
+def pack(P):
+    """Covariance (n, n, ...) -> the words of a filter's state: P = L D L^T row by row, D on the diagonal."""
+    n = len(STATES)
+    P = np.asarray(P, dtype=float)
+    L, D = np.zeros_like(P), np.zeros(P.shape[1:])
+    for j in range(n):
+        D[j] = P[j, j] - np.sum(L[j, :j] ** 2 * D[:j], axis=0)
+        L[j, j] = 1.0
+        for i in range(j + 1, n):
+            L[i, j] = (P[i, j] - np.sum(L[i, :j] * L[j, :j] * D[:j], axis=0)) / D[j]
+    return np.stack([D[i] if i == j else L[i, j] for i in range(n) for j in range(i + 1)])
+
+
+def unpack(words):
+    """The words of a filter's state (n (n + 1) / 2, ...) -> covariance (n, n, ...) = L D L^T, in float64."""
+    n = len(STATES)
+    words = np.asarray(words, dtype=float)
+    L = np.zeros((n, n, *words.shape[1:]))
+    for i in range(n):
+        L[i, :i] = words[i * (i + 1) // 2 : i * (i + 1) // 2 + i]
+        L[i, i] = 1.0
+    D = words[[i * (i + 3) // 2 for i in range(n)]]
+    return np.einsum("ik...,k...,jk...->ij...", L, D, L)
+
 
 
 def _within(values, limit):
@@ -124,627 +194,338 @@ def _select(mask, new, old):
     return tuple(np.where(mask, a, b)[()] for a, b in zip(new, old))
 
 
-def time_update(x, P, Q, u, math, stages=None):
-    """Time update, eq. 13-17."""
+def time_update_turns(LD, math, stages=None):
+    """Small angles of time_update: sin(d) / d and cos(d) - 1."""
+    D_0 = LD[0]
+    D_1 = LD[2]
+    D_2 = LD[5]
+    L_30 = LD[6]
+    L_31 = LD[7]
+    L_32 = LD[8]
+    D_3 = LD[9]
+
+    # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
+    d_theta_sq_0 = D_0 * 4.0 * L_30 * L_30
+    d_theta_sq_1 = 4.0 * D_1 * L_31 * L_31
+    d_theta_sq_2 = 4.0 * D_2 * L_32 * L_32
+    d_theta_sq_3 = 4.0 * D_3
+    sinc_theta_0, cosm1_theta_0 = math.small_angle(d_theta_sq_0)
+    sinc_theta_1, cosm1_theta_1 = math.small_angle(d_theta_sq_1)
+    sinc_theta_2, cosm1_theta_2 = math.small_angle(d_theta_sq_2)
+    sinc_theta_3, cosm1_theta_3 = math.small_angle(d_theta_sq_3)
+
+    return (
+        (d_theta_sq_0, d_theta_sq_1, d_theta_sq_2, d_theta_sq_3,),
+        (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+            cosm1_theta_3,),
+    )
+
+
+def time_update(x, LD, Q, u, turn, math, stages=None):
+    """Time update, eq. 13-18."""
     (i_alpha, i_beta, omega, theta) = x
-    (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33) = P
+    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3) = LD
     (Q_0, Q_1, Q_2, Q_3) = Q
     (v_alpha, v_beta) = u
+    (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+        cosm1_theta_3) = turn
 
-    # --- eq. 13: S = chol(P)
-    S_00 = np.sqrt(P_00)
-    S_10 = P_10 / S_00
-    S_11 = np.sqrt(P_11 - S_10 * S_10)
-    S_20 = P_20 / S_00
-    S_21 = (P_21 - S_20 * S_10) / S_11
-    S_22 = np.sqrt(P_22 - (S_20 * S_20 + S_21 * S_21))
-    S_30 = P_30 / S_00
-    S_31 = (P_31 - S_30 * S_10) / S_11
-    S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22
-    S_33 = np.sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32))
+    # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
+    drive_alpha = GAIN_V * v_alpha
+    drive_beta = GAIN_V * v_beta
+    gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega
+    sin_theta, cos_theta = math.sin_cos(theta)
+    part_of_i_alpha_pred = gain_e_pole_pairs_times_omega * sin_theta
+    gain_e_pole_pairs_x4_times_cos_theta = GAIN_E_POLE_PAIRS_X4 * cos_theta
+    D_0_times_L_20 = D_0 * L_20
+    L_30_times_sinc_theta_0 = L_30 * sinc_theta_0
+    part_of_even_i_alpha_next_0 = D_0_times_L_20 * L_30_times_sinc_theta_0
+    even_i_alpha_next_0 = (part_of_i_alpha_pred * cosm1_theta_0 +
+        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_0)
+    D_1_times_L_21 = D_1 * L_21
+    L_31_times_sinc_theta_1 = L_31 * sinc_theta_1
+    part_of_even_i_alpha_next_1 = D_1_times_L_21 * L_31_times_sinc_theta_1
+    even_i_alpha_next_1 = (part_of_i_alpha_pred * cosm1_theta_1 +
+        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_1)
+    L_32_times_sinc_theta_2 = L_32 * sinc_theta_2
+    part_of_even_i_alpha_next_2 = 0.06706586826347305 * D_2 * L_32_times_sinc_theta_2
+    even_i_alpha_next_2 = part_of_i_alpha_pred * cosm1_theta_2 + cos_theta * part_of_even_i_alpha_next_2
+    even_i_alpha_next_3 = part_of_i_alpha_pred * cosm1_theta_3
+    part_of_i_beta_pred = gain_e_pole_pairs_times_omega * cos_theta
+    gain_e_pole_pairs_times_sin_theta = GAIN_E_POLE_PAIRS * sin_theta
+    part_of_odd_i_alpha_next_0 = L_20 * (cosm1_theta_0 + 1.0)
+    odd_i_alpha_next_0 = (DECAY_I + (part_of_i_beta_pred * L_30_times_sinc_theta_0 +
+        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_0))
+    part_of_odd_i_alpha_next_1 = L_21 * (cosm1_theta_1 + 1.0)
+    odd_i_alpha_next_1 = (part_of_i_beta_pred * L_31_times_sinc_theta_1 +
+        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_1)
+    part_of_odd_i_alpha_next_2 = 0.016766467065868262 * (cosm1_theta_2 + 1.0)
+    odd_i_alpha_next_2 = (part_of_i_beta_pred * L_32_times_sinc_theta_2 +
+        sin_theta * part_of_odd_i_alpha_next_2)
+    gain_e_pole_pairs_times_cos_theta = GAIN_E_POLE_PAIRS * cos_theta
+    odd_i_beta_next_0 = (DECAY_I * L_10 - (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_0 -
+        part_of_i_alpha_pred * L_30_times_sinc_theta_0))
+    odd_i_beta_next_1 = (DECAY_I - (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_1 -
+        part_of_i_alpha_pred * L_31_times_sinc_theta_1))
+    odd_theta_next_0 = L_30 + POLE_PAIRS_SAMPLE_TIME * L_20
+    odd_theta_next_1 = L_31 + POLE_PAIRS_SAMPLE_TIME * L_21
+    odd_theta_next_2 = L_32 + 8e-05
 
-    # --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i
-    d_i_alpha_0 = 2.0 * S_00
-    d_i_beta_0 = 2.0 * S_10
-    d_i_beta_1 = 2.0 * S_11
-    d_omega_0 = 2.0 * S_20
-    d_omega_1 = 2.0 * S_21
-    d_omega_2 = 2.0 * S_22
-    d_theta_0 = 2.0 * S_30
-    d_theta_1 = 2.0 * S_31
-    d_theta_2 = 2.0 * S_32
-    d_theta_3 = 2.0 * S_33
-    i_alpha_0p = i_alpha + d_i_alpha_0
-    i_alpha_0m = i_alpha - d_i_alpha_0
-    i_beta_0p = i_beta + d_i_beta_0
-    i_beta_1p = i_beta + d_i_beta_1
-    i_beta_0m = i_beta - d_i_beta_0
-    i_beta_1m = i_beta - d_i_beta_1
-    omega_0p = omega + d_omega_0
-    omega_1p = omega + d_omega_1
-    omega_2p = omega + d_omega_2
-    omega_0m = omega - d_omega_0
-    omega_1m = omega - d_omega_1
-    omega_2m = omega - d_omega_2
-    theta_0p = theta + d_theta_0
-    theta_1p = theta + d_theta_1
-    theta_2p = theta + d_theta_2
-    theta_3p = theta + d_theta_3
-    theta_0m = theta - d_theta_0
-    theta_1m = theta - d_theta_1
-    theta_2m = theta - d_theta_2
-    theta_3m = theta - d_theta_3
-
-    # --- eq. 15: X_i' = f(X_i, u)
-    omega_e_0p = POLE_PAIRS * omega_0p
-    emf_step_0p = GAIN_E * omega_e_0p
-    drive_alpha_0p = GAIN_V * v_alpha
-    drive_beta_0p = GAIN_V * v_beta
-    omega_e_1p = POLE_PAIRS * omega_1p
-    emf_step_1p = GAIN_E * omega_e_1p
-    omega_e_2p = POLE_PAIRS * omega_2p
-    emf_step_2p = GAIN_E * omega_e_2p
-    omega_e_3p = POLE_PAIRS * omega
-    emf_step_3p = GAIN_E * omega_e_3p
-    omega_e_0m = POLE_PAIRS * omega_0m
-    emf_step_0m = GAIN_E * omega_e_0m
-    omega_e_1m = POLE_PAIRS * omega_1m
-    emf_step_1m = GAIN_E * omega_e_1m
-    omega_e_2m = POLE_PAIRS * omega_2m
-    emf_step_2m = GAIN_E * omega_e_2m
-    sin_theta_0p, cos_theta_0p = math.sin_cos(theta_0p)
-    i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_0p + drive_alpha_0p
-    decay_i_times_i_alpha = DECAY_I * i_alpha
-    sin_theta_1p, cos_theta_1p = math.sin_cos(theta_1p)
-    i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_1p + drive_alpha_0p
-    sin_theta_2p, cos_theta_2p = math.sin_cos(theta_2p)
-    i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_2p + drive_alpha_0p
-    sin_theta_3p, cos_theta_3p = math.sin_cos(theta_3p)
-    i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_3p + drive_alpha_0p
-    sin_theta_0m, cos_theta_0m = math.sin_cos(theta_0m)
-    i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_0m + drive_alpha_0p
-    sin_theta_1m, cos_theta_1m = math.sin_cos(theta_1m)
-    i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_1m + drive_alpha_0p
-    sin_theta_2m, cos_theta_2m = math.sin_cos(theta_2m)
-    i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_2m + drive_alpha_0p
-    sin_theta_3m, cos_theta_3m = math.sin_cos(theta_3m)
-    i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_3m + drive_alpha_0p
-    i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_0p + drive_beta_0p
-    i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_1p + drive_beta_0p
-    decay_i_times_i_beta = DECAY_I * i_beta
-    i_beta_next_2p = decay_i_times_i_beta - emf_step_2p * cos_theta_2p + drive_beta_0p
-    i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_3p + drive_beta_0p
-    i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_0m + drive_beta_0p
-    i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_1m + drive_beta_0p
-    i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_2m + drive_beta_0p
-    i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_3m + drive_beta_0p
-    omega_next_0p = DECAY_OMEGA * omega_0p
-    omega_next_1p = DECAY_OMEGA * omega_1p
-    omega_next_2p = DECAY_OMEGA * omega_2p
-    omega_next_3p = DECAY_OMEGA * omega
-    omega_next_0m = DECAY_OMEGA * omega_0m
-    omega_next_1m = DECAY_OMEGA * omega_1m
-    omega_next_2m = DECAY_OMEGA * omega_2m
-    theta_next_0p = theta_0p + SAMPLE_TIME * omega_e_0p
-    theta_next_1p = theta_1p + SAMPLE_TIME * omega_e_1p
-    theta_next_2p = theta_2p + SAMPLE_TIME * omega_e_2p
-    sample_time_times_omega_e_3p = SAMPLE_TIME * omega_e_3p
-    theta_next_3p = theta_3p + sample_time_times_omega_e_3p
-    theta_next_0m = theta_0m + SAMPLE_TIME * omega_e_0m
-    theta_next_1m = theta_1m + SAMPLE_TIME * omega_e_1m
-    theta_next_2m = theta_2m + SAMPLE_TIME * omega_e_2m
-    theta_next_3m = theta_3m + sample_time_times_omega_e_3p
-
-    # --- eq. 16: x_pred = mean X_i', about the first point
-    offset_i_alpha = (0.125 * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
-        (i_alpha_next_3p - i_alpha_next_0p) + (i_alpha_next_0m - i_alpha_next_0p) +
-        (i_alpha_next_1m - i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) +
-        (i_alpha_next_3m - i_alpha_next_0p)))
-    offset_i_beta = (0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
-        (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) +
-        (i_beta_next_1m - i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) +
-        (i_beta_next_3m - i_beta_next_0p)))
-    omega_next_3p_minus_omega_next_0p = omega_next_3p - omega_next_0p
-    offset_omega = (0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
-        omega_next_3p_minus_omega_next_0p + (omega_next_0m - omega_next_0p) + (omega_next_1m - omega_next_0p)
-        + (omega_next_2m - omega_next_0p) + omega_next_3p_minus_omega_next_0p))
-    offset_theta = (0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
-        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p)))
-    i_alpha_pred = i_alpha_next_0p + offset_i_alpha
-    i_beta_pred = i_beta_next_0p + offset_i_beta
-    omega_pred = omega_next_0p + offset_omega
-    theta_pred = theta_next_0p + offset_theta
+    # --- eq. 16: x_pred = mean X_i'
+    offset_i_alpha = ((even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
+        even_i_alpha_next_3) * 0.25)
+    i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred + drive_alpha + offset_i_alpha
+    gain_e_pole_pairs_x4_times_sin_theta = GAIN_E_POLE_PAIRS_X4 * sin_theta
+    part_of_i_beta_pred_2 = (cosm1_theta_0 * part_of_i_beta_pred -
+        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_0)
+    part_of_i_beta_pred_3 = (part_of_i_beta_pred * cosm1_theta_1 -
+        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_1)
+    part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_2 - sin_theta * part_of_even_i_alpha_next_2
+    part_of_i_beta_pred_times_cosm1_theta_3 = part_of_i_beta_pred * cosm1_theta_3
+    part_of_i_beta_pred_5 = (0.25 * (part_of_i_beta_pred_2 + part_of_i_beta_pred_3 + part_of_i_beta_pred_4 +
+        part_of_i_beta_pred_times_cosm1_theta_3))
+    i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_5
+    omega_pred = omega * DECAY_OMEGA
+    theta_pred = theta + POLE_PAIRS_SAMPLE_TIME * omega
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
-    dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred
-    dev_i_beta_1p = i_beta_next_1p - i_beta_pred
-    dev_omega_1p = omega_next_1p - omega_pred
-    dev_theta_1p = theta_next_1p - theta_pred
-    dev_i_alpha_2p = i_alpha_next_2p - i_alpha_pred
-    dev_i_beta_2p = i_beta_next_2p - i_beta_pred
-    dev_omega_2p = omega_next_2p - omega_pred
-    dev_theta_2p = theta_next_2p - theta_pred
-    dev_i_alpha_3p = i_alpha_next_3p - i_alpha_pred
-    dev_i_beta_3p = i_beta_next_3p - i_beta_pred
-    dev_omega_3p = omega_next_3p - omega_pred
-    dev_theta_3p = theta_next_3p - theta_pred
-    dev_i_alpha_0m = i_alpha_next_0m - i_alpha_pred
-    dev_i_beta_0m = i_beta_next_0m - i_beta_pred
-    dev_omega_0m = omega_next_0m - omega_pred
-    dev_theta_0m = theta_next_0m - theta_pred
-    dev_i_alpha_1m = i_alpha_next_1m - i_alpha_pred
-    dev_i_beta_1m = i_beta_next_1m - i_beta_pred
-    dev_omega_1m = omega_next_1m - omega_pred
-    dev_theta_1m = theta_next_1m - theta_pred
-    dev_i_alpha_2m = i_alpha_next_2m - i_alpha_pred
-    dev_i_beta_2m = i_beta_next_2m - i_beta_pred
-    dev_omega_2m = omega_next_2m - omega_pred
-    dev_theta_2m = theta_next_2m - theta_pred
-    dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred
-    dev_i_beta_3m = i_beta_next_3m - i_beta_pred
-    dev_theta_3m = theta_next_3m - theta_pred
-    P_pred_00 = (0.125 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
-        dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m +
-        dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) +
-        Q_0)
-    P_pred_10 = (0.125 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
-        dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m +
-        dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m))
-    P_pred_11 = (0.125 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
-        dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m +
-        dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1)
-    P_pred_20 = (0.125 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
-        dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m +
-        dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m))
-    P_pred_21 = (0.125 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
-        dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m +
-        dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m))
-    dev_omega_3p_sq = dev_omega_3p * dev_omega_3p
-    P_pred_22 = (0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
-        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2)
-    P_pred_30 = (0.125 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
-        dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m +
-        dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m))
-    P_pred_31 = (0.125 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
-        dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m +
-        dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m))
-    P_pred_32 = (0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
-        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p))
-    P_pred_33 = (0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
-        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3)
+    dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha
+    dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha
+    dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha
+    dev_i_alpha_3 = even_i_alpha_next_3 - offset_i_alpha
+    dev_i_beta_0 = part_of_i_beta_pred_5 - part_of_i_beta_pred_2
+    dev_i_beta_1 = part_of_i_beta_pred_5 - part_of_i_beta_pred_3
+    dev_i_beta_2 = part_of_i_beta_pred_5 - part_of_i_beta_pred_4
+    dev_i_beta_3 = part_of_i_beta_pred_5 - part_of_i_beta_pred_times_cosm1_theta_3
+    D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
+    D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
+    D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2
+    D_3_times_sinc_theta_3 = D_3 * sinc_theta_3
+    part_of_P_pred_00 = D_3_times_sinc_theta_3 * (omega * (GAIN_E_SQ_POLE_PAIRS_SQ * omega) * sinc_theta_3)
+    P_pred_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2
+        + cos_theta * cos_theta * part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_alpha_0 +
+        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + dev_i_alpha_3 * dev_i_alpha_3) + Q_0)
+    part_of_P_pred_10 = (cos_theta * part_of_odd_i_alpha_next_2 -
+        part_of_i_alpha_pred * L_32_times_sinc_theta_2)
+    sin_theta_times_part_of_P_pred_00 = sin_theta * part_of_P_pred_00
+    P_pred_10 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - D_2_times_odd_i_alpha_next_2 * part_of_P_pred_10 +
+        cos_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 +
+        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3))
+    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
+    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
+    D_2_times_part_of_P_pred_10 = D_2 * part_of_P_pred_10
+    P_pred_11 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_10 * D_2_times_part_of_P_pred_10 +
+        sin_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 +
+        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1)
+    D_0_times_L_20_times_decay_omega = D_0_times_L_20 * DECAY_OMEGA
+    D_1_times_L_21_times_decay_omega = D_1_times_L_21 * DECAY_OMEGA
+    P_pred_20 = (D_0_times_L_20_times_decay_omega * odd_i_alpha_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2)
+    P_pred_21 = (D_0_times_L_20_times_decay_omega * odd_i_beta_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_i_beta_next_1 - DECAY_OMEGA * D_2_times_part_of_P_pred_10)
+    P_pred_22 = (DECAY_OMEGA_SQ * L_20 * D_0_times_L_20 + DECAY_OMEGA_SQ * L_21 * D_1_times_L_21 +
+        DECAY_OMEGA_SQ * D_2 + Q_2)
+    P_pred_30 = (D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_i_alpha_next_2 * odd_theta_next_2 +
+        part_of_i_beta_pred * D_3_times_sinc_theta_3)
+    P_pred_31 = (D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_pred_10 * odd_theta_next_2 +
+        part_of_i_alpha_pred * D_3_times_sinc_theta_3)
+    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
+    P_pred_32 = (D_0_times_L_20_times_decay_omega * odd_theta_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_theta_next_1 + DECAY_OMEGA * D_2_times_odd_theta_next_2)
+    P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
+        odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
+
+    # --- eq. 18: L D L^T = P_pred
+    part_of_L_pred_10 = 1.0 / P_pred_00
+    L_pred_10 = P_pred_10 * part_of_L_pred_10
+    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    L_pred_20 = part_of_L_pred_10 * P_pred_20
+    part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
+    part_of_L_pred_21_2 = 1.0 / D_pred_1
+    L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2
+    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2)
+    L_pred_30 = part_of_L_pred_10 * P_pred_30
+    part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
+    L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31
+    part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31
+    L_pred_32 = part_of_L_pred_32 / D_pred_2
+    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3))
 
     if stages is not None:
-        stages["S"] = (S_00, S_10, S_11, S_20, S_21, S_22, S_30, S_31, S_32, S_33,)
-        stages["X"] = (i_alpha_0p, i_alpha, i_alpha, i_alpha, i_alpha_0m, i_alpha, i_alpha, i_alpha,
-            i_beta_0p, i_beta_1p, i_beta, i_beta, i_beta_0m, i_beta_1m, i_beta, i_beta, omega_0p, omega_1p,
-            omega_2p, omega, omega_0m, omega_1m, omega_2m, omega, theta_0p, theta_1p, theta_2p, theta_3p,
-            theta_0m, theta_1m, theta_2m, theta_3m,)
-        stages["X_prop"] = (i_alpha_next_0p, i_alpha_next_1p, i_alpha_next_2p, i_alpha_next_3p,
-            i_alpha_next_0m, i_alpha_next_1m, i_alpha_next_2m, i_alpha_next_3m, i_beta_next_0p,
-            i_beta_next_1p, i_beta_next_2p, i_beta_next_3p, i_beta_next_0m, i_beta_next_1m, i_beta_next_2m,
-            i_beta_next_3m, omega_next_0p, omega_next_1p, omega_next_2p, omega_next_3p, omega_next_0m,
-            omega_next_1m, omega_next_2m, omega_next_3p, theta_next_0p, theta_next_1p, theta_next_2p,
-            theta_next_3p, theta_next_0m, theta_next_1m, theta_next_2m, theta_next_3m,)
         stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred,)
         stages["P_pred"] = (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30,
             P_pred_31, P_pred_32, P_pred_33,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred,),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33,),
+        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
-def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
+def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18-26."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 18: S = chol(P_pred)
-    S_pred_00 = np.sqrt(P_pred_00)
-    S_pred_10 = P_pred_10 / S_pred_00
-    S_pred_11 = np.sqrt(P_pred_11 - S_pred_10 * S_pred_10)
-    S_pred_20 = P_pred_20 / S_pred_00
-    S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11
-    S_pred_22 = np.sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21))
-    S_pred_30 = P_pred_30 / S_pred_00
-    S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11
-    S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22
-    S_pred_33 = np.sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 + S_pred_32 * S_pred_32))
+    # --- eq. 25: y - y_pred; theta wrapped
+    innovation_i_alpha = i_alpha_meas - i_alpha_pred
+    innovation_i_beta = i_beta_meas - i_beta_pred
+    span_first = R_0 + D_pred_0
+    D_pred_0_per_span_first = D_pred_0 / span_first
+    part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_i_alpha_new_times_L_pred_10 = part_of_i_alpha_new * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_i_alpha_new_times_L_pred_10
+    R_1_plus_D_pred_1 = R_1 + D_pred_1
+    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
+    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
+    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
+    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_i_alpha_new_2 = 1.0 / span_second
+    part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
+    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second * part_of_i_alpha_new_3
+    i_beta_new = (i_beta_pred + part_of_i_alpha_new_times_L_pred_10 +
+        part_of_i_alpha_new_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    omega_new = (omega_pred + part_of_i_alpha_new * L_pred_20 +
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+    theta_new = (math.wrap(theta_pred + part_of_i_alpha_new * L_pred_30 +
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30)))
 
-    # --- eq. 19: sqrt(n) S; X_i = x_pred +- sqrt(n) S_i
-    d_pred_i_alpha_0 = 2.0 * S_pred_00
-    d_pred_i_beta_0 = 2.0 * S_pred_10
-    d_pred_i_beta_1 = 2.0 * S_pred_11
-    d_pred_omega_0 = 2.0 * S_pred_20
-    d_pred_omega_1 = 2.0 * S_pred_21
-    d_pred_omega_2 = 2.0 * S_pred_22
-    d_pred_theta_0 = 2.0 * S_pred_30
-    d_pred_theta_1 = 2.0 * S_pred_31
-    d_pred_theta_2 = 2.0 * S_pred_32
-    d_pred_theta_3 = 2.0 * S_pred_33
-    i_alpha_pred_0p = i_alpha_pred + d_pred_i_alpha_0
-    i_alpha_pred_0m = i_alpha_pred - d_pred_i_alpha_0
-    i_beta_pred_0p = i_beta_pred + d_pred_i_beta_0
-    i_beta_pred_1p = i_beta_pred + d_pred_i_beta_1
-    i_beta_pred_0m = i_beta_pred - d_pred_i_beta_0
-    i_beta_pred_1m = i_beta_pred - d_pred_i_beta_1
-    omega_pred_0m = omega_pred - d_pred_omega_0
-    omega_pred_1m = omega_pred - d_pred_omega_1
-    omega_pred_2m = omega_pred - d_pred_omega_2
-    theta_pred_0m = theta_pred - d_pred_theta_0
-    theta_pred_1m = theta_pred - d_pred_theta_1
-    theta_pred_2m = theta_pred - d_pred_theta_2
-    theta_pred_3m = theta_pred - d_pred_theta_3
-
-    # --- eq. 21: y_pred = mean Y_i, about the first point
-    offset_y_i_alpha = (0.125 * (i_alpha_pred_0m - i_alpha_pred_0p - (4.0 * S_pred_00 + d_pred_i_alpha_0) -
-        d_pred_i_alpha_0 - d_pred_i_alpha_0 - d_pred_i_alpha_0))
-    offset_y_i_beta = (0.125 * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 - d_pred_i_beta_0 +
-        (i_beta_pred_0m - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) - d_pred_i_beta_0 -
-        d_pred_i_beta_0))
-    y_i_alpha_pred = i_alpha_pred_0p + offset_y_i_alpha
-    y_i_beta_pred = i_beta_pred_0p + offset_y_i_beta
-
-    # --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R
-    dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_pred
-    dev_y_i_beta_1p = i_beta_pred_1p - y_i_beta_pred
-    dev_y_i_beta_2p = i_beta_pred - y_i_beta_pred
-    dev_y_i_alpha_0m = i_alpha_pred_0m - y_i_alpha_pred
-    dev_y_i_beta_0m = i_beta_pred_0m - y_i_beta_pred
-    dev_y_i_beta_1m = i_beta_pred_1m - y_i_beta_pred
-    dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq) + R_0)
-    dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
-    dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
-
-    # --- eq. 23: Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T
-    dev_i_alpha_pred_0m = i_alpha_pred_0m - i_alpha_pred
-    dev_i_beta_pred_0m = i_beta_pred_0m - i_beta_pred
-    dev_omega_pred_0m = omega_pred_0m - omega_pred
-    dev_theta_pred_0m = theta_pred_0m - theta_pred
-    dev_i_beta_pred_1m = i_beta_pred_1m - i_beta_pred
-    dev_omega_pred_1m = omega_pred_1m - omega_pred
-    dev_theta_pred_1m = theta_pred_1m - theta_pred
-    dev_omega_pred_2m = omega_pred_2m - omega_pred
-    dev_theta_pred_2m = theta_pred_2m - theta_pred
-    dev_theta_pred_3m = theta_pred_3m - theta_pred
-    Pxy_00 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_i_alpha_0 * offset_y_i_alpha)
-    Pxy_01 = 0.125 * (dev_i_alpha_pred_0m * dev_y_i_beta_0m - d_pred_i_alpha_0 * offset_y_i_beta)
-    Pxy_10 = (0.125 * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_pred_0m * dev_y_i_alpha_0m + dev_i_beta_pred_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.125 * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_pred_0m * dev_y_i_beta_0m + dev_i_beta_pred_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
-        d_pred_omega_2 * dev_y_i_alpha_1p + dev_omega_pred_0m * dev_y_i_alpha_0m +
-        dev_omega_pred_1m * dev_y_i_alpha_1p + dev_omega_pred_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
-        d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
-        dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
-        d_pred_theta_2 * dev_y_i_alpha_1p + d_pred_theta_3 * dev_y_i_alpha_1p +
-        dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1p +
-        dev_theta_pred_2m * dev_y_i_alpha_1p + dev_theta_pred_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
-        d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_2p +
-        dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
-        dev_theta_pred_2m * dev_y_i_beta_2p + dev_theta_pred_3m * dev_y_i_beta_2p))
-
-    # --- eq. 24: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-
-    # --- eq. 25: y - y_pred; x = x_pred + K (y - y_pred), theta wrapped
-    innovation_i_alpha = i_alpha_meas - y_i_alpha_pred
-    innovation_i_beta = i_beta_meas - y_i_beta_pred
-    i_alpha_new = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    i_beta_new = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_new = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_new = math.wrap(theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta))
-
-    # --- eq. 26: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
+    # --- eq. 26: L D L^T = P_new
+    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
+    part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_10 = L_pred_10 - part_of_L_new_10
+    D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10
+    L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10
 
     if stages is not None:
-        stages["S_pred"] = (S_pred_00, S_pred_10, S_pred_11, S_pred_20, S_pred_21, S_pred_22, S_pred_30,
-            S_pred_31, S_pred_32, S_pred_33,)
-        stages["X_pred"] = (i_alpha_pred_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred_0m,
-            i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_pred_0p, i_beta_pred_1p, i_beta_pred,
-            i_beta_pred, i_beta_pred_0m, i_beta_pred_1m, i_beta_pred, i_beta_pred, omega_pred +
-            d_pred_omega_0, omega_pred + d_pred_omega_1, omega_pred + d_pred_omega_2, omega_pred,
-            omega_pred_0m, omega_pred_1m, omega_pred_2m, omega_pred, theta_pred + d_pred_theta_0, theta_pred +
-            d_pred_theta_1, theta_pred + d_pred_theta_2, theta_pred + d_pred_theta_3, theta_pred_0m,
-            theta_pred_1m, theta_pred_2m, theta_pred_3m,)
-        stages["Y"] = (i_alpha_pred_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred_0m,
-            i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_pred_0p, i_beta_pred_1p, i_beta_pred,
-            i_beta_pred, i_beta_pred_0m, i_beta_pred_1m, i_beta_pred, i_beta_pred,)
-        stages["y_pred"] = (y_i_alpha_pred, y_i_beta_pred,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x"] = (i_alpha_new, i_beta_new, omega_new, theta_new,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,)
     return (
         (i_alpha_new, i_beta_new, omega_new, theta_new,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
-def coast(x_pred, P_pred, math, stages=None):
+def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
 
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred),),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33,),
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
-def ickf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
+def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 18: S = chol(P_pred)
-    S_pred_00 = np.sqrt(P_pred_00)
-    S_pred_10 = P_pred_10 / S_pred_00
-    S_pred_11 = np.sqrt(P_pred_11 - S_pred_10 * S_pred_10)
-    S_pred_20 = P_pred_20 / S_pred_00
-    S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11
-    S_pred_22 = np.sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21))
-    S_pred_30 = P_pred_30 / S_pred_00
-    S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11
-    S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22
-    S_pred_33 = np.sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 + S_pred_32 * S_pred_32))
-
-    # --- eq. 19: sqrt(n) S; X_i = x^j +- sqrt(n) S_i
-    d_j_i_alpha_0 = 2.0 * S_pred_00
-    d_j_i_beta_0 = 2.0 * S_pred_10
-    d_j_i_beta_1 = 2.0 * S_pred_11
-    d_j_omega_0 = 2.0 * S_pred_20
-    d_j_omega_1 = 2.0 * S_pred_21
-    d_j_omega_2 = 2.0 * S_pred_22
-    d_j_theta_0 = 2.0 * S_pred_30
-    d_j_theta_1 = 2.0 * S_pred_31
-    d_j_theta_2 = 2.0 * S_pred_32
-    d_j_theta_3 = 2.0 * S_pred_33
-    i_alpha_j_0p = i_alpha_pred + d_j_i_alpha_0
-    i_alpha_j_0m = i_alpha_pred - d_j_i_alpha_0
-    i_beta_j_0p = i_beta_pred + d_j_i_beta_0
-    i_beta_j_1p = i_beta_pred + d_j_i_beta_1
-    i_beta_j_0m = i_beta_pred - d_j_i_beta_0
-    i_beta_j_1m = i_beta_pred - d_j_i_beta_1
-    omega_j_0m = omega_pred - d_j_omega_0
-    omega_j_1m = omega_pred - d_j_omega_1
-    omega_j_2m = omega_pred - d_j_omega_2
-    theta_j_0m = theta_pred - d_j_theta_0
-    theta_j_1m = theta_pred - d_j_theta_1
-    theta_j_2m = theta_pred - d_j_theta_2
-    theta_j_3m = theta_pred - d_j_theta_3
-
-    # --- eq. 21: mean Y_i, about the first point
-    offset_y_i_alpha = (0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0) -
-        d_j_i_alpha_0 - d_j_i_alpha_0 - d_j_i_alpha_0))
-    offset_y_i_beta = (0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 +
-        (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0))
-    y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha
-    y_i_beta_mean = i_beta_j_0p + offset_y_i_beta
-
-    # --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R
-    dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean
-    dev_y_i_beta_1p = i_beta_j_1p - y_i_beta_mean
-    dev_y_i_beta_2p = i_beta_pred - y_i_beta_mean
-    dev_y_i_alpha_0m = i_alpha_j_0m - y_i_alpha_mean
-    dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean
-    dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean
-    dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq) + R_0)
-    dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
-    dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1)
-
-    # --- eq. 23: Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T
-    dev_i_alpha_j_0m = i_alpha_j_0m - i_alpha_pred
-    dev_i_beta_j_0m = i_beta_j_0m - i_beta_pred
-    dev_omega_j_0m = omega_j_0m - omega_pred
-    dev_theta_j_0m = theta_j_0m - theta_pred
-    dev_i_beta_j_1m = i_beta_j_1m - i_beta_pred
-    dev_omega_j_1m = omega_j_1m - omega_pred
-    dev_theta_j_1m = theta_j_1m - theta_pred
-    dev_omega_j_2m = omega_j_2m - omega_pred
-    dev_theta_j_2m = theta_j_2m - theta_pred
-    dev_theta_j_3m = theta_j_3m - theta_pred
-    Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha)
-    Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta)
-    Pxy_10 = (0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
-        d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
-        + dev_omega_j_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
-        d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
-        dev_omega_j_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
-        d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
-        dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
-        dev_theta_j_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
-        d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
-        dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
-        dev_theta_j_3m * dev_y_i_beta_2p))
-
-    # --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-
-    # --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1}
+    # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
     innovation_i_beta = i_beta_meas - i_beta_pred
-    i_alpha_after = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    i_beta_after = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta)
+    span_first = R_0 + D_pred_0
+    D_pred_0_per_span_first = D_pred_0 / span_first
+    part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10
+    R_1_plus_D_pred_1 = R_1 + D_pred_1
+    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
+    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
+    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
+    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_i_alpha_after_2 = 1.0 / span_second
+    part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
+    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second * part_of_i_alpha_after_3
+    i_beta_after = (i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
+        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    omega_after = (omega_pred + part_of_i_alpha_after * L_pred_20 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+    theta_after = (theta_pred + part_of_i_alpha_after * L_pred_30 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30))
 
-    # --- eq. 34: x = x^N, theta wrapped
+    # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
-    # --- eq. 32: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
+    # --- eq. 32: L D L^T = P_new
+    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
+    part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_10 = L_pred_10 - part_of_L_new_10
+    D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10
+    L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10
 
     if stages is not None:
-        stages["S_pred"] = (S_pred_00, S_pred_10, S_pred_11, S_pred_20, S_pred_21, S_pred_22, S_pred_30,
-            S_pred_31, S_pred_32, S_pred_33,)
-        stages["h_j"] = (i_alpha_pred, i_beta_pred,)
-        stages["H"] = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0,)
-        stages["X_j"] = (i_alpha_j_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_j_0m, i_alpha_pred,
-            i_alpha_pred, i_alpha_pred, i_beta_j_0p, i_beta_j_1p, i_beta_pred, i_beta_pred, i_beta_j_0m,
-            i_beta_j_1m, i_beta_pred, i_beta_pred, omega_pred + d_j_omega_0, omega_pred + d_j_omega_1,
-            omega_pred + d_j_omega_2, omega_pred, omega_j_0m, omega_j_1m, omega_j_2m, omega_pred, theta_pred +
-            d_j_theta_0, theta_pred + d_j_theta_1, theta_pred + d_j_theta_2, theta_pred + d_j_theta_3,
-            theta_j_0m, theta_j_1m, theta_j_2m, theta_j_3m,)
-        stages["Y_j"] = (i_alpha_j_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_j_0m, i_alpha_pred,
-            i_alpha_pred, i_alpha_pred, i_beta_j_0p, i_beta_j_1p, i_beta_pred, i_beta_pred, i_beta_j_0m,
-            i_beta_j_1m, i_beta_pred, i_beta_pred,)
-        stages["y_mean"] = (y_i_alpha_mean, y_i_beta_mean,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after,)
         stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,)
     return (
         (i_alpha_after, i_beta_after, omega_after, theta_new,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32,
+            D_pred_3,),
     )
 
 
 def ckf_step(f, u, y, math, stages=None):
-    """One step of the ckf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ckf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
-    x, P = ckf_measurement_update(x_pred, P_pred, f.R, y, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
+    x, LD = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 
 def ickf_step(f, u, y, math, stages=None):
-    """One step of the ickf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ickf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
-    x, P = ickf_measurement_update(x_pred, P_pred, f.R, y, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
+    x, LD = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 

@@ -8,6 +8,7 @@ float32 lanes compute the bits of the generated C; float64 lanes use the platfor
 import numpy as np
 
 STATES = ('i_alpha', 'i_beta', 'omega', 'theta', 'load_torque')
+COVARIANCE = "LD"  # the field that carries P; see pack and unpack
 UNITS = ('A', 'A', 'rad/s', 'rad', 'N m')
 ANGLE = 3  # index of the state that lives on a circle
 KINDS = ('ckf', 'ickf')
@@ -39,6 +40,8 @@ DECAY_OMEGA = 0.9999750003124974  # exp(-T D / J)
 GAIN_OMEGA = 0.01249984375195311  # T (1 + exp(-T D / J)) / (2 J), rad/s per N m
 HALF_P_T = 0.0002  # p T / 2, s
 GAIN_TORQUE = 1.0499999999999998  # 1.5 p psi_m, N m/A
+HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
+GAIN_OMEGA_GAIN_TORQUE = 0.013124835939550763  # GAIN_OMEGA * GAIN_TORQUE
 L_D = 0.000835  # L_d, H
 L_Q = 0.000835  # L_q, H
 PSI_M = 0.175  # magnet flux linkage, Wb
@@ -58,9 +61,9 @@ def _larger(a, b):
 
 def _sin_cos_f32(x):
     ROUND = 12582912.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in three parts
+    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
     k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.881092071533203e-06 - k * -2.781813535079891e-08
+    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
     # --- the sign is -1 for odd k
     odd = k - 2.0 * (k * 0.5 + ROUND - ROUND)
     sign = 1.0 - 2.0 * (odd * odd)
@@ -77,7 +80,7 @@ def _wrap_angle_f32(x):
     BELOW_PI = 3.141592502593994
     # --- r = x - 2 pi turns, kept inside [-pi, pi)
     turns = x * 0.15915494309189535 + ROUND - ROUND
-    r = x - turns * 6.283203125 - turns * -1.7762184143066406e-05 - turns * -5.563627070159782e-08
+    r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
     capped = _smaller(r, BELOW_PI)
     return _larger(capped, -3.141592502593994)
 
@@ -96,12 +99,51 @@ def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
+def _polynomial_small_angle_f32(z):
+    sinc = ((-0.00019635721053736524 * z + 0.008332948732190088) * z + -0.16666665599949523) * z + 1.0
+    cosm1 = ((-0.0013704120390129683 * z + 0.041663211079514505) * z + -0.49999990418937185) * z
+    return sinc, cosm1
+
+
+def _small_angle_f32(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f32(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f32(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
+def _polynomial_small_angle_f64(z):
+    sinc = (((((((((-8.22063524662433e-18 * z + 2.8114572543455206e-15) * z + -7.647163731819816e-13) * z +
+        1.6059043836821613e-10) * z + -2.505210838544172e-08) * z + 2.7557319223985893e-06) * z +
+        -0.0001984126984126984) * z + 0.008333333333333333) * z + -0.16666666666666666) * z + 1.0)
+    cosm1 = (((((((((-1.5619206968586225e-16 * z + 4.779477332387385e-14) * z + -1.1470745597729725e-11) * z +
+        2.08767569878681e-09) * z + -2.755731922398589e-07) * z + 2.48015873015873e-05) * z +
+        -0.001388888888888889) * z + 0.041666666666666664) * z + -0.5) * z)
+    return sinc, cosm1
+
+
+def _small_angle_f64(z):
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
+    sinc, cosm1 = _polynomial_small_angle_f64(z)
+    small = z <= 0.5
+    if np.all(small):
+        return sinc, cosm1
+    d = np.sqrt(z)
+    sine, cosine = _sin_cos_f64(d)
+    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+
+
 class Float32:
     """Generated arithmetic, the same operations as the C code."""
 
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
+    small_angle = staticmethod(_small_angle_f32)
 
 
 class Float64:
@@ -110,9 +152,36 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
+    small_angle = staticmethod(_small_angle_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
+
+
+def pack(P):
+    """Covariance (n, n, ...) -> the words of a filter's state: P = L D L^T row by row, D on the diagonal."""
+    n = len(STATES)
+    P = np.asarray(P, dtype=float)
+    L, D = np.zeros_like(P), np.zeros(P.shape[1:])
+    for j in range(n):
+        D[j] = P[j, j] - np.sum(L[j, :j] ** 2 * D[:j], axis=0)
+        L[j, j] = 1.0
+        for i in range(j + 1, n):
+            L[i, j] = (P[i, j] - np.sum(L[i, :j] * L[j, :j] * D[:j], axis=0)) / D[j]
+    return np.stack([D[i] if i == j else L[i, j] for i in range(n) for j in range(i + 1)])
+
+
+def unpack(words):
+    """The words of a filter's state (n (n + 1) / 2, ...) -> covariance (n, n, ...) = L D L^T, in float64."""
+    n = len(STATES)
+    words = np.asarray(words, dtype=float)
+    L = np.zeros((n, n, *words.shape[1:]))
+    for i in range(n):
+        L[i, :i] = words[i * (i + 1) // 2 : i * (i + 1) // 2 + i]
+        L[i, i] = 1.0
+    D = words[[i * (i + 3) // 2 for i in range(n)]]
+    return np.einsum("ik...,k...,jk...->ij...", L, D, L)
+
 
 
 def _within(values, limit):
@@ -127,863 +196,449 @@ def _select(mask, new, old):
     return tuple(np.where(mask, a, b)[()] for a, b in zip(new, old))
 
 
-def time_update(x, P, Q, u, math, stages=None):
-    """Time update, eq. 13-17."""
+def time_update_turns(LD, math, stages=None):
+    """Small angles of time_update: sin(d) / d and cos(d) - 1."""
+    D_0 = LD[0]
+    D_1 = LD[2]
+    L_20 = LD[3]
+    L_21 = LD[4]
+    D_2 = LD[5]
+    L_30 = LD[6]
+    L_31 = LD[7]
+    L_32 = LD[8]
+    D_3 = LD[9]
+
+    # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
+    part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    d_theta_mid_sq_0 = D_0 * 5.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0
+    part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    d_theta_mid_sq_1 = 5.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1
+    part_of_d_theta_mid_sq_2 = L_32 + 0.0002
+    d_theta_mid_sq_2 = 5.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2
+    d_theta_mid_sq_3 = 5.0 * D_3
+    sinc_theta_mid_0, cosm1_theta_mid_0 = math.small_angle(d_theta_mid_sq_0)
+    sinc_theta_mid_1, cosm1_theta_mid_1 = math.small_angle(d_theta_mid_sq_1)
+    sinc_theta_mid_2, cosm1_theta_mid_2 = math.small_angle(d_theta_mid_sq_2)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.small_angle(d_theta_mid_sq_3)
+
+    return (
+        (d_theta_mid_sq_0, d_theta_mid_sq_1, d_theta_mid_sq_2, d_theta_mid_sq_3,),
+        (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
+            cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3,),
+    )
+
+
+def time_update(x, LD, Q, u, turn, math, stages=None):
+    """Time update, eq. 13-18."""
     (i_alpha, i_beta, omega, theta, load_torque) = x
-    (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33, P_40, P_41, P_42, P_43, P_44) = P
+    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3, L_40, L_41, L_42, L_43, D_4) = LD
     (Q_0, Q_1, Q_2, Q_3, Q_4) = Q
     (v_alpha, v_beta) = u
+    (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
+        cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3) = turn
 
-    # --- eq. 13: S = chol(P)
-    S_00 = np.sqrt(P_00)
-    S_10 = P_10 / S_00
-    S_11 = np.sqrt(P_11 - S_10 * S_10)
-    S_20 = P_20 / S_00
-    S_21 = (P_21 - S_20 * S_10) / S_11
-    S_22 = np.sqrt(P_22 - (S_20 * S_20 + S_21 * S_21))
-    S_30 = P_30 / S_00
-    S_31 = (P_31 - S_30 * S_10) / S_11
-    S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22
-    S_33 = np.sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32))
-    S_40 = P_40 / S_00
-    S_41 = (P_41 - S_40 * S_10) / S_11
-    S_42 = (P_42 - (S_40 * S_20 + S_41 * S_21)) / S_22
-    S_43 = (P_43 - (S_40 * S_30 + S_41 * S_31 + S_42 * S_32)) / S_33
-    S_44 = np.sqrt(P_44 - (S_40 * S_40 + S_41 * S_41 + S_42 * S_42 + S_43 * S_43))
+    # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
+    omega_e = POLE_PAIRS * omega
+    theta_mid = theta + omega_e * HALF_T
+    odd_i_alpha_1, odd_i_beta_1 = math.sin_cos(theta_mid)
+    i_alpha_2 = i_alpha * odd_i_beta_1 + odd_i_alpha_1 * i_beta
+    odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10
+    i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1
+    odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1
+    odd_omega_e_0 = POLE_PAIRS * L_20
+    odd_theta_mid_0 = L_30 + HALF_T * odd_omega_e_0
+    emf_step = GAIN_E * omega_e
+    odd_emf_step_0 = GAIN_E * odd_omega_e_0
+    drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta)
+    drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha)
+    i_alpha_mid = 0.5 * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha))
+    odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
+    part_of_even_i_alpha_next_0 = D_0 * 5.0 * odd_theta_mid_0_times_sinc_theta_mid_0
+    even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0
+    even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5
+    i_beta_mid = 0.5 * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta))
+    part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0
+    odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0
+    odd_torque_0 = (GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
+        odd_theta_mid_0_times_sinc_theta_mid_0 * (i_alpha_mid + even_i_alpha_mid_0)))
+    odd_omega_e_1 = POLE_PAIRS * L_21
+    odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1
+    odd_emf_step_1 = GAIN_E * odd_omega_e_1
+    odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
+    part_of_even_i_alpha_next_1 = 5.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1
+    even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1
+    even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5
+    part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0
+    odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1
+    odd_torque_1 = (GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
+        odd_theta_mid_1_times_sinc_theta_mid_1 * (i_alpha_mid + even_i_alpha_mid_1)))
+    odd_theta_mid_2 = L_32 + 0.0002
+    odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
+    part_of_even_i_alpha_next_2 = 5.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2
+    even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2
+    even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5
+    emf_step_times_cosm1_theta_mid_0 = emf_step * cosm1_theta_mid_0
+    part_of_even_omega_next_0 = emf_step_times_cosm1_theta_mid_0 * 0.5
+    odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * odd_theta_mid_0_times_sinc_theta_mid_0
+    even_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0)
+        - part_of_even_omega_next_0 -
+        part_of_even_i_alpha_next_0 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0)))
+    emf_step_times_cosm1_theta_mid_1 = emf_step * cosm1_theta_mid_1
+    part_of_even_omega_next_1 = emf_step_times_cosm1_theta_mid_1 * 0.5
+    odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * odd_theta_mid_1_times_sinc_theta_mid_1
+    even_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1)
+        - part_of_even_omega_next_1 -
+        part_of_even_i_alpha_next_1 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1)))
+    emf_step_times_cosm1_theta_mid_2 = emf_step * cosm1_theta_mid_2
+    part_of_even_omega_next_2 = emf_step_times_cosm1_theta_mid_2 * 0.5
+    odd_i_alpha_next_2 = emf_step * odd_theta_mid_2_times_sinc_theta_mid_2
+    even_omega_next_2 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2)
+        - part_of_even_omega_next_2 - part_of_even_i_alpha_next_2 * 0.5 * odd_i_alpha_next_2))
+    emf_step_times_cosm1_theta_mid_3 = emf_step * cosm1_theta_mid_3
+    part_of_even_omega_next_3 = emf_step_times_cosm1_theta_mid_3 * 0.5
+    odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3
+    D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3
+    even_omega_next_3 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * (i_beta_mid - part_of_even_omega_next_3)
+        - part_of_even_omega_next_3 - 2.5 * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3))
+    even_theta_next_0 = even_omega_next_0 * HALF_P_T
+    even_theta_next_1 = even_omega_next_1 * HALF_P_T
+    even_theta_next_2 = even_omega_next_2 * HALF_P_T
+    even_theta_next_3 = even_omega_next_3 * HALF_P_T
+    odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40)
+    odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41)
+    part_of_P_pred_00_2 = cosm1_theta_mid_2 + 1.0
+    part_of_P_pred_00_3 = 0.07092321646834308 * part_of_P_pred_00_2
+    odd_omega_next_2 = (DECAY_OMEGA -
+        GAIN_OMEGA * (GAIN_TORQUE * (0.5 * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
+        odd_theta_mid_2_times_sinc_theta_mid_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42))
+    odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0)
+    odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1)
+    odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2)
+    part_of_P_pred_20 = GAIN_OMEGA * (GAIN_TORQUE * sinc_theta_mid_3 * i_alpha_mid + L_43)
+    odd_theta_next_3 = 1.0 - HALF_P_T * part_of_P_pred_20
 
-    # --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i
-    d_i_alpha_0 = 2.23606797749979 * S_00
-    d_i_beta_0 = 2.23606797749979 * S_10
-    d_i_beta_1 = 2.23606797749979 * S_11
-    d_omega_0 = 2.23606797749979 * S_20
-    d_omega_1 = 2.23606797749979 * S_21
-    d_omega_2 = 2.23606797749979 * S_22
-    d_theta_0 = 2.23606797749979 * S_30
-    d_theta_1 = 2.23606797749979 * S_31
-    d_theta_2 = 2.23606797749979 * S_32
-    d_theta_3 = 2.23606797749979 * S_33
-    d_load_torque_0 = 2.23606797749979 * S_40
-    d_load_torque_1 = 2.23606797749979 * S_41
-    d_load_torque_2 = 2.23606797749979 * S_42
-    d_load_torque_3 = 2.23606797749979 * S_43
-    d_load_torque_4 = 2.23606797749979 * S_44
-    i_alpha_0p = i_alpha + d_i_alpha_0
-    i_alpha_0m = i_alpha - d_i_alpha_0
-    i_beta_0p = i_beta + d_i_beta_0
-    i_beta_1p = i_beta + d_i_beta_1
-    i_beta_0m = i_beta - d_i_beta_0
-    i_beta_1m = i_beta - d_i_beta_1
-    omega_0p = omega + d_omega_0
-    omega_1p = omega + d_omega_1
-    omega_2p = omega + d_omega_2
-    omega_0m = omega - d_omega_0
-    omega_1m = omega - d_omega_1
-    omega_2m = omega - d_omega_2
-    theta_0p = theta + d_theta_0
-    theta_1p = theta + d_theta_1
-    theta_2p = theta + d_theta_2
-    theta_3p = theta + d_theta_3
-    theta_0m = theta - d_theta_0
-    theta_1m = theta - d_theta_1
-    theta_2m = theta - d_theta_2
-    theta_3m = theta - d_theta_3
-    load_torque_0p = load_torque + d_load_torque_0
-    load_torque_1p = load_torque + d_load_torque_1
-    load_torque_2p = load_torque + d_load_torque_2
-    load_torque_3p = load_torque + d_load_torque_3
-    load_torque_4p = load_torque + d_load_torque_4
-    load_torque_0m = load_torque - d_load_torque_0
-    load_torque_1m = load_torque - d_load_torque_1
-    load_torque_2m = load_torque - d_load_torque_2
-    load_torque_3m = load_torque - d_load_torque_3
-    load_torque_4m = load_torque - d_load_torque_4
-
-    # --- eq. 15: X_i' = f(X_i, u)
-    omega_e_0p = POLE_PAIRS * omega_0p
-    theta_mid_0p = theta_0p + HALF_T * omega_e_0p
-    emf_step_0p = GAIN_E * omega_e_0p
-    drive_alpha_0p = GAIN_V * v_alpha
-    drive_beta_0p = GAIN_V * v_beta
-    sin_theta_mid_0p, cos_theta_mid_0p = math.sin_cos(theta_mid_0p)
-    i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_mid_0p + drive_alpha_0p
-    i_alpha_mid_0p = 0.5 * (i_alpha_0p + i_alpha_next_0p)
-    i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_mid_0p + drive_beta_0p
-    i_beta_mid_0p = 0.5 * (i_beta_0p + i_beta_next_0p)
-    torque_0p = GAIN_TORQUE * (cos_theta_mid_0p * i_beta_mid_0p - sin_theta_mid_0p * i_alpha_mid_0p)
-    omega_e_1p = POLE_PAIRS * omega_1p
-    theta_mid_1p = theta_1p + HALF_T * omega_e_1p
-    emf_step_1p = GAIN_E * omega_e_1p
-    decay_i_times_i_alpha = DECAY_I * i_alpha
-    sin_theta_mid_1p, cos_theta_mid_1p = math.sin_cos(theta_mid_1p)
-    i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_mid_1p + drive_alpha_0p
-    i_alpha_mid_1p = 0.5 * (i_alpha + i_alpha_next_1p)
-    i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_mid_1p + drive_beta_0p
-    i_beta_mid_1p = 0.5 * (i_beta_1p + i_beta_next_1p)
-    torque_1p = GAIN_TORQUE * (cos_theta_mid_1p * i_beta_mid_1p - sin_theta_mid_1p * i_alpha_mid_1p)
-    omega_e_2p = POLE_PAIRS * omega_2p
-    theta_mid_2p = theta_2p + HALF_T * omega_e_2p
-    emf_step_2p = GAIN_E * omega_e_2p
-    sin_theta_mid_2p, cos_theta_mid_2p = math.sin_cos(theta_mid_2p)
-    i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p
-    i_alpha_mid_2p = 0.5 * (i_alpha + i_alpha_next_2p)
-    decay_i_times_i_beta = DECAY_I * i_beta
-    i_beta_next_2p = decay_i_times_i_beta - emf_step_2p * cos_theta_mid_2p + drive_beta_0p
-    i_beta_mid_2p = 0.5 * (i_beta + i_beta_next_2p)
-    torque_2p = GAIN_TORQUE * (cos_theta_mid_2p * i_beta_mid_2p - sin_theta_mid_2p * i_alpha_mid_2p)
-    omega_e_3p = POLE_PAIRS * omega
-    half_t_times_omega_e_3p = HALF_T * omega_e_3p
-    theta_mid_3p = theta_3p + half_t_times_omega_e_3p
-    emf_step_3p = GAIN_E * omega_e_3p
-    sin_theta_mid_3p, cos_theta_mid_3p = math.sin_cos(theta_mid_3p)
-    i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3p + drive_alpha_0p
-    i_alpha_mid_3p = 0.5 * (i_alpha + i_alpha_next_3p)
-    i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3p + drive_beta_0p
-    i_beta_mid_3p = 0.5 * (i_beta + i_beta_next_3p)
-    torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * i_beta_mid_3p - sin_theta_mid_3p * i_alpha_mid_3p)
-    theta_mid_4p = theta + half_t_times_omega_e_3p
-    sin_theta_mid_4p, cos_theta_mid_4p = math.sin_cos(theta_mid_4p)
-    i_alpha_next_4p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_4p + drive_alpha_0p
-    i_alpha_mid_4p = 0.5 * (i_alpha + i_alpha_next_4p)
-    i_beta_next_4p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_4p + drive_beta_0p
-    i_beta_mid_4p = 0.5 * (i_beta + i_beta_next_4p)
-    torque_4p = GAIN_TORQUE * (cos_theta_mid_4p * i_beta_mid_4p - sin_theta_mid_4p * i_alpha_mid_4p)
-    omega_e_0m = POLE_PAIRS * omega_0m
-    theta_mid_0m = theta_0m + HALF_T * omega_e_0m
-    emf_step_0m = GAIN_E * omega_e_0m
-    sin_theta_mid_0m, cos_theta_mid_0m = math.sin_cos(theta_mid_0m)
-    i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_mid_0m + drive_alpha_0p
-    i_alpha_mid_0m = 0.5 * (i_alpha_0m + i_alpha_next_0m)
-    i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_mid_0m + drive_beta_0p
-    i_beta_mid_0m = 0.5 * (i_beta_0m + i_beta_next_0m)
-    torque_0m = GAIN_TORQUE * (cos_theta_mid_0m * i_beta_mid_0m - sin_theta_mid_0m * i_alpha_mid_0m)
-    omega_e_1m = POLE_PAIRS * omega_1m
-    theta_mid_1m = theta_1m + HALF_T * omega_e_1m
-    emf_step_1m = GAIN_E * omega_e_1m
-    sin_theta_mid_1m, cos_theta_mid_1m = math.sin_cos(theta_mid_1m)
-    i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_mid_1m + drive_alpha_0p
-    i_alpha_mid_1m = 0.5 * (i_alpha + i_alpha_next_1m)
-    i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_mid_1m + drive_beta_0p
-    i_beta_mid_1m = 0.5 * (i_beta_1m + i_beta_next_1m)
-    torque_1m = GAIN_TORQUE * (cos_theta_mid_1m * i_beta_mid_1m - sin_theta_mid_1m * i_alpha_mid_1m)
-    omega_e_2m = POLE_PAIRS * omega_2m
-    theta_mid_2m = theta_2m + HALF_T * omega_e_2m
-    emf_step_2m = GAIN_E * omega_e_2m
-    sin_theta_mid_2m, cos_theta_mid_2m = math.sin_cos(theta_mid_2m)
-    i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_mid_2m + drive_alpha_0p
-    i_alpha_mid_2m = 0.5 * (i_alpha + i_alpha_next_2m)
-    i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_mid_2m + drive_beta_0p
-    i_beta_mid_2m = 0.5 * (i_beta + i_beta_next_2m)
-    torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * i_beta_mid_2m - sin_theta_mid_2m * i_alpha_mid_2m)
-    theta_mid_3m = theta_3m + half_t_times_omega_e_3p
-    sin_theta_mid_3m, cos_theta_mid_3m = math.sin_cos(theta_mid_3m)
-    i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3m + drive_alpha_0p
-    i_alpha_mid_3m = 0.5 * (i_alpha + i_alpha_next_3m)
-    i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3m + drive_beta_0p
-    i_beta_mid_3m = 0.5 * (i_beta + i_beta_next_3m)
-    torque_3m = GAIN_TORQUE * (cos_theta_mid_3m * i_beta_mid_3m - sin_theta_mid_3m * i_alpha_mid_3m)
-    omega_next_0p = DECAY_OMEGA * omega_0p + GAIN_OMEGA * (torque_0p - load_torque_0p)
-    omega_next_1p = DECAY_OMEGA * omega_1p + GAIN_OMEGA * (torque_1p - load_torque_1p)
-    omega_next_2p = DECAY_OMEGA * omega_2p + GAIN_OMEGA * (torque_2p - load_torque_2p)
-    decay_omega_times_omega = DECAY_OMEGA * omega
-    omega_next_3p = decay_omega_times_omega + GAIN_OMEGA * (torque_3p - load_torque_3p)
-    omega_next_4p = decay_omega_times_omega + GAIN_OMEGA * (torque_4p - load_torque_4p)
-    omega_next_0m = DECAY_OMEGA * omega_0m + GAIN_OMEGA * (torque_0m - load_torque_0m)
-    omega_next_1m = DECAY_OMEGA * omega_1m + GAIN_OMEGA * (torque_1m - load_torque_1m)
-    omega_next_2m = DECAY_OMEGA * omega_2m + GAIN_OMEGA * (torque_2m - load_torque_2m)
-    omega_next_3m = decay_omega_times_omega + GAIN_OMEGA * (torque_3m - load_torque_3m)
-    omega_next_4m = decay_omega_times_omega + GAIN_OMEGA * (torque_4p - load_torque_4m)
-    theta_next_0p = theta_0p + HALF_P_T * (omega_0p + omega_next_0p)
-    theta_next_1p = theta_1p + HALF_P_T * (omega_1p + omega_next_1p)
-    theta_next_2p = theta_2p + HALF_P_T * (omega_2p + omega_next_2p)
-    theta_next_3p = theta_3p + HALF_P_T * (omega + omega_next_3p)
-    theta_next_4p = theta + HALF_P_T * (omega + omega_next_4p)
-    theta_next_0m = theta_0m + HALF_P_T * (omega_0m + omega_next_0m)
-    theta_next_1m = theta_1m + HALF_P_T * (omega_1m + omega_next_1m)
-    theta_next_2m = theta_2m + HALF_P_T * (omega_2m + omega_next_2m)
-    theta_next_3m = theta_3m + HALF_P_T * (omega + omega_next_3m)
-    theta_next_4m = theta + HALF_P_T * (omega + omega_next_4m)
-
-    # --- eq. 16: x_pred = mean X_i', about the first point
-    i_alpha_next_4p_minus_i_alpha_next_0p = i_alpha_next_4p - i_alpha_next_0p
-    offset_i_alpha = (0.1 * (i_alpha_next_1p - i_alpha_next_0p + (i_alpha_next_2p - i_alpha_next_0p) +
-        (i_alpha_next_3p - i_alpha_next_0p) + i_alpha_next_4p_minus_i_alpha_next_0p +
-        (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m - i_alpha_next_0p) +
-        (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p) +
-        i_alpha_next_4p_minus_i_alpha_next_0p))
-    i_beta_next_4p_minus_i_beta_next_0p = i_beta_next_4p - i_beta_next_0p
-    offset_i_beta = (0.1 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
-        (i_beta_next_3p - i_beta_next_0p) + i_beta_next_4p_minus_i_beta_next_0p +
-        (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m - i_beta_next_0p) +
-        (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p) +
-        i_beta_next_4p_minus_i_beta_next_0p))
-    offset_omega = (0.1 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
-        (omega_next_3p - omega_next_0p) + (omega_next_4p - omega_next_0p) + (omega_next_0m - omega_next_0p) +
-        (omega_next_1m - omega_next_0p) + (omega_next_2m - omega_next_0p) + (omega_next_3m - omega_next_0p) +
-        (omega_next_4m - omega_next_0p)))
-    offset_theta = (0.1 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_4p - theta_next_0p) + (theta_next_0m - theta_next_0p) +
-        (theta_next_1m - theta_next_0p) + (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p) +
-        (theta_next_4m - theta_next_0p)))
-    offset_load_torque = (0.1 * (load_torque_1p - load_torque_0p + (load_torque_2p - load_torque_0p) +
-        (load_torque_3p - load_torque_0p) + (load_torque_4p - load_torque_0p) +
-        (load_torque_0m - load_torque_0p) + (load_torque_1m - load_torque_0p) +
-        (load_torque_2m - load_torque_0p) + (load_torque_3m - load_torque_0p) +
-        (load_torque_4m - load_torque_0p)))
-    i_alpha_pred = i_alpha_next_0p + offset_i_alpha
-    i_beta_pred = i_beta_next_0p + offset_i_beta
-    omega_pred = omega_next_0p + offset_omega
-    theta_pred = theta_next_0p + offset_theta
-    load_torque_pred = load_torque_0p + offset_load_torque
+    # --- eq. 16: x_pred = mean X_i'
+    offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2) * 0.2
+    offset_omega = 0.2 * (even_omega_next_0 + even_omega_next_1 + even_omega_next_2 + even_omega_next_3)
+    offset_theta = 0.2 * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 + even_theta_next_3)
+    part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha
+    dev_i_beta_4 = (0.2 * (emf_step_times_cosm1_theta_mid_0 + emf_step_times_cosm1_theta_mid_1 +
+        emf_step_times_cosm1_theta_mid_2 + emf_step_times_cosm1_theta_mid_3))
+    i_alpha_pred = part_of_i_alpha_pred + (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4)
+    part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta
+    i_beta_pred = part_of_i_beta_pred + (odd_i_alpha_1 * offset_i_alpha - odd_i_beta_1 * dev_i_beta_4)
+    part_of_omega_pred = (omega * DECAY_OMEGA +
+        GAIN_OMEGA * (GAIN_TORQUE * (odd_i_beta_1 * 0.5 * (i_beta + part_of_i_beta_pred) -
+        odd_i_alpha_1 * 0.5 * (i_alpha + part_of_i_alpha_pred)) - load_torque))
+    omega_pred = part_of_omega_pred + offset_omega
+    theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
-    dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred
-    dev_i_beta_1p = i_beta_next_1p - i_beta_pred
-    dev_omega_1p = omega_next_1p - omega_pred
-    dev_theta_1p = theta_next_1p - theta_pred
-    dev_load_torque_1p = load_torque_1p - load_torque_pred
-    dev_i_alpha_2p = i_alpha_next_2p - i_alpha_pred
-    dev_i_beta_2p = i_beta_next_2p - i_beta_pred
-    dev_omega_2p = omega_next_2p - omega_pred
-    dev_theta_2p = theta_next_2p - theta_pred
-    dev_load_torque_2p = load_torque_2p - load_torque_pred
-    dev_i_alpha_3p = i_alpha_next_3p - i_alpha_pred
-    dev_i_beta_3p = i_beta_next_3p - i_beta_pred
-    dev_omega_3p = omega_next_3p - omega_pred
-    dev_theta_3p = theta_next_3p - theta_pred
-    dev_load_torque_3p = load_torque_3p - load_torque_pred
-    dev_i_alpha_4p = i_alpha_next_4p - i_alpha_pred
-    dev_i_beta_4p = i_beta_next_4p - i_beta_pred
-    dev_omega_4p = omega_next_4p - omega_pred
-    dev_theta_4p = theta_next_4p - theta_pred
-    dev_load_torque_4p = load_torque_4p - load_torque_pred
-    dev_i_alpha_0m = i_alpha_next_0m - i_alpha_pred
-    dev_i_beta_0m = i_beta_next_0m - i_beta_pred
-    dev_omega_0m = omega_next_0m - omega_pred
-    dev_theta_0m = theta_next_0m - theta_pred
-    dev_load_torque_0m = load_torque_0m - load_torque_pred
-    dev_i_alpha_1m = i_alpha_next_1m - i_alpha_pred
-    dev_i_beta_1m = i_beta_next_1m - i_beta_pred
-    dev_omega_1m = omega_next_1m - omega_pred
-    dev_theta_1m = theta_next_1m - theta_pred
-    dev_load_torque_1m = load_torque_1m - load_torque_pred
-    dev_i_alpha_2m = i_alpha_next_2m - i_alpha_pred
-    dev_i_beta_2m = i_beta_next_2m - i_beta_pred
-    dev_omega_2m = omega_next_2m - omega_pred
-    dev_theta_2m = theta_next_2m - theta_pred
-    dev_load_torque_2m = load_torque_2m - load_torque_pred
-    dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred
-    dev_i_beta_3m = i_beta_next_3m - i_beta_pred
-    dev_omega_3m = omega_next_3m - omega_pred
-    dev_theta_3m = theta_next_3m - theta_pred
-    dev_load_torque_3m = load_torque_3m - load_torque_pred
-    dev_omega_4m = omega_next_4m - omega_pred
-    dev_theta_4m = theta_next_4m - theta_pred
-    dev_load_torque_4m = load_torque_4m - load_torque_pred
-    dev_i_alpha_4p_sq = dev_i_alpha_4p * dev_i_alpha_4p
-    P_pred_00 = (0.1 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
-        dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_4p_sq +
-        dev_i_alpha_0m * dev_i_alpha_0m + dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m +
-        dev_i_alpha_3m * dev_i_alpha_3m + dev_i_alpha_4p_sq) + Q_0)
-    dev_i_beta_4p_times_dev_i_alpha_4p = dev_i_beta_4p * dev_i_alpha_4p
-    P_pred_10 = (0.1 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
-        dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_4p_times_dev_i_alpha_4p +
-        dev_i_beta_0m * dev_i_alpha_0m + dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m +
-        dev_i_beta_3m * dev_i_alpha_3m + dev_i_beta_4p_times_dev_i_alpha_4p))
-    dev_i_beta_4p_sq = dev_i_beta_4p * dev_i_beta_4p
-    P_pred_11 = (0.1 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
-        dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_4p_sq +
-        dev_i_beta_0m * dev_i_beta_0m + dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m +
-        dev_i_beta_3m * dev_i_beta_3m + dev_i_beta_4p_sq) + Q_1)
-    P_pred_20 = (0.1 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
-        dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_4p * dev_i_alpha_4p +
-        dev_omega_0m * dev_i_alpha_0m + dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m +
-        dev_omega_3m * dev_i_alpha_3m + dev_omega_4m * dev_i_alpha_4p))
-    P_pred_21 = (0.1 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
-        dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_4p * dev_i_beta_4p +
-        dev_omega_0m * dev_i_beta_0m + dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m +
-        dev_omega_3m * dev_i_beta_3m + dev_omega_4m * dev_i_beta_4p))
-    P_pred_22 = (0.1 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p * dev_omega_3p + dev_omega_4p * dev_omega_4p +
-        dev_omega_0m * dev_omega_0m + dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m +
-        dev_omega_3m * dev_omega_3m + dev_omega_4m * dev_omega_4m) + Q_2)
-    P_pred_30 = (0.1 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
-        dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_4p * dev_i_alpha_4p +
-        dev_theta_0m * dev_i_alpha_0m + dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m +
-        dev_theta_3m * dev_i_alpha_3m + dev_theta_4m * dev_i_alpha_4p))
-    P_pred_31 = (0.1 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
-        dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_4p * dev_i_beta_4p +
-        dev_theta_0m * dev_i_beta_0m + dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m +
-        dev_theta_3m * dev_i_beta_3m + dev_theta_4m * dev_i_beta_4p))
-    P_pred_32 = (0.1 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_4p * dev_omega_4p +
-        dev_theta_0m * dev_omega_0m + dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m +
-        dev_theta_3m * dev_omega_3m + dev_theta_4m * dev_omega_4m))
-    P_pred_33 = (0.1 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_4p * dev_theta_4p +
-        dev_theta_0m * dev_theta_0m + dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m +
-        dev_theta_3m * dev_theta_3m + dev_theta_4m * dev_theta_4m) + Q_3)
-    P_pred_40 = (0.1 * (offset_load_torque * offset_i_alpha + dev_load_torque_1p * dev_i_alpha_1p +
-        dev_load_torque_2p * dev_i_alpha_2p + dev_load_torque_3p * dev_i_alpha_3p +
-        dev_load_torque_4p * dev_i_alpha_4p + dev_load_torque_0m * dev_i_alpha_0m +
-        dev_load_torque_1m * dev_i_alpha_1m + dev_load_torque_2m * dev_i_alpha_2m +
-        dev_load_torque_3m * dev_i_alpha_3m + dev_load_torque_4m * dev_i_alpha_4p))
-    P_pred_41 = (0.1 * (offset_load_torque * offset_i_beta + dev_load_torque_1p * dev_i_beta_1p +
-        dev_load_torque_2p * dev_i_beta_2p + dev_load_torque_3p * dev_i_beta_3p +
-        dev_load_torque_4p * dev_i_beta_4p + dev_load_torque_0m * dev_i_beta_0m +
-        dev_load_torque_1m * dev_i_beta_1m + dev_load_torque_2m * dev_i_beta_2m +
-        dev_load_torque_3m * dev_i_beta_3m + dev_load_torque_4m * dev_i_beta_4p))
-    P_pred_42 = (0.1 * (offset_load_torque * offset_omega + dev_load_torque_1p * dev_omega_1p +
-        dev_load_torque_2p * dev_omega_2p + dev_load_torque_3p * dev_omega_3p +
-        dev_load_torque_4p * dev_omega_4p + dev_load_torque_0m * dev_omega_0m +
-        dev_load_torque_1m * dev_omega_1m + dev_load_torque_2m * dev_omega_2m +
-        dev_load_torque_3m * dev_omega_3m + dev_load_torque_4m * dev_omega_4m))
-    P_pred_43 = (0.1 * (offset_load_torque * offset_theta + dev_load_torque_1p * dev_theta_1p +
-        dev_load_torque_2p * dev_theta_2p + dev_load_torque_3p * dev_theta_3p +
-        dev_load_torque_4p * dev_theta_4p + dev_load_torque_0m * dev_theta_0m +
-        dev_load_torque_1m * dev_theta_1m + dev_load_torque_2m * dev_theta_2m +
-        dev_load_torque_3m * dev_theta_3m + dev_load_torque_4m * dev_theta_4m))
-    P_pred_44 = (0.1 * (offset_load_torque * offset_load_torque + dev_load_torque_1p * dev_load_torque_1p +
-        dev_load_torque_2p * dev_load_torque_2p + dev_load_torque_3p * dev_load_torque_3p +
-        dev_load_torque_4p * dev_load_torque_4p + dev_load_torque_0m * dev_load_torque_0m +
-        dev_load_torque_1m * dev_load_torque_1m + dev_load_torque_2m * dev_load_torque_2m +
-        dev_load_torque_3m * dev_load_torque_3m + dev_load_torque_4m * dev_load_torque_4m) + Q_4)
+    dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha
+    dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha
+    dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha
+    dev_i_beta_0 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_0
+    dev_i_beta_1 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_1
+    dev_i_beta_2 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_2
+    dev_i_beta_3 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_3
+    dev_omega_0 = even_omega_next_0 - offset_omega
+    dev_omega_1 = even_omega_next_1 - offset_omega
+    dev_omega_2 = even_omega_next_2 - offset_omega
+    dev_omega_3 = even_omega_next_3 - offset_omega
+    dev_theta_0 = even_theta_next_0 - offset_theta
+    dev_theta_1 = even_theta_next_1 - offset_theta
+    dev_theta_2 = even_theta_next_2 - offset_theta
+    dev_theta_3 = even_theta_next_3 - offset_theta
+    offset_i_alpha_sq = offset_i_alpha * offset_i_alpha
+    part_of_P_pred_00 = (D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
+        D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + D_2 * odd_i_alpha_next_2 * odd_i_alpha_next_2 +
+        odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2 * (dev_i_alpha_0 * dev_i_alpha_0 +
+        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + offset_i_alpha_sq +
+        offset_i_alpha_sq))
+    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
+    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
+    D_2_times_part_of_P_pred_00_3 = D_2 * part_of_P_pred_00_3
+    part_of_P_pred_00_4 = (odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
+        + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
+        offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4))
+    odd_i_alpha_1_times_part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_4
+    odd_i_beta_1_times_part_of_P_pred_00_4 = odd_i_beta_1 * part_of_P_pred_00_4
+    part_of_P_pred_00_5 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
+        + 0.2 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
+        dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4))
+    P_pred_00 = (odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - odd_i_alpha_1_times_part_of_P_pred_00_4) -
+        odd_i_alpha_1 * (odd_i_beta_1_times_part_of_P_pred_00_4 - odd_i_alpha_1 * part_of_P_pred_00_5) + Q_0)
+    part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + odd_i_beta_1_times_part_of_P_pred_00_4
+    part_of_P_pred_10_2 = odd_i_alpha_1_times_part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_5
+    P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2
+    P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1
+    D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0
+    D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1
+    D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2
+    D_3_times_part_of_P_pred_20 = D_3 * part_of_P_pred_20
+    part_of_P_pred_20_2 = (odd_i_alpha_next_0 * D_0_times_odd_omega_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_omega_next_1 + odd_i_alpha_next_2 * D_2_times_odd_omega_next_2 -
+        odd_i_alpha_next_3 * D_3_times_part_of_P_pred_20 + 0.2 * (dev_i_alpha_0 * dev_omega_0 +
+        dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2 - offset_i_alpha * dev_omega_3 +
+        offset_i_alpha * offset_omega))
+    part_of_P_pred_20_3 = (odd_i_beta_next_0 * D_0_times_odd_omega_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_3 * D_2_times_odd_omega_next_2 +
+        0.2 * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 + dev_i_beta_2 * dev_omega_2 +
+        dev_i_beta_3 * dev_omega_3 - dev_i_beta_4 * offset_omega))
+    P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_2 - odd_i_alpha_1 * part_of_P_pred_20_3
+    P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_2 + odd_i_beta_1 * part_of_P_pred_20_3
+    part_of_P_pred_22 = D_4 * 0.01249984375195311
+    P_pred_22 = (odd_omega_next_0 * D_0_times_odd_omega_next_0 + odd_omega_next_1 * D_1_times_odd_omega_next_1
+        + odd_omega_next_2 * D_2_times_odd_omega_next_2 + part_of_P_pred_20 * D_3_times_part_of_P_pred_20 +
+        0.01249984375195311 * part_of_P_pred_22 + 0.2 * (dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1
+        + dev_omega_2 * dev_omega_2 + dev_omega_3 * dev_omega_3 + offset_omega * offset_omega) + Q_2)
+    D_0_times_odd_theta_next_0 = D_0 * odd_theta_next_0
+    D_1_times_odd_theta_next_1 = D_1 * odd_theta_next_1
+    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
+    D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3
+    part_of_P_pred_30 = (odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
+        odd_i_alpha_next_3 * D_3_times_odd_theta_next_3 + 0.2 * (dev_i_alpha_0 * dev_theta_0 +
+        dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2 - offset_i_alpha * dev_theta_3 +
+        offset_i_alpha * offset_theta))
+    part_of_P_pred_30_2 = (odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_3 * D_2_times_odd_theta_next_2 +
+        0.2 * (dev_i_beta_0 * dev_theta_0 + dev_i_beta_1 * dev_theta_1 + dev_i_beta_2 * dev_theta_2 +
+        dev_i_beta_3 * dev_theta_3 - dev_i_beta_4 * offset_theta))
+    P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2
+    P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2
+    part_of_P_pred_32 = D_4 * 2.499968750390622e-06
+    P_pred_32 = (odd_omega_next_0 * D_0_times_odd_theta_next_0 + odd_omega_next_1 * D_1_times_odd_theta_next_1
+        + odd_omega_next_2 * D_2_times_odd_theta_next_2 - part_of_P_pred_20 * D_3_times_odd_theta_next_3 +
+        0.01249984375195311 * part_of_P_pred_32 + 0.2 * (dev_omega_0 * dev_theta_0 + dev_omega_1 * dev_theta_1
+        + dev_omega_2 * dev_theta_2 + dev_omega_3 * dev_theta_3 + offset_omega * offset_theta))
+    P_pred_33 = (odd_theta_next_0 * D_0_times_odd_theta_next_0 + odd_theta_next_1 * D_1_times_odd_theta_next_1
+        + odd_theta_next_2 * D_2_times_odd_theta_next_2 + odd_theta_next_3 * D_3_times_odd_theta_next_3 +
+        2.499968750390622e-06 * part_of_P_pred_32 + 0.2 * (dev_theta_0 * dev_theta_0 +
+        dev_theta_1 * dev_theta_1 + dev_theta_2 * dev_theta_2 + dev_theta_3 * dev_theta_3 +
+        offset_theta * offset_theta) + Q_3)
+    D_0_times_L_40 = D_0 * L_40
+    D_1_times_L_41 = D_1 * L_41
+    D_2_times_L_42 = D_2 * L_42
+    D_3_times_L_43 = D_3 * L_43
+    part_of_P_pred_40 = (odd_i_alpha_next_0 * D_0_times_L_40 + odd_i_alpha_next_1 * D_1_times_L_41 +
+        odd_i_alpha_next_2 * D_2_times_L_42 + odd_i_alpha_next_3 * D_3_times_L_43)
+    part_of_P_pred_40_2 = (odd_i_beta_next_0 * D_0_times_L_40 + odd_i_beta_next_1 * D_1_times_L_41 -
+        part_of_P_pred_00_3 * D_2_times_L_42)
+    P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2
+    P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2
+    P_pred_42 = (odd_omega_next_0 * D_0_times_L_40 + odd_omega_next_1 * D_1_times_L_41 +
+        odd_omega_next_2 * D_2_times_L_42 - part_of_P_pred_20 * D_3_times_L_43 - part_of_P_pred_22)
+    P_pred_43 = (odd_theta_next_0 * D_0_times_L_40 + odd_theta_next_1 * D_1_times_L_41 +
+        odd_theta_next_2 * D_2_times_L_42 + odd_theta_next_3 * D_3_times_L_43 - part_of_P_pred_32)
+    P_pred_44 = (L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 + L_43 * D_3_times_L_43
+        + D_4 + Q_4)
+
+    # --- eq. 18: L D L^T = P_pred
+    part_of_L_pred_10 = 1.0 / P_pred_00
+    L_pred_10 = P_pred_10 * part_of_L_pred_10
+    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    L_pred_20 = part_of_L_pred_10 * P_pred_20
+    part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
+    part_of_L_pred_21_2 = 1.0 / D_pred_1
+    L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2
+    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2)
+    L_pred_30 = part_of_L_pred_10 * P_pred_30
+    part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
+    L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31
+    part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31
+    part_of_L_pred_32_2 = 1.0 / D_pred_2
+    L_pred_32 = part_of_L_pred_32 * part_of_L_pred_32_2
+    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3))
+    L_pred_40 = part_of_L_pred_10 * P_pred_40
+    part_of_L_pred_41 = P_pred_41 - L_pred_10 * P_pred_40
+    L_pred_41 = part_of_L_pred_21_2 * part_of_L_pred_41
+    part_of_L_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * part_of_L_pred_41
+    L_pred_42 = part_of_L_pred_32_2 * part_of_L_pred_42
+    part_of_L_pred_43 = (P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * part_of_L_pred_41 -
+        L_pred_32 * part_of_L_pred_42)
+    L_pred_43 = part_of_L_pred_43 / D_pred_3
+    D_pred_4 = (_larger(P_pred_44 - P_pred_40 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
+        part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_4))
 
     if stages is not None:
-        stages["S"] = (S_00, S_10, S_11, S_20, S_21, S_22, S_30, S_31, S_32, S_33, S_40, S_41, S_42, S_43,
-            S_44,)
-        stages["X"] = (i_alpha_0p, i_alpha, i_alpha, i_alpha, i_alpha, i_alpha_0m, i_alpha, i_alpha, i_alpha,
-            i_alpha, i_beta_0p, i_beta_1p, i_beta, i_beta, i_beta, i_beta_0m, i_beta_1m, i_beta, i_beta,
-            i_beta, omega_0p, omega_1p, omega_2p, omega, omega, omega_0m, omega_1m, omega_2m, omega, omega,
-            theta_0p, theta_1p, theta_2p, theta_3p, theta, theta_0m, theta_1m, theta_2m, theta_3m, theta,
-            load_torque_0p, load_torque_1p, load_torque_2p, load_torque_3p, load_torque_4p, load_torque_0m,
-            load_torque_1m, load_torque_2m, load_torque_3m, load_torque_4m,)
-        stages["X_prop"] = (i_alpha_next_0p, i_alpha_next_1p, i_alpha_next_2p, i_alpha_next_3p,
-            i_alpha_next_4p, i_alpha_next_0m, i_alpha_next_1m, i_alpha_next_2m, i_alpha_next_3m,
-            i_alpha_next_4p, i_beta_next_0p, i_beta_next_1p, i_beta_next_2p, i_beta_next_3p, i_beta_next_4p,
-            i_beta_next_0m, i_beta_next_1m, i_beta_next_2m, i_beta_next_3m, i_beta_next_4p, omega_next_0p,
-            omega_next_1p, omega_next_2p, omega_next_3p, omega_next_4p, omega_next_0m, omega_next_1m,
-            omega_next_2m, omega_next_3m, omega_next_4m, theta_next_0p, theta_next_1p, theta_next_2p,
-            theta_next_3p, theta_next_4p, theta_next_0m, theta_next_1m, theta_next_2m, theta_next_3m,
-            theta_next_4m, load_torque_0p, load_torque_1p, load_torque_2p, load_torque_3p, load_torque_4p,
-            load_torque_0m, load_torque_1m, load_torque_2m, load_torque_3m, load_torque_4m,)
-        stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred,)
+        stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,)
         stages["P_pred"] = (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30,
             P_pred_31, P_pred_32, P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,)
     return (
-        (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred,),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,),
+        (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,),
+        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
     )
 
 
-def ckf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
+def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18-26."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
+        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 18: S = chol(P_pred)
-    S_pred_00 = np.sqrt(P_pred_00)
-    S_pred_10 = P_pred_10 / S_pred_00
-    S_pred_11 = np.sqrt(P_pred_11 - S_pred_10 * S_pred_10)
-    S_pred_20 = P_pred_20 / S_pred_00
-    S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11
-    S_pred_22 = np.sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21))
-    S_pred_30 = P_pred_30 / S_pred_00
-    S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11
-    S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22
-    S_pred_33 = np.sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 + S_pred_32 * S_pred_32))
-    S_pred_40 = P_pred_40 / S_pred_00
-    S_pred_41 = (P_pred_41 - S_pred_40 * S_pred_10) / S_pred_11
-    S_pred_42 = (P_pred_42 - (S_pred_40 * S_pred_20 + S_pred_41 * S_pred_21)) / S_pred_22
-    S_pred_43 = ((P_pred_43 - (S_pred_40 * S_pred_30 + S_pred_41 * S_pred_31 +
-        S_pred_42 * S_pred_32)) / S_pred_33)
-    S_pred_44 = (np.sqrt(P_pred_44 - (S_pred_40 * S_pred_40 + S_pred_41 * S_pred_41 + S_pred_42 * S_pred_42 +
-        S_pred_43 * S_pred_43)))
+    # --- eq. 25: y - y_pred; theta wrapped
+    innovation_i_alpha = i_alpha_meas - i_alpha_pred
+    innovation_i_beta = i_beta_meas - i_beta_pred
+    span_first = R_0 + D_pred_0
+    D_pred_0_per_span_first = D_pred_0 / span_first
+    part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_i_alpha_new_times_L_pred_10 = part_of_i_alpha_new * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_i_alpha_new_times_L_pred_10
+    R_1_plus_D_pred_1 = R_1 + D_pred_1
+    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
+    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
+    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
+    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_i_alpha_new_2 = 1.0 / span_second
+    part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
+    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second * part_of_i_alpha_new_3
+    i_beta_new = (i_beta_pred + part_of_i_alpha_new_times_L_pred_10 +
+        part_of_i_alpha_new_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    omega_new = (omega_pred + part_of_i_alpha_new * L_pred_20 +
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+    theta_new = (math.wrap(theta_pred + part_of_i_alpha_new * L_pred_30 +
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30)))
+    load_torque_new = (load_torque_pred + part_of_i_alpha_new * L_pred_40 +
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40))
 
-    # --- eq. 19: sqrt(n) S; X_i = x_pred +- sqrt(n) S_i
-    d_pred_i_alpha_0 = 2.23606797749979 * S_pred_00
-    d_pred_i_beta_0 = 2.23606797749979 * S_pred_10
-    d_pred_i_beta_1 = 2.23606797749979 * S_pred_11
-    d_pred_omega_0 = 2.23606797749979 * S_pred_20
-    d_pred_omega_1 = 2.23606797749979 * S_pred_21
-    d_pred_omega_2 = 2.23606797749979 * S_pred_22
-    d_pred_theta_0 = 2.23606797749979 * S_pred_30
-    d_pred_theta_1 = 2.23606797749979 * S_pred_31
-    d_pred_theta_2 = 2.23606797749979 * S_pred_32
-    d_pred_theta_3 = 2.23606797749979 * S_pred_33
-    d_pred_load_torque_0 = 2.23606797749979 * S_pred_40
-    d_pred_load_torque_1 = 2.23606797749979 * S_pred_41
-    d_pred_load_torque_2 = 2.23606797749979 * S_pred_42
-    d_pred_load_torque_3 = 2.23606797749979 * S_pred_43
-    d_pred_load_torque_4 = 2.23606797749979 * S_pred_44
-    i_alpha_pred_0p = i_alpha_pred + d_pred_i_alpha_0
-    i_alpha_pred_0m = i_alpha_pred - d_pred_i_alpha_0
-    i_beta_pred_0p = i_beta_pred + d_pred_i_beta_0
-    i_beta_pred_1p = i_beta_pred + d_pred_i_beta_1
-    i_beta_pred_0m = i_beta_pred - d_pred_i_beta_0
-    i_beta_pred_1m = i_beta_pred - d_pred_i_beta_1
-    omega_pred_0m = omega_pred - d_pred_omega_0
-    omega_pred_1m = omega_pred - d_pred_omega_1
-    omega_pred_2m = omega_pred - d_pred_omega_2
-    theta_pred_0m = theta_pred - d_pred_theta_0
-    theta_pred_1m = theta_pred - d_pred_theta_1
-    theta_pred_2m = theta_pred - d_pred_theta_2
-    theta_pred_3m = theta_pred - d_pred_theta_3
-    load_torque_pred_0m = load_torque_pred - d_pred_load_torque_0
-    load_torque_pred_1m = load_torque_pred - d_pred_load_torque_1
-    load_torque_pred_2m = load_torque_pred - d_pred_load_torque_2
-    load_torque_pred_3m = load_torque_pred - d_pred_load_torque_3
-    load_torque_pred_4m = load_torque_pred - d_pred_load_torque_4
-
-    # --- eq. 21: y_pred = mean Y_i, about the first point
-    offset_y_i_alpha = (0.1 * (i_alpha_pred_0m - i_alpha_pred_0p - (4.47213595499958 * S_pred_00 +
-        d_pred_i_alpha_0 + d_pred_i_alpha_0) - d_pred_i_alpha_0 - d_pred_i_alpha_0 - d_pred_i_alpha_0 -
-        d_pred_i_alpha_0))
-    offset_y_i_beta = (0.1 * (i_beta_pred_1p - i_beta_pred_0p - d_pred_i_beta_0 - d_pred_i_beta_0 -
-        d_pred_i_beta_0 + (i_beta_pred_0m - i_beta_pred_0p) + (i_beta_pred_1m - i_beta_pred_0p) -
-        d_pred_i_beta_0 - d_pred_i_beta_0 - d_pred_i_beta_0))
-    y_i_alpha_pred = i_alpha_pred_0p + offset_y_i_alpha
-    y_i_beta_pred = i_beta_pred_0p + offset_y_i_beta
-
-    # --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R
-    dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_pred
-    dev_y_i_beta_1p = i_beta_pred_1p - y_i_beta_pred
-    dev_y_i_beta_2p = i_beta_pred - y_i_beta_pred
-    dev_y_i_alpha_0m = i_alpha_pred_0m - y_i_alpha_pred
-    dev_y_i_beta_0m = i_beta_pred_0m - y_i_beta_pred
-    dev_y_i_beta_1m = i_beta_pred_1m - y_i_beta_pred
-    dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.1 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0)
-    dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.1 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_0m * dev_y_i_alpha_0m +
-        dev_y_i_beta_1m * dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
-    dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.1 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) +
-        R_1)
-
-    # --- eq. 23: Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T
-    dev_i_alpha_pred_0m = i_alpha_pred_0m - i_alpha_pred
-    dev_i_beta_pred_0m = i_beta_pred_0m - i_beta_pred
-    dev_omega_pred_0m = omega_pred_0m - omega_pred
-    dev_theta_pred_0m = theta_pred_0m - theta_pred
-    dev_load_torque_pred_0m = load_torque_pred_0m - load_torque_pred
-    dev_i_beta_pred_1m = i_beta_pred_1m - i_beta_pred
-    dev_omega_pred_1m = omega_pred_1m - omega_pred
-    dev_theta_pred_1m = theta_pred_1m - theta_pred
-    dev_load_torque_pred_1m = load_torque_pred_1m - load_torque_pred
-    dev_omega_pred_2m = omega_pred_2m - omega_pred
-    dev_theta_pred_2m = theta_pred_2m - theta_pred
-    dev_load_torque_pred_2m = load_torque_pred_2m - load_torque_pred
-    dev_theta_pred_3m = theta_pred_3m - theta_pred
-    dev_load_torque_pred_3m = load_torque_pred_3m - load_torque_pred
-    dev_load_torque_pred_4m = load_torque_pred_4m - load_torque_pred
-    Pxy_00 = 0.1 * (dev_i_alpha_pred_0m * dev_y_i_alpha_0m - d_pred_i_alpha_0 * offset_y_i_alpha)
-    Pxy_01 = 0.1 * (dev_i_alpha_pred_0m * dev_y_i_beta_0m - d_pred_i_alpha_0 * offset_y_i_beta)
-    Pxy_10 = (0.1 * (d_pred_i_beta_1 * dev_y_i_alpha_1p - d_pred_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_pred_0m * dev_y_i_alpha_0m + dev_i_beta_pred_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.1 * (d_pred_i_beta_1 * dev_y_i_beta_1p - d_pred_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_pred_0m * dev_y_i_beta_0m + dev_i_beta_pred_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.1 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
-        d_pred_omega_2 * dev_y_i_alpha_1p + dev_omega_pred_0m * dev_y_i_alpha_0m +
-        dev_omega_pred_1m * dev_y_i_alpha_1p + dev_omega_pred_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.1 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
-        d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
-        dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.1 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
-        d_pred_theta_2 * dev_y_i_alpha_1p + d_pred_theta_3 * dev_y_i_alpha_1p +
-        dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1p +
-        dev_theta_pred_2m * dev_y_i_alpha_1p + dev_theta_pred_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.1 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
-        d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_2p +
-        dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
-        dev_theta_pred_2m * dev_y_i_beta_2p + dev_theta_pred_3m * dev_y_i_beta_2p))
-    Pxy_40 = (0.1 * (d_pred_load_torque_1 * dev_y_i_alpha_1p - d_pred_load_torque_0 * offset_y_i_alpha +
-        d_pred_load_torque_2 * dev_y_i_alpha_1p + d_pred_load_torque_3 * dev_y_i_alpha_1p +
-        d_pred_load_torque_4 * dev_y_i_alpha_1p + dev_load_torque_pred_0m * dev_y_i_alpha_0m +
-        dev_load_torque_pred_1m * dev_y_i_alpha_1p + dev_load_torque_pred_2m * dev_y_i_alpha_1p +
-        dev_load_torque_pred_3m * dev_y_i_alpha_1p + dev_load_torque_pred_4m * dev_y_i_alpha_1p))
-    Pxy_41 = (0.1 * (d_pred_load_torque_1 * dev_y_i_beta_1p - d_pred_load_torque_0 * offset_y_i_beta +
-        d_pred_load_torque_2 * dev_y_i_beta_2p + d_pred_load_torque_3 * dev_y_i_beta_2p +
-        d_pred_load_torque_4 * dev_y_i_beta_2p + dev_load_torque_pred_0m * dev_y_i_beta_0m +
-        dev_load_torque_pred_1m * dev_y_i_beta_1m + dev_load_torque_pred_2m * dev_y_i_beta_2p +
-        dev_load_torque_pred_3m * dev_y_i_beta_2p + dev_load_torque_pred_4m * dev_y_i_beta_2p))
-
-    # --- eq. 24: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-    K_40 = Pxy_40 * Pyy_inv_00 - Pxy_41 * Pyy_10_per_det_Pyy
-    K_41 = Pxy_41 * Pyy_inv_11 - Pxy_40 * Pyy_10_per_det_Pyy
-
-    # --- eq. 25: y - y_pred; x = x_pred + K (y - y_pred), theta wrapped
-    innovation_i_alpha = i_alpha_meas - y_i_alpha_pred
-    innovation_i_beta = i_beta_meas - y_i_beta_pred
-    i_alpha_new = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    i_beta_new = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_new = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_new = math.wrap(theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta))
-    load_torque_new = load_torque_pred + (K_40 * innovation_i_alpha + K_41 * innovation_i_beta)
-
-    # --- eq. 26: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    KPyy_40 = K_40 * Pyy_00 + K_41 * Pyy_10
-    KPyy_41 = K_40 * Pyy_10 + K_41 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
-    P_40 = P_pred_40 - (KPyy_40 * K_00 + KPyy_41 * K_01)
-    P_41 = P_pred_41 - (KPyy_40 * K_10 + KPyy_41 * K_11)
-    P_42 = P_pred_42 - (KPyy_40 * K_20 + KPyy_41 * K_21)
-    P_43 = P_pred_43 - (KPyy_40 * K_30 + KPyy_41 * K_31)
-    P_44 = P_pred_44 - (KPyy_40 * K_40 + KPyy_41 * K_41)
+    # --- eq. 26: L D L^T = P_new
+    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
+    part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_10 = L_pred_10 - part_of_L_new_10
+    D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10
+    L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10
+    L_new_40 = L_pred_40 - L_pred_41 * part_of_L_new_10
 
     if stages is not None:
-        stages["S_pred"] = (S_pred_00, S_pred_10, S_pred_11, S_pred_20, S_pred_21, S_pred_22, S_pred_30,
-            S_pred_31, S_pred_32, S_pred_33, S_pred_40, S_pred_41, S_pred_42, S_pred_43, S_pred_44,)
-        stages["X_pred"] = (i_alpha_pred_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred,
-            i_alpha_pred_0m, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_pred_0p,
-            i_beta_pred_1p, i_beta_pred, i_beta_pred, i_beta_pred, i_beta_pred_0m, i_beta_pred_1m,
-            i_beta_pred, i_beta_pred, i_beta_pred, omega_pred + d_pred_omega_0, omega_pred + d_pred_omega_1,
-            omega_pred + d_pred_omega_2, omega_pred, omega_pred, omega_pred_0m, omega_pred_1m, omega_pred_2m,
-            omega_pred, omega_pred, theta_pred + d_pred_theta_0, theta_pred + d_pred_theta_1, theta_pred +
-            d_pred_theta_2, theta_pred + d_pred_theta_3, theta_pred, theta_pred_0m, theta_pred_1m,
-            theta_pred_2m, theta_pred_3m, theta_pred, load_torque_pred + d_pred_load_torque_0,
-            load_torque_pred + d_pred_load_torque_1, load_torque_pred + d_pred_load_torque_2, load_torque_pred
-            + d_pred_load_torque_3, load_torque_pred + d_pred_load_torque_4, load_torque_pred_0m,
-            load_torque_pred_1m, load_torque_pred_2m, load_torque_pred_3m, load_torque_pred_4m,)
-        stages["Y"] = (i_alpha_pred_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred,
-            i_alpha_pred_0m, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_pred_0p,
-            i_beta_pred_1p, i_beta_pred, i_beta_pred, i_beta_pred, i_beta_pred_0m, i_beta_pred_1m,
-            i_beta_pred, i_beta_pred, i_beta_pred,)
-        stages["y_pred"] = (y_i_alpha_pred, y_i_beta_pred,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31, Pxy_40, Pxy_41,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31, K_40, K_41,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x"] = (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33, P_40, P_41, P_42, P_43,
-            P_44,)
     return (
         (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33, P_40, P_41, P_42, P_43, P_44,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
+            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
     )
 
 
-def coast(x_pred, P_pred, math, stages=None):
+def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
+        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
 
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
-        (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-            P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,),
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
     )
 
 
-def ickf_measurement_update(x_pred, P_pred, R, y, math, stages=None):
+def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (P_pred_00, P_pred_10, P_pred_11, P_pred_20, P_pred_21, P_pred_22, P_pred_30, P_pred_31, P_pred_32,
-        P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44) = P_pred
+    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
+        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 18: S = chol(P_pred)
-    S_pred_00 = np.sqrt(P_pred_00)
-    S_pred_10 = P_pred_10 / S_pred_00
-    S_pred_11 = np.sqrt(P_pred_11 - S_pred_10 * S_pred_10)
-    S_pred_20 = P_pred_20 / S_pred_00
-    S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11
-    S_pred_22 = np.sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21))
-    S_pred_30 = P_pred_30 / S_pred_00
-    S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11
-    S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22
-    S_pred_33 = np.sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 + S_pred_32 * S_pred_32))
-    S_pred_40 = P_pred_40 / S_pred_00
-    S_pred_41 = (P_pred_41 - S_pred_40 * S_pred_10) / S_pred_11
-    S_pred_42 = (P_pred_42 - (S_pred_40 * S_pred_20 + S_pred_41 * S_pred_21)) / S_pred_22
-    S_pred_43 = ((P_pred_43 - (S_pred_40 * S_pred_30 + S_pred_41 * S_pred_31 +
-        S_pred_42 * S_pred_32)) / S_pred_33)
-    S_pred_44 = (np.sqrt(P_pred_44 - (S_pred_40 * S_pred_40 + S_pred_41 * S_pred_41 + S_pred_42 * S_pred_42 +
-        S_pred_43 * S_pred_43)))
-
-    # --- eq. 19: sqrt(n) S; X_i = x^j +- sqrt(n) S_i
-    d_j_i_alpha_0 = 2.23606797749979 * S_pred_00
-    d_j_i_beta_0 = 2.23606797749979 * S_pred_10
-    d_j_i_beta_1 = 2.23606797749979 * S_pred_11
-    d_j_omega_0 = 2.23606797749979 * S_pred_20
-    d_j_omega_1 = 2.23606797749979 * S_pred_21
-    d_j_omega_2 = 2.23606797749979 * S_pred_22
-    d_j_theta_0 = 2.23606797749979 * S_pred_30
-    d_j_theta_1 = 2.23606797749979 * S_pred_31
-    d_j_theta_2 = 2.23606797749979 * S_pred_32
-    d_j_theta_3 = 2.23606797749979 * S_pred_33
-    d_j_load_torque_0 = 2.23606797749979 * S_pred_40
-    d_j_load_torque_1 = 2.23606797749979 * S_pred_41
-    d_j_load_torque_2 = 2.23606797749979 * S_pred_42
-    d_j_load_torque_3 = 2.23606797749979 * S_pred_43
-    d_j_load_torque_4 = 2.23606797749979 * S_pred_44
-    i_alpha_j_0p = i_alpha_pred + d_j_i_alpha_0
-    i_alpha_j_0m = i_alpha_pred - d_j_i_alpha_0
-    i_beta_j_0p = i_beta_pred + d_j_i_beta_0
-    i_beta_j_1p = i_beta_pred + d_j_i_beta_1
-    i_beta_j_0m = i_beta_pred - d_j_i_beta_0
-    i_beta_j_1m = i_beta_pred - d_j_i_beta_1
-    omega_j_0m = omega_pred - d_j_omega_0
-    omega_j_1m = omega_pred - d_j_omega_1
-    omega_j_2m = omega_pred - d_j_omega_2
-    theta_j_0m = theta_pred - d_j_theta_0
-    theta_j_1m = theta_pred - d_j_theta_1
-    theta_j_2m = theta_pred - d_j_theta_2
-    theta_j_3m = theta_pred - d_j_theta_3
-    load_torque_j_0m = load_torque_pred - d_j_load_torque_0
-    load_torque_j_1m = load_torque_pred - d_j_load_torque_1
-    load_torque_j_2m = load_torque_pred - d_j_load_torque_2
-    load_torque_j_3m = load_torque_pred - d_j_load_torque_3
-    load_torque_j_4m = load_torque_pred - d_j_load_torque_4
-
-    # --- eq. 21: mean Y_i, about the first point
-    offset_y_i_alpha = (0.1 * (i_alpha_j_0m - i_alpha_j_0p -
-        (4.47213595499958 * S_pred_00 + d_j_i_alpha_0 + d_j_i_alpha_0) - d_j_i_alpha_0 - d_j_i_alpha_0 -
-        d_j_i_alpha_0 - d_j_i_alpha_0))
-    offset_y_i_beta = (0.1 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 - d_j_i_beta_0 +
-        (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0 -
-        d_j_i_beta_0))
-    y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha
-    y_i_beta_mean = i_beta_j_0p + offset_y_i_beta
-
-    # --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R
-    dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean
-    dev_y_i_beta_1p = i_beta_j_1p - y_i_beta_mean
-    dev_y_i_beta_2p = i_beta_pred - y_i_beta_mean
-    dev_y_i_alpha_0m = i_alpha_j_0m - y_i_alpha_mean
-    dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean
-    dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean
-    dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p
-    Pyy_00 = (0.1 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0)
-    dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p
-    Pyy_10 = (0.1 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_0m * dev_y_i_alpha_0m +
-        dev_y_i_beta_1m * dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p))
-    dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p
-    Pyy_11 = (0.1 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) +
-        R_1)
-
-    # --- eq. 23: Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T
-    dev_i_alpha_j_0m = i_alpha_j_0m - i_alpha_pred
-    dev_i_beta_j_0m = i_beta_j_0m - i_beta_pred
-    dev_omega_j_0m = omega_j_0m - omega_pred
-    dev_theta_j_0m = theta_j_0m - theta_pred
-    dev_load_torque_j_0m = load_torque_j_0m - load_torque_pred
-    dev_i_beta_j_1m = i_beta_j_1m - i_beta_pred
-    dev_omega_j_1m = omega_j_1m - omega_pred
-    dev_theta_j_1m = theta_j_1m - theta_pred
-    dev_load_torque_j_1m = load_torque_j_1m - load_torque_pred
-    dev_omega_j_2m = omega_j_2m - omega_pred
-    dev_theta_j_2m = theta_j_2m - theta_pred
-    dev_load_torque_j_2m = load_torque_j_2m - load_torque_pred
-    dev_theta_j_3m = theta_j_3m - theta_pred
-    dev_load_torque_j_3m = load_torque_j_3m - load_torque_pred
-    dev_load_torque_j_4m = load_torque_j_4m - load_torque_pred
-    Pxy_00 = 0.1 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha)
-    Pxy_01 = 0.1 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta)
-    Pxy_10 = (0.1 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p))
-    Pxy_11 = (0.1 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m))
-    Pxy_20 = (0.1 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
-        d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
-        + dev_omega_j_2m * dev_y_i_alpha_1p))
-    Pxy_21 = (0.1 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
-        d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
-        dev_omega_j_2m * dev_y_i_beta_2p))
-    Pxy_30 = (0.1 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
-        d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
-        dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
-        dev_theta_j_3m * dev_y_i_alpha_1p))
-    Pxy_31 = (0.1 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
-        d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
-        dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
-        dev_theta_j_3m * dev_y_i_beta_2p))
-    Pxy_40 = (0.1 * (d_j_load_torque_1 * dev_y_i_alpha_1p - d_j_load_torque_0 * offset_y_i_alpha +
-        d_j_load_torque_2 * dev_y_i_alpha_1p + d_j_load_torque_3 * dev_y_i_alpha_1p +
-        d_j_load_torque_4 * dev_y_i_alpha_1p + dev_load_torque_j_0m * dev_y_i_alpha_0m +
-        dev_load_torque_j_1m * dev_y_i_alpha_1p + dev_load_torque_j_2m * dev_y_i_alpha_1p +
-        dev_load_torque_j_3m * dev_y_i_alpha_1p + dev_load_torque_j_4m * dev_y_i_alpha_1p))
-    Pxy_41 = (0.1 * (d_j_load_torque_1 * dev_y_i_beta_1p - d_j_load_torque_0 * offset_y_i_beta +
-        d_j_load_torque_2 * dev_y_i_beta_2p + d_j_load_torque_3 * dev_y_i_beta_2p +
-        d_j_load_torque_4 * dev_y_i_beta_2p + dev_load_torque_j_0m * dev_y_i_beta_0m +
-        dev_load_torque_j_1m * dev_y_i_beta_1m + dev_load_torque_j_2m * dev_y_i_beta_2p +
-        dev_load_torque_j_3m * dev_y_i_beta_2p + dev_load_torque_j_4m * dev_y_i_beta_2p))
-
-    # --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1
-    det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10
-    Pyy_inv_00 = Pyy_11 / det_Pyy
-    Pyy_inv_11 = Pyy_00 / det_Pyy
-    Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy
-    K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy
-    K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy
-    K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy
-    K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy
-    K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy
-    K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy
-    K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy
-    K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy
-    K_40 = Pxy_40 * Pyy_inv_00 - Pxy_41 * Pyy_10_per_det_Pyy
-    K_41 = Pxy_41 * Pyy_inv_11 - Pxy_40 * Pyy_10_per_det_Pyy
-
-    # --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1}
+    # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
     innovation_i_beta = i_beta_meas - i_beta_pred
-    i_alpha_after = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta)
-    i_beta_after = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta)
-    omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta)
-    theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta)
-    load_torque_after = load_torque_pred + (K_40 * innovation_i_alpha + K_41 * innovation_i_beta)
+    span_first = R_0 + D_pred_0
+    D_pred_0_per_span_first = D_pred_0 / span_first
+    part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10
+    R_1_plus_D_pred_1 = R_1 + D_pred_1
+    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
+    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
+    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
+    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_i_alpha_after_2 = 1.0 / span_second
+    part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
+    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second * part_of_i_alpha_after_3
+    i_beta_after = (i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
+        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    omega_after = (omega_pred + part_of_i_alpha_after * L_pred_20 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+    theta_after = (theta_pred + part_of_i_alpha_after * L_pred_30 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30))
+    load_torque_after = (load_torque_pred + part_of_i_alpha_after * L_pred_40 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40))
 
-    # --- eq. 34: x = x^N, theta wrapped
+    # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
-    # --- eq. 32: K Pyy; P = P_pred - K Pyy K^T
-    KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10
-    KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11
-    KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10
-    KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11
-    KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10
-    KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11
-    KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10
-    KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11
-    KPyy_40 = K_40 * Pyy_00 + K_41 * Pyy_10
-    KPyy_41 = K_40 * Pyy_10 + K_41 * Pyy_11
-    P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01)
-    P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01)
-    P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11)
-    P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01)
-    P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11)
-    P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21)
-    P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01)
-    P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11)
-    P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21)
-    P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31)
-    P_40 = P_pred_40 - (KPyy_40 * K_00 + KPyy_41 * K_01)
-    P_41 = P_pred_41 - (KPyy_40 * K_10 + KPyy_41 * K_11)
-    P_42 = P_pred_42 - (KPyy_40 * K_20 + KPyy_41 * K_21)
-    P_43 = P_pred_43 - (KPyy_40 * K_30 + KPyy_41 * K_31)
-    P_44 = P_pred_44 - (KPyy_40 * K_40 + KPyy_41 * K_41)
+    # --- eq. 32: L D L^T = P_new
+    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
+    part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_10 = L_pred_10 - part_of_L_new_10
+    D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1
+    L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10
+    L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10
+    L_new_40 = L_pred_40 - L_pred_41 * part_of_L_new_10
 
     if stages is not None:
-        stages["S_pred"] = (S_pred_00, S_pred_10, S_pred_11, S_pred_20, S_pred_21, S_pred_22, S_pred_30,
-            S_pred_31, S_pred_32, S_pred_33, S_pred_40, S_pred_41, S_pred_42, S_pred_43, S_pred_44,)
-        stages["h_j"] = (i_alpha_pred, i_beta_pred,)
-        stages["H"] = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,)
-        stages["X_j"] = (i_alpha_j_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_j_0m,
-            i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_j_0p, i_beta_j_1p, i_beta_pred,
-            i_beta_pred, i_beta_pred, i_beta_j_0m, i_beta_j_1m, i_beta_pred, i_beta_pred, i_beta_pred,
-            omega_pred + d_j_omega_0, omega_pred + d_j_omega_1, omega_pred + d_j_omega_2, omega_pred,
-            omega_pred, omega_j_0m, omega_j_1m, omega_j_2m, omega_pred, omega_pred, theta_pred + d_j_theta_0,
-            theta_pred + d_j_theta_1, theta_pred + d_j_theta_2, theta_pred + d_j_theta_3, theta_pred,
-            theta_j_0m, theta_j_1m, theta_j_2m, theta_j_3m, theta_pred, load_torque_pred + d_j_load_torque_0,
-            load_torque_pred + d_j_load_torque_1, load_torque_pred + d_j_load_torque_2, load_torque_pred +
-            d_j_load_torque_3, load_torque_pred + d_j_load_torque_4, load_torque_j_0m, load_torque_j_1m,
-            load_torque_j_2m, load_torque_j_3m, load_torque_j_4m,)
-        stages["Y_j"] = (i_alpha_j_0p, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_j_0m,
-            i_alpha_pred, i_alpha_pred, i_alpha_pred, i_alpha_pred, i_beta_j_0p, i_beta_j_1p, i_beta_pred,
-            i_beta_pred, i_beta_pred, i_beta_j_0m, i_beta_j_1m, i_beta_pred, i_beta_pred, i_beta_pred,)
-        stages["y_mean"] = (y_i_alpha_mean, y_i_beta_mean,)
-        stages["Pyy"] = (Pyy_00, Pyy_10, Pyy_11,)
-        stages["Pxy"] = (Pxy_00, Pxy_01, Pxy_10, Pxy_11, Pxy_20, Pxy_21, Pxy_30, Pxy_31, Pxy_40, Pxy_41,)
-        stages["K"] = (K_00, K_01, K_10, K_11, K_20, K_21, K_30, K_31, K_40, K_41,)
-        stages["innovation"] = (innovation_i_alpha, innovation_i_beta,)
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,)
         stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,)
-        stages["P"] = (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33, P_40, P_41, P_42, P_43,
-            P_44,)
     return (
         (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,),
-        (P_00, P_10, P_11, P_20, P_21, P_22, P_30, P_31, P_32, P_33, P_40, P_41, P_42, P_43, P_44,),
+        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
+            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
     )
 
 
 def ckf_step(f, u, y, math, stages=None):
-    """One step of the ckf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ckf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
-    x, P = ckf_measurement_update(x_pred, P_pred, f.R, y, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
+    x, LD = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 
 def ickf_step(f, u, y, math, stages=None):
-    """One step of the ickf on ``f`` (x, P, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
+    """One step of the ickf on ``f`` (x, LD, u_held; Q, R, u_max, y_max, tolerance, max_iterations).
 
-    Updates f.x, f.P, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
+    Updates f.x, f.LD, f.u_held, f.iterations and returns the status. ``stages``, a dict, receives every stage.
     """
-    x, P = f.x, f.P
+    x, LD = f.x, f.LD
     u_good = _within(u, f.u_max)
     accepted = u_good & _within(y, f.y_max)
     u_held = _select(u_good, u, f.u_held)
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    x_pred, P_pred = time_update(x, P, f.Q, u_held, math, stages)
-    x, P = ickf_measurement_update(x_pred, P_pred, f.R, y, math, stages)
+    z, turn = time_update_turns(LD, math, stages)
+    x_pred, LD_pred = time_update(x, LD, f.Q, u_held, turn, math, stages)
+    x, LD = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
     if not np.all(accepted):
-        coast_x, coast_P = coast(x_pred, P_pred, math, stages)
-        x, P = _select(accepted, x, coast_x), _select(accepted, P, coast_P)
-    f.x, f.P, f.u_held, f.iterations = x, P, u_held, iterations
+        coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
+        x = _select(accepted, x, coast_x)
+        LD = _select(accepted, LD, coast_LD)
+    f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
 

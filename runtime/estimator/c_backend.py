@@ -25,7 +25,8 @@ class CBackend:
         self, folder: GeneratedFolder, kind: str, dtype: str, optimisation: tuple[str, ...] = ("-O2",)
     ) -> None:
         prefix, sources = c_sources(folder, kind, dtype)
-        defines = {"FILTER": prefix, "HEADER": f'"{prefix}.h"', "REAL": dtype}
+        self._covariance: str = folder.module.COVARIANCE
+        defines = {"FILTER": prefix, "HEADER": f'"{prefix}.h"', "REAL": dtype, "COVARIANCE": self._covariance}
         library = build_library({**sources, "runner.c": RUNNER.read_text(encoding="utf-8")}, defines, optimisation)
         self._ffi, self._library = _open(library, declarations(sources[f"{prefix}.h"], prefix, dtype))
         self.dtype = np.dtype(dtype)
@@ -35,26 +36,26 @@ class CBackend:
         self._step = getattr(self._library, f"{prefix}_step")
         self._real = "float *" if dtype == "float32" else "double *"
 
-    def reset(self, x0: Array, P0: Array) -> None:
+    def reset(self, x0: Array, words: Array) -> None:
         batch = x0.shape[1:]
         self._lanes = batch[0] if batch else 1
         self._batch = batch
         self._filters = self._ffi.new(f"{self._prefix}_t[]", self._lanes)
-        self._x, self._P = self._views(x0.shape[0], P0.shape[0])
+        self._x, self._words = self._views(x0.shape[0], words.shape[0])
         for b in range(self._lanes):
             self._init(self._filters + b)
             self._reset(self._filters + b)
-        self._x[:], self._P[:] = x0.reshape(x0.shape[0], -1).T, P0.reshape(P0.shape[0], -1).T
+        self._x[:], self._words[:] = x0.reshape(x0.shape[0], -1).T, words.reshape(words.shape[0], -1).T
         self._u, self._y = np.zeros((2, 2), dtype=self.dtype)
         self._u_pointer, self._y_pointer = self._pointer(self._u), self._pointer(self._y)
         self._codes = np.zeros(self._lanes, dtype=np.int32)
 
     def _views(self, n: int, packed: int) -> tuple[Array, Array]:
-        """x and P of every lane as arrays over the structs' own memory."""
+        """x and the covariance words of every lane as arrays over the structs' own memory."""
         size = self._ffi.sizeof(f"{self._prefix}_t")
         raw = np.frombuffer(self._ffi.buffer(self._filters), dtype=np.uint8).reshape(self._lanes, size)
         views = []
-        for field, length in (("x", n), ("P", packed)):
+        for field, length in (("x", n), (self._covariance, packed)):
             start = self._ffi.offsetof(f"{self._prefix}_t", field)
             views.append(raw[:, start : start + length * self.dtype.itemsize].view(self.dtype))
         return views[0], views[1]
@@ -75,8 +76,8 @@ class CBackend:
 
     def state(self) -> tuple[Array, Array]:
         if not self._batch:
-            return self._x[0].copy(), self._P[0].copy()
-        return self._x.T.copy(), self._P.T.copy()
+            return self._x[0].copy(), self._words[0].copy()
+        return self._x.T.copy(), self._words.T.copy()
 
     def estimate(self) -> Array:
         return (self._x.T if self._batch else self._x[0]).copy()
@@ -91,16 +92,16 @@ class CBackend:
     def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         steps = u.shape[0]
         u, y = np.ascontiguousarray(u), np.ascontiguousarray(y)
-        n, packed = self._x.shape[1], self._P.shape[1]
+        n, packed = self._x.shape[1], self._words.shape[1]
         x = np.empty((steps, n, *self._batch), dtype=self.dtype)
-        P = np.empty((steps, packed, *self._batch), dtype=self.dtype)
+        words = np.empty((steps, packed, *self._batch), dtype=self.dtype)
         iterations, status = np.empty((2, steps, *self._batch), dtype=np.int32)
-        pointers = [self._pointer(array) for array in (u, y, x, P)]
+        pointers = [self._pointer(array) for array in (u, y, x, words)]
         integers = [self._ffi.cast("int *", array.ctypes.data) for array in (iterations, status)]
         self._library.runner_run(self._filters, self._lanes, steps, n, packed, *pointers, *integers)
         if steps:
             self._codes[:] = status[-1]
-        return x, P, iterations, status
+        return x, words, iterations, status
 
     def _pointer(self, array: Array) -> Any:
         return self._ffi.cast(self._real, array.ctypes.data)
@@ -123,7 +124,7 @@ def declarations(header: str, prefix: str, dtype: str) -> str:
     real = "float" if dtype == "float32" else "double"
     runner = (
         f"void runner_run({prefix}_t *f, int lanes, int steps, int n, int packed, const {dtype} *u, const {dtype} *y, "
-        f"{dtype} *x, {dtype} *P, int *iterations, int *status);"
+        f"{dtype} *x, {dtype} *words, int *iterations, int *status);"
     )
     return f"typedef {real} {dtype};\n{text}\n{runner}"
 

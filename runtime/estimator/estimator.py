@@ -29,7 +29,7 @@ class Trace:
 
 
 class Backend(Protocol):
-    """What executes the steps. Lanes are the last axis; P is packed, lower triangle row by row."""
+    """What executes the steps. Lanes are the last axis; P travels as the filter's own n(n+1)/2 words."""
 
     @property
     def iterations(self) -> Array:
@@ -39,11 +39,11 @@ class Backend(Protocol):
     def status(self) -> Array:
         """Status bits of the last step."""
 
-    def reset(self, x0: Array, P0: Array) -> None:
-        """Start from x0 (n, B), P0 (n(n+1)/2, B), or without B for a single filter."""
+    def reset(self, x0: Array, words: Array) -> None:
+        """Start from x0 (n, B) and covariance words (n(n+1)/2, B), or without B for a single filter."""
 
     def state(self) -> tuple[Array, Array]:
-        """x and packed P, copies."""
+        """x and the covariance words, copies."""
 
     def estimate(self) -> Array:
         """x, a copy."""
@@ -52,7 +52,7 @@ class Backend(Protocol):
         """One step of every lane."""
 
     def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), packed P, iterations, status."""
+        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), covariance words, iterations, status."""
 
 
 class Estimator:
@@ -75,8 +75,7 @@ class Estimator:
         self.tuning: dict[str, Any] = dict(module.DEFAULTS)
         self._backend = backend
         self._batch: int | None = None
-        n = len(self.state_names)
-        self._lower = np.tril_indices(n)
+        self._pack, self._unpacked = module.pack, module.unpack
         self.reset()
 
     @property
@@ -136,8 +135,8 @@ class Estimator:
         lanes = {a.shape[-1] for a, batched in ((x, x.ndim == 2), (P, P.ndim == 3)) if batched}
         if len(lanes) > 1:
             raise UserError(f"x0 has {x.shape[-1]} lanes, P0 has {P.shape[-1]}.")
-        packed = P[self._lower].astype(self.dtype)
-        self._start(x, packed, lanes.pop() if lanes else None)
+        words = np.asarray(self._pack(P)).astype(self.dtype)
+        self._start(x, words, lanes.pop() if lanes else None)
 
     def step(self, u: ArrayLike, y: ArrayLike) -> Array:
         """One time update with u, then one measurement update with y.
@@ -178,31 +177,28 @@ class Estimator:
             raise UserError(f"u has shape {u.shape}, y {y.shape}; run needs (N, 2) or (N, 2, B) for both.")
         if (u.shape[2] if u.ndim == 3 else None) != self._batch:
             self._broadcast(u.shape[2:])
-        x, P, iterations, status = self._backend.run(u, y)
-        return Trace(x, self._unpack(P, axis=1), iterations, status)
+        x, words, iterations, status = self._backend.run(u, y)
+        return Trace(x, self._unpack(words, axis=1), iterations, status)
 
-    def _start(self, x: Array, P: Array, batch: int | None) -> None:
+    def _start(self, x: Array, words: Array, batch: int | None) -> None:
         self._batch = batch
         if batch is not None:
             x = np.broadcast_to(x if x.ndim == 2 else x[:, None], (x.shape[0], batch))
-            P = np.broadcast_to(P if P.ndim == 2 else P[:, None], (P.shape[0], batch))
-        self._backend.reset(np.ascontiguousarray(x), np.ascontiguousarray(P))
+            words = np.broadcast_to(words if words.ndim == 2 else words[:, None], (words.shape[0], batch))
+        self._backend.reset(np.ascontiguousarray(x), np.ascontiguousarray(words))
 
     def _broadcast(self, lanes: tuple[int, ...]) -> None:
         """A single filter met a batch: every lane goes on from its state."""
         if self._batch is not None:
             given = f"{lanes[0]} lanes" if lanes else "no batch axis"
             raise UserError(f"this estimator runs {self._batch} lanes; the input has {given}. Call reset() first.")
-        x, P = self._backend.state()
-        self._start(x, P, lanes[0])
+        x, words = self._backend.state()
+        self._start(x, words, lanes[0])
 
-    def _unpack(self, packed: Array, axis: int) -> Array:
-        """Packed lower triangle on ``axis`` -> two axes (n, n), symmetric."""
-        n = len(self.state_names)
-        rows, columns = np.indices((n, n))
-        high, low = np.maximum(rows, columns), np.minimum(rows, columns)
-        index = high * (high + 1) // 2 + low
-        return np.asarray(np.take(packed, index, axis=axis))
+    def _unpack(self, words: Array, axis: int) -> Array:
+        """Covariance words on ``axis`` -> two axes (n, n), symmetric."""
+        P = np.asarray(self._unpacked(np.moveaxis(words, axis, 0)))
+        return np.moveaxis(P, (0, 1), (axis, axis + 1)).astype(self.dtype)
 
 
 def load(drive: str | Path, filter: str | None = None, backend: str = "numpy", dtype: str = "float64") -> Estimator:

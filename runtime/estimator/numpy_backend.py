@@ -16,6 +16,7 @@ class NumpyBackend:
 
     def __init__(self, module: ModuleType, kind: str, dtype: str) -> None:
         self._step = module.STEPS[kind]
+        self._covariance: str = module.COVARIANCE
         self.math = module.MATH[dtype]
         self.filter = SimpleNamespace(**{name: self._cast(value) for name, value in module.DEFAULTS.items()})
 
@@ -24,8 +25,9 @@ class NumpyBackend:
             return tuple(self.math.dtype(item) for item in value)
         return value if isinstance(value, int) else self.math.dtype(value)
 
-    def reset(self, x0: Array, P0: Array) -> None:
-        self.filter.x, self.filter.P = tuple(x0), tuple(P0)
+    def reset(self, x0: Array, words: Array) -> None:
+        self.filter.x = tuple(x0)
+        setattr(self.filter, self._covariance, tuple(words))
         self.filter.u_held = tuple(np.zeros((2, *x0.shape[1:]), dtype=self.math.dtype))
         self.filter.iterations = np.zeros(x0.shape[1:], dtype=int)
         self.status: Array = np.zeros(x0.shape[1:], dtype=int)
@@ -35,7 +37,7 @@ class NumpyBackend:
         return np.asarray(self.filter.iterations)
 
     def state(self) -> tuple[Array, Array]:
-        return self.estimate(), np.array(self.filter.P, dtype=self.math.dtype)
+        return self.estimate(), np.array(getattr(self.filter, self._covariance), dtype=self.math.dtype)
 
     def estimate(self) -> Array:
         return np.array(self.filter.x, dtype=self.math.dtype)
@@ -48,10 +50,10 @@ class NumpyBackend:
     def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         steps, lanes = u.shape[0], u.shape[2:]
         x = np.empty((steps, len(self.filter.x), *lanes), dtype=self.math.dtype)
-        P = np.empty((steps, len(self.filter.P), *lanes), dtype=self.math.dtype)
+        words = np.empty((steps, len(getattr(self.filter, self._covariance)), *lanes), dtype=self.math.dtype)
         iterations, status = np.empty((2, steps, *lanes), dtype=np.int32)
         for k in range(steps):
             self.step(u[k], y[k])
-            x[k], P[k] = self.filter.x, self.filter.P
+            x[k], words[k] = self.filter.x, getattr(self.filter, self._covariance)
             iterations[k], status[k] = self.filter.iterations, self.status
-        return x, P, iterations, status
+        return x, words, iterations, status

@@ -1,6 +1,7 @@
 /* runner.c: host side of the C back end. Runs lanes of one generated filter over a trajectory.
  * Hand-written; compiled beside the generated .c, which stays untouched.
- * FILTER names the generated filter (as in FILTER_t, FILTER_step), HEADER its header, REAL its number type. */
+ * FILTER names the generated filter (as in FILTER_t, FILTER_step), HEADER its header, REAL its number type,
+ * COVARIANCE the field that carries P. */
 #include HEADER
 
 #define JOIN_(a, b) a##b
@@ -8,8 +9,8 @@
 #define STATE JOIN(FILTER, _t)
 #define STEP JOIN(FILTER, _step)
 
-/* u, y: [steps][2][lanes]; x, P: [steps][n or packed][lanes]; iterations, status: [steps][lanes]. */
-void runner_run(STATE *f, int lanes, int steps, int n, int packed, const REAL *u, const REAL *y, REAL *x, REAL *P,
+/* u, y: [steps][2][lanes]; x, words: [steps][n or packed][lanes]; iterations, status: [steps][lanes]. */
+void runner_run(STATE *f, int lanes, int steps, int n, int packed, const REAL *u, const REAL *y, REAL *x, REAL *words,
                 int *iterations, int *status)
 {
     int k, b, i;
@@ -26,13 +27,13 @@ void runner_run(STATE *f, int lanes, int steps, int n, int packed, const REAL *u
                 x[i * lanes + b] = f[b].x[i];
             }
             for (i = 0; i < packed; i++) {
-                P[i * lanes + b] = f[b].P[i];
+                words[i * lanes + b] = f[b].COVARIANCE[i];
             }
         }
         u += 2 * lanes;
         y += 2 * lanes;
         x += n * lanes;
-        P += packed * lanes;
+        words += packed * lanes;
         iterations += lanes;
         status += lanes;
     }

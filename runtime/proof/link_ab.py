@@ -112,8 +112,7 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
 def _evaluate(module: ModuleType, kind: str, s: Situations) -> tuple[dict[str, Array], list[dict[str, Array]], Array]:
     """The generated step with one lane a situation; stages as (N, entries)."""
     backend = NumpyBackend(module, kind, "float64")
-    rows, columns = np.tril_indices(s.x.shape[1])
-    backend.reset(s.x.T.copy(), s.P[:, rows, columns].T.copy())
+    backend.reset(s.x.T.copy(), module.pack(np.moveaxis(s.P, 0, 2)))
     stages: dict[str, Any] = {}
     backend.step(s.u.T.copy(), s.y.T.copy(), stages)
     lanes = len(s.u)
@@ -176,16 +175,15 @@ def free_run(
 ) -> Link:
     """B on its own along the trajectory, not set back to A each step: errors must not build up."""
     backend = NumpyBackend(module, step.kind, "float64")
-    n = len(start)
-    rows, columns = np.tril_indices(n)
-    backend.reset(start.copy(), np.diag(sigma_0**2)[rows, columns])
-    x, P, _, _ = backend.run(situations.u, situations.y)
+    backend.reset(start.copy(), module.pack(np.diag(sigma_0**2)))
+    x, words, _, _ = backend.run(situations.u, situations.y)
+    P = np.moveaxis(module.unpack(words.T), 2, 0)
     A_x, A_P = situations.stages["x"], situations.stages["P"]
     sigma = np.sqrt(np.einsum("kii->ki", A_P))
     dx = x - A_x
     dx[:, module.ANGLE] = np.remainder(dx[:, module.ANGLE] + np.pi, 2 * np.pi) - np.pi
     error_x = np.abs(dx) / np.maximum(sigma, np.abs(A_x))
-    error_P = np.abs(P - A_P[:, rows, columns]) / (sigma[:, rows] * sigma[:, columns])
+    error_P = np.abs(P - A_P) / (sigma[:, :, None] * sigma[:, None, :])
     rows_out = (
         Row("25, 34", "x, run on its own", "estimate", _worst(error_x), ALLOWED, error_x.size),
         Row("26, 32", "P, run on its own", "covariance", _worst(error_P), ALLOWED, error_P.size),

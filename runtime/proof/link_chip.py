@@ -15,7 +15,7 @@ from codegen.fpu32 import FPU32, Flushed
 from runtime.estimator.estimator import Estimator, load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
-from runtime.proof.link_bd import drift, drift_rows
+from runtime.proof.link_cd import drift, drift_rows
 from runtime.proof.result import Link
 
 Array = NDArray[Any]
@@ -34,9 +34,9 @@ class ChipBackend(NumpyBackend):
             return tuple(self.number(item) for item in value)
         return value if isinstance(value, int) else self.number(value)
 
-    def reset(self, x0: Array, P0: Array) -> None:
-        super().reset(x0, P0)
-        for name in ("x", "P", "u_held"):
+    def reset(self, x0: Array, words: Array) -> None:
+        super().reset(x0, words)
+        for name in ("x", self._covariance, "u_held"):
             setattr(self.filter, name, self._wrap(getattr(self.filter, name)))
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
@@ -44,7 +44,7 @@ class ChipBackend(NumpyBackend):
 
 
 def link_chip(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array) -> Link:
-    """Run both from the drive's start over ``u``, ``y`` (N, 2); judged like link B-D, by the filter's own sigmas."""
+    """Run both from the drive's start over ``u``, ``y`` (N, 2); judged like link C-D, by the filter's own sigmas."""
     chip = Estimator(folder, kind, ChipBackend(folder.module, kind), "float32")
     host = load_folder(folder, kind, "numpy", "float32")
     rows = drift_rows(host, drift(chip, host, u, y), 0)

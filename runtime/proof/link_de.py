@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.box import BoxSamples
+from codegen.certificate import full_matrices
 from model.filters.program import FilterStep
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.compiler import find_compiler
@@ -35,22 +36,22 @@ class Bits:
         self.u, self.y = u.astype(np.float32), y.astype(np.float32)
         self.box = box
         self.numpy = NumpyBackend(folder.module, step.kind, "float32")
-        self.x0 = np.array(folder.module.DEFAULTS["x_0"], dtype=np.float32)
-        n = len(self.x0)
-        rows, columns = np.tril_indices(n)
-        self.P0 = np.diag(np.array(folder.module.DEFAULTS["P_0"], dtype=np.float32))[rows, columns]
-        self.numpy.reset(self.x0.copy(), self.P0.copy())
+        module = folder.module
+        self.x0 = np.array(module.DEFAULTS["x_0"], dtype=np.float32)
+        self.words0 = module.pack(np.diag(module.DEFAULTS["P_0"])).astype(np.float32)
+        self.box_words = module.pack(full_matrices(box.P, len(self.x0))).astype(np.float32)
+        self.numpy.reset(self.x0.copy(), self.words0.copy())
         self.trace = self.numpy.run(self.u, self.y)
-        self.numpy.reset(box.x.astype(np.float32), box.P.astype(np.float32))
+        self.numpy.reset(box.x.astype(np.float32), self.box_words.copy())
         self.lanes = self.numpy.run(box.u.astype(np.float32)[None], box.y.astype(np.float32)[None])
 
     def link(self, optimisation: tuple[str, ...]) -> Link:
         """Compare one compilation, along the trajectory and from every draw of the box."""
         backend = CBackend(self.folder, self.step.kind, "float32", optimisation)
-        backend.reset(self.x0.copy(), self.P0.copy())
+        backend.reset(self.x0.copy(), self.words0.copy())
         trace = backend.run(self.u, self.y)
         first = self._first(trace)
-        backend.reset(self.box.x.astype(np.float32), self.box.P.astype(np.float32))
+        backend.reset(self.box.x.astype(np.float32), self.box_words.copy())
         lanes = backend.run(self.box.u.astype(np.float32)[None], self.box.y.astype(np.float32)[None])
         rows = (
             _row("25, 34", "x, trajectory", "estimate", self.trace[0], trace[0]),
@@ -70,12 +71,12 @@ class Bits:
         if equal.all():
             return None
         k, element = (int(v) for v in np.argwhere(~equal)[0])
-        before = (self.x0, self.P0) if k == 0 else (self.trace[0][k - 1], self.trace[1][k - 1])
+        before = (self.x0, self.words0) if k == 0 else (self.trace[0][k - 1], self.trace[1][k - 1])
         inside = locate(self.folder, self.step, before, self.u[k], self.y[k], k)
         if inside is not None:
             return inside
         port, index = (0, element) if element < n else (1, element - n)
-        name = ("x", "P")[port] + f"[{index}]"
+        name = ("x", self.folder.module.COVARIANCE)[port] + f"[{index}]"
         found, expected = float(trace[port][k, index]), float(self.trace[port][k, index])
         return Divergence(k, "25-34", "output of the step", name, expected, found, "identical bits")
 

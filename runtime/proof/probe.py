@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+import sys
+from types import FrameType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from codegen.layout import lay_out
 from model.filters.program import FilterStep
-from model.quantities import Stage
+from model.quantities import Block
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library
@@ -32,44 +35,62 @@ def locate(
     ----------
     folder, step
         The generated filter and the stages it is made of.
-    before : (x, packed P)
+    before : (x, covariance words)
         The state both start from.
     u, y : array, (2,)
         The step's inputs.
     number : int
         The step's index, for the message.
     """
-    expected = _numpy_stages(folder, step, before, u, y)
+    expected = _numpy_locals(folder, step, before, u, y)
     try:
-        found = _c_stages(folder, step, before, u, y)
+        found = _c_locals(folder, step, before, u, y)
     except UserError:
         return None  # the probed text does not compile: the caller reports the outputs instead
+    constants = step.model.constants
     for block in step.blocks:
-        for stage in block.stages:
-            values = expected.get(stage.name)
-            for name, value in zip(stage.names, values or (), strict=False):
-                probed = found.get((block.name, name))
-                if probed is not None and np.float32(value).tobytes() != np.float32(probed).tobytes():
-                    return _divergence(number, stage, name, float(value), float(probed))
+        for section in lay_out(block, constants).sections:
+            names = [name for s in section.statements for name in (s.pair or (s.name,)) if name]
+            for name in names:
+                a, b = expected.get((block.name, name)), found.get((block.name, name))
+                if a is not None and b is not None and np.float32(a).tobytes() != np.float32(b).tobytes():
+                    equation, stage = _stage_of(block, name, section.equation)
+                    return Divergence(number, equation, stage, name, float(a), float(b), "identical bits")
     return None
 
 
-def _divergence(number: int, stage: Stage, name: str, expected: float, found: float) -> Divergence:
-    return Divergence(number, stage.equation, stage.name, name, expected, found, "identical bits")
+def _stage_of(block: Block, name: str, equation: str) -> tuple[str, str]:
+    """Equation and name of the stage an entry belongs to; work that no stage names belongs to its section."""
+    for stage in block.stages:
+        if name in stage.names and stage.meaning:
+            return stage.equation, stage.name
+    return equation, block.name
 
 
-def _numpy_stages(
+def _numpy_locals(
     folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array
-) -> dict[str, Any]:
+) -> dict[tuple[str, str], Any]:
+    """Every local of every block at its return; of a loop, those of the last pass, as a probe keeps them."""
     backend = NumpyBackend(folder.module, step.kind, "float32")
     backend.reset(*before)
-    stages: dict[str, Any] = {}
-    backend.step(u, y, stages)
-    iterates = stages.pop("iterates", [])
-    return {**stages, **(iterates[-1] if iterates else {})}  # a probe in a loop keeps the last pass
+    blocks = {block.name for block in step.blocks}
+    found: dict[tuple[str, str], Any] = {}
+
+    def watch(frame: FrameType, event: str, argument: Any) -> None:
+        name = frame.f_code.co_name
+        if event == "return" and name in blocks:
+            found.update({(name, local): value for local, value in frame.f_locals.items() if np.isscalar(value)})
+
+    previous = sys.getprofile()
+    sys.setprofile(watch)
+    try:
+        backend.step(u, y)
+    finally:
+        sys.setprofile(previous)
+    return found
 
 
-def _c_stages(
+def _c_locals(
     folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array
 ) -> dict[tuple[str, str], float]:
     import cffi
@@ -83,7 +104,7 @@ def _c_stages(
     loaded = ffi.dlopen(str(library))
     filters = ffi.new(f"{prefix}_t *")
     getattr(loaded, f"{prefix}_init")(filters)
-    for name, values in zip(("x", "P"), before, strict=True):
+    for name, values in zip(("x", folder.module.COVARIANCE), before, strict=True):
         for k, value in enumerate(values):
             getattr(filters, name)[k] = float(value)
     getattr(loaded, f"{prefix}_step")(filters, [float(v) for v in u], [float(v) for v in y])

@@ -64,7 +64,7 @@ class Link:
 
     @property
     def worst(self) -> float:
-        """Largest deviation of any row (rows of link B-D differ in unit: see :attr:`used`)."""
+        """Largest deviation of any row (rows of link C-D differ in unit: see :attr:`used`)."""
         return max((row.worst for row in self.rows), default=0.0)
 
     @property

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,15 @@ from codegen.folder import FolderError, check_unedited, difference, write_folder
 from codegen.generate import Package, generate
 from codegen.measure import Measurer, kept_records
 from model.drive import Drive, load_drive
+from model.filters import FilterStep
 from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
-from runtime.proof.link_bd import Drift, link_bd
+from runtime.proof.link_bc import link_bc
+from runtime.proof.link_cd import Drift, link_cd
 from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.result import IterationEffect, Link, Proof
@@ -108,7 +111,7 @@ def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple
     long = _long_run(parameters, drive, effort)
     for gain, folder in _variants(drive, path):
         variant = package if gain == drive.filter.gain else generate(_with_gain(drive, gain))
-        prover = Prover(variant, folder, trajectory, long, effort, progress)
+        prover = Prover(variant, literal_package(variant.drive), folder, trajectory, long, effort, progress)
         for kind in variant.steps:
             if kind == "ickf" or gain == drive.filter.gain:
                 proof.links += prover.links(kind, evidence)
@@ -161,11 +164,28 @@ def _long_run(parameters: dict[str, Any], drive: Drive, effort: Effort) -> tuple
     return make_trajectory(parameters, steps=steps), settled
 
 
+@dataclass(frozen=True)
+class Literal:
+    """The literal form of a drive: its symbolic steps and its Python module."""
+
+    steps: dict[str, FilterStep]
+    module: ModuleType
+
+
+def literal_package(drive: Drive) -> Literal:
+    """Generate the paper's shape of a drive's filters, in memory."""
+    package = generate(drive, samples=1, form="literal")
+    module = ModuleType(f"literal_{drive.name}")
+    exec(compile(package.files[f"{drive.name}.py"], f"literal {drive.name}.py", "exec"), module.__dict__)
+    return Literal(package.steps, module)
+
+
 @dataclass
 class Prover:
     """Runs the links of one generated folder."""
 
     package: Package
+    literal: Literal
     folder: GeneratedFolder
     trajectory: Trajectory
     long: tuple[Trajectory, int]
@@ -173,41 +193,45 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B on trajectory and box, D-E for each optimisation, B-D along the long run, D-chip at its start."""
+        """A-B and B-C on trajectory and box, D-E for each optimisation, C-D along the long run, D-chip at its start."""
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
-        self.progress(f"{label}: A-B, reference along the trajectory")
-        found = self.link_a_b(kind)
-        self.progress(f"{label}: A-B, operating box")
-        found.append(self._box(kind))
+        self.progress(f"{label}: A-B-C, reference along the trajectory")
+        found = self.along_trajectory(kind)
+        self.progress(f"{label}: A-B-C, operating box")
+        found += self._box(kind)
         self.progress(f"{label}: D-E, compiling and comparing bits")
         bits = self._bits(kind)
         found += [bits.link(optimisation) for optimisation in self.effort.optimisations]
-        self.progress(f"{label}: B-D, float32 at speed")
+        self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
-        drift_link, drift = link_bd(self.folder, kind, step.gain, long.u, long.y, settled)
+        drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
         evidence.drift[label] = drift
         self.progress(f"{label}: D-chip, the chip's arithmetic as modelled")
         steps = self.effort.chip_steps
         return [*found, drift_link, link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps])]
 
-    def link_a_b(self, kind: str) -> list[Link]:
-        """Stage by stage along the trajectory, and B on its own."""
-        step, start = self.package.steps[kind], self._start
+    def along_trajectory(self, kind: str) -> list[Link]:
+        """A-B stage by stage along the trajectory, and B on its own; then B-C."""
+        step, start = self.literal.steps[kind], self._start
         run = reference_run("trajectory", self._parameters, step, start, self.trajectory.u, self.trajectory.y)
         sigma_0 = np.sqrt(self.package.drive.filter.initial_covariance)
         name = self.package.drive.name
         return [
-            link_ab(self.folder.module, step, name, run, self._R),
-            free_run(self.folder.module, step, name, run, start, sigma_0),
+            link_ab(self.literal.module, step, name, run, self._R),
+            free_run(self.literal.module, step, name, run, start, sigma_0),
+            link_bc(self.literal.module, self.folder.module, step, name, run),
         ]
 
-    def _box(self, kind: str) -> Link:
-        step = self.package.steps[kind]
+    def _box(self, kind: str) -> list[Link]:
+        step, name = self.literal.steps[kind], self.package.drive.name
         situations = self._box_situations(
             step, sample_box(self.package.drive, self.package.model, self.effort.box_draws)
         )
-        return link_ab(self.folder.module, step, self.package.drive.name, situations, self._R)
+        return [
+            link_ab(self.literal.module, step, name, situations, self._R),
+            link_bc(self.literal.module, self.folder.module, step, name, situations),
+        ]
 
     def _box_situations(self, step: Any, box: BoxSamples) -> Situations:
         n, draws = box.x.shape

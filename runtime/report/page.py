@@ -49,6 +49,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
     units = {state["name"]: state["unit"] for state in manifest["states"]}
     equations = readable(drive)
     stages = stages_by_equation(proof.links)
+    fast = stages_by_equation(proof.links, "B-C")
     return {
         "drive": drive,
         "proof": proof,
@@ -63,6 +64,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         ],
         "constants": equations.constants,
         "stages": stages,
+        "fast": fast,
         "counts": COUNTS,
         "variants": list(dict.fromkeys(variant for cells in stages.values() for variant in cells)),
         "failures": list(proof.failures()),

@@ -12,7 +12,7 @@ from rich.text import Text
 from runtime.proof.result import Link, Proof
 
 #: Rows that count instead of measuring: any but zero is a failure.
-COUNTS = ("same number of iterates", "theta in [-pi, pi)")
+COUNTS = ("same number of iterates", "same number of passes", "theta in [-pi, pi)")
 
 AT_SPEED = "float32 against float64"
 ON_CHIP = "the chip's arithmetic as modelled (not measured) against float32, running free"
@@ -24,11 +24,11 @@ def equation_order(equation: str) -> tuple[int, str]:
     return (int(number.group()) if number else 0, equation)
 
 
-def stages_by_equation(links: Iterable[Link]) -> dict[tuple[str, str], dict[str, float]]:
-    """A-B links as (equation, stage) -> variant -> worst; iterates of one stage are taken together."""
+def stages_by_equation(links: Iterable[Link], name: str = "A-B") -> dict[tuple[str, str], dict[str, float]]:
+    """Links of a name as (equation, stage) -> variant -> worst; iterates of one stage are taken together."""
     table: dict[tuple[str, str], dict[str, float]] = {}
     for link in links:
-        if link.name != "A-B":
+        if link.name != name:
             continue
         for row in link.rows:
             stage = re.sub(r", j = \d+( \(idle\))?", lambda m: ", further iterates" if m.group(1) else "", row.stage)
@@ -41,9 +41,9 @@ def proof_tables(proof: Proof) -> RenderableType:
     """Everything a proof says, as one renderable."""
     tables = [
         _derivation(proof),
-        _stages(proof),
+        *(_stages(proof, name) for name in TITLES),
         _bits(proof),
-        _drift(proof, "B-D", AT_SPEED),
+        _drift(proof, "C-D", AT_SPEED),
         _drift(proof, "D-chip", ON_CHIP),
     ]
     if proof.effects:
@@ -77,16 +77,22 @@ def _derivation(proof: Proof) -> Table:
     return table
 
 
-def _stages(proof: Proof) -> Table:
+#: Links that are shown stage by stage.
+TITLES = {
+    "A-B": "A-B: reference against generated float64, literal form, worst deviation on the row's scale",
+    "B-C": "B-C: literal against fast form, float64, worst deviation on the row's scale",
+}
+
+
+def _stages(proof: Proof, name: str) -> Table:
     """The table by equation number."""
-    stages = stages_by_equation(proof.links)
+    stages = stages_by_equation(proof.links, name)
     variants = list(dict.fromkeys(variant for cells in stages.values() for variant in cells))
-    allowed = max((row.allowed for link in proof.links if link.name == "A-B" for row in link.rows), default=0.0)
-    table = _table(
-        f"A-B: reference against generated float64, worst deviation on the row's scale (allowed {allowed:g})",
-        "eq.",
-        "stage",
+    allowed = max(
+        (row.allowed for link in proof.links if link.name == name for row in link.rows if row.allowed < 1e-6),
+        default=0.0,
     )
+    table = _table(f"{TITLES[name]} (allowed {allowed:g})", "eq.", "stage")
     table.columns[1].justify = "left"
     for variant in variants:
         table.add_column(variant, justify="right")

@@ -52,7 +52,7 @@ def test_shipped_folders_are_current(tmp_path: Path) -> None:
 def test_hand_edits_survive_generate(tmp_path: Path) -> None:
     assert call("generate", "paper_spmsm", "--out", "out", cwd=tmp_path).returncode == 0
     path = tmp_path / "out" / "paper_spmsm" / "paper_spmsm_ckf.c"
-    edited = path.read_text().replace("0.125f", "0.126f", 1)
+    edited = path.read_text().replace("0.25f", "0.26f", 1)
     path.write_text(edited)
     refused = call("generate", "paper_spmsm", "--out", "out", cwd=tmp_path)
     assert refused.returncode == 2
@@ -116,7 +116,7 @@ def test_verify_writes_json(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "proof.json").read_text())
     assert data["passed"] is True
     (drive,) = data["drives"]
-    assert {link["name"] for link in drive["links"]} == {"model", "A-B", "B-D", "D-E", "D-chip"}
+    assert {link["name"] for link in drive["links"]} == {"model", "A-B", "B-C", "C-D", "D-E", "D-chip"}
     assert all(row["worst"] <= row["allowed"] for link in drive["links"] for row in link["rows"])
     assert "same number of iterates" in done.stdout
 

@@ -19,10 +19,10 @@ from model.machines import MACHINES
 from model.mechanics import ConstantSpeed
 from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, GeneratedFolder
-from runtime.proof.link_bd import link_bd
+from runtime.proof.link_cd import link_cd
 from runtime.proof.result import Link
 from runtime.proof.trajectory import make_trajectory
-from runtime.proof.verify import Effort, Prover, prove, verify
+from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
 from tests.conftest import DRIVES, variant
 
 QUICK = Effort(
@@ -42,7 +42,7 @@ def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_
     package = generate(drive, samples=5)
     write_folder(tmp_path / name, package.files)
     prover = _prover(drive, package, tmp_path / name)
-    for link in [*prover.link_a_b(kind), prover._box(kind), prover._bits(kind).link(("-O2",))]:
+    for link in [*prover.along_trajectory(kind), *prover._box(kind), prover._bits(kind).link(("-O2",))]:
         assert link.passed, str(link.divergence)
 
 
@@ -51,7 +51,7 @@ def test_chain_holds_quickly(name: str) -> None:
     seen: list[str] = []
     proof, _ = verify(name, QUICK, seen.append)
     assert proof.passed, list(proof.failures())
-    assert {link.name for link in proof.links} == {"model", "A-B", "B-D", "D-E", "D-chip"}
+    assert {link.name for link in proof.links} == {"model", "A-B", "B-C", "C-D", "D-E", "D-chip"}
     assert {link.variant for link in proof.links if link.name == "A-B"} == {
         "ckf",
         "ickf, cubature gain",
@@ -72,7 +72,7 @@ def test_float32_at_speed(name: str, kind: str) -> None:
     drive = load_drive(name)
     settled = round(0.3 / drive.model.sample_time)
     data = make_trajectory(drive.model_dump(), steps=settled + 100_000)
-    link, _ = link_bd(GeneratedFolder(GENERATED / name), kind, drive.filter.gain, data.u, data.y, settled)
+    link, _ = link_cd(GeneratedFolder(GENERATED / name), kind, drive.filter.gain, data.u, data.y, settled)
     for row in link.rows:
         assert row.worst <= AT_SPEED[row.meaning], row
 
@@ -99,14 +99,16 @@ def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
     """``package`` may be a mutant; the reference works from ``drive``."""
     truth = Package(drive, package.model, package.steps, package.files)
     short = make_trajectory(drive.model_dump(), steps=60)
-    return Prover(truth, GeneratedFolder(folder, checked=False), short, (short, 10), QUICK, lambda text: None)
+    shipped = GeneratedFolder(folder, checked=False)
+    literal = Literal(package.steps, shipped.module) if shipped.module.COVARIANCE == "P" else literal_package(drive)
+    return Prover(truth, literal, shipped, short, (short, 10), QUICK, lambda text: None)
 
 
 def _ab(drive: Drive, folder: Path, kind: str) -> list[Link]:
     """Generate as things stand now (mutated), prove against the unmutated reference."""
-    package = generate(drive, samples=5)
+    package = generate(drive, samples=5, form="literal")
     write_folder(folder, package.files, force=True)
-    return _prover(drive, package, folder).link_a_b(kind)
+    return _prover(drive, package, folder).along_trajectory(kind)
 
 
 def _swap_inductances(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,11 +167,11 @@ def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     _no_wrap(monkeypatch)
     drive = load_drive("ipmsm_flux")
-    package = generate(drive, samples=5)
+    package = generate(drive, samples=5, form="literal")
     write_folder(tmp_path / drive.name, package.files)
     prover = _prover(drive, package, tmp_path / drive.name)
     prover.trajectory = make_trajectory(drive.model_dump(), steps=600)
-    assert not prover.link_a_b("ckf")[0].passed
+    assert not prover.along_trajectory("ckf")[0].passed
 
 
 MODEL_MUTANTS: list[tuple[str, str, Callable[[pytest.MonkeyPatch], None], str]] = [
@@ -193,7 +195,7 @@ def test_model_mutants_are_caught_at_their_equation(
     tmp_path: Path,
 ) -> None:
     mutate(monkeypatch)
-    link, _ = _ab(load_drive(name), tmp_path / name, kind)
+    link, *_ = _ab(load_drive(name), tmp_path / name, kind)
     assert not link.passed
     assert link.divergence is not None
     assert link.divergence.equation == equation, str(link.divergence)
@@ -203,9 +205,9 @@ def test_model_mutants_are_caught_at_their_equation(
 def test_one_part_in_a_million_of_motor_data_is_caught(key: str, tmp_path: Path) -> None:
     drive = load_drive("ipmsm_flux")
     mutant = variant(drive, motor={key: getattr(drive.motor, key) * (1 + 1e-6)})
-    package = generate(mutant, samples=5)
+    package = generate(mutant, samples=5, form="literal")
     write_folder(tmp_path / drive.name, package.files)
-    link, _ = _prover(drive, package, tmp_path / drive.name).link_a_b("ckf")
+    link, *_ = _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf")
     assert link.divergence is not None
 
 
@@ -222,30 +224,56 @@ def test_mutants_of_the_generated_python_are_caught(
     pattern: str, replacement: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5)
+    package = generate(drive, samples=5, form="literal")
     text = package.files["paper_spmsm.py"]
     mutated = re.sub(pattern, replacement, text, count=0)
     assert mutated != text
     write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm.py": mutated})
-    link, _ = _prover(drive, package, tmp_path / drive.name).link_a_b("ckf")
+    link, *_ = _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf")
+    assert link.divergence is not None
+    assert link.divergence.equation == equation, str(link.divergence)
+
+
+FAST_MUTANTS = [
+    (r" \+ Q_2\)\n", ")\n", "17"),  # a dropped Q
+    (r"odd_theta_next_1 = L_31 \+", "odd_theta_next_1 = L_31 -", "17"),
+    (r"innovation_i_alpha = i_alpha_meas -", "innovation_i_alpha = i_alpha_meas +", "25, 34"),
+    (r"D_new_1 = ", "D_new_1 = 1.000001 * ", "26, 32"),
+    (r"(def _polynomial_small_angle_f64.*?)-0\.16666666666666666", r"\1-0.16666", "17"),  # a coarse sine
+]
+
+
+@pytest.mark.parametrize(("pattern", "replacement", "equation"), FAST_MUTANTS)
+def test_mutants_of_the_fast_form_are_caught(pattern: str, replacement: str, equation: str, tmp_path: Path) -> None:
+    drive = load_drive("paper_spmsm")
+    package = generate(drive, samples=5)
+    text = package.files["paper_spmsm.py"]
+    mutated = re.sub(pattern, replacement, text, flags=re.DOTALL)
+    assert mutated != text
+    write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm.py": mutated})
+    link = _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf")[-1]
+    assert link.name == "B-C"
     assert link.divergence is not None
     assert link.divergence.equation == equation, str(link.divergence)
 
 
 C_MUTANTS = [
-    ("i_alpha_meas - y_i_alpha_pred", "i_alpha_meas + y_i_alpha_pred", "innovation", "25"),
-    ("P_21 - S_20 * S_10", "P_21 - S_20 * S_11", "S", "13"),
-    ("#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f", "X_prop", "15"),
-    ("- (KPyy_20 * K_20 + KPyy_21 * K_21)", "- (KPyy_20 * K_20 - KPyy_21 * K_21)", "P", "26"),
+    ("fast", "i_alpha_meas - i_alpha_pred", "i_alpha_meas + i_alpha_pred", "innovation", "25"),
+    ("fast", "#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f", "time_update", "15"),
+    ("fast", "L_31 + POLE_PAIRS_SAMPLE_TIME", "L_31 - POLE_PAIRS_SAMPLE_TIME", "odd_i_alpha_next", "15"),
+    ("fast", "#define SINC_1 -0.16666666f", "#define SINC_1 -0.16666667f", "turn", "14"),
+    ("literal", "i_alpha_meas - y_i_alpha_pred", "i_alpha_meas + y_i_alpha_pred", "innovation", "25"),
+    ("literal", "P_21 - S_20 * S_10", "P_21 - S_20 * S_11", "S", "13"),
+    ("literal", "- (KPyy_20 * K_20 + KPyy_21 * K_21)", "- (KPyy_20 * K_20 - KPyy_21 * K_21)", "P", "26"),
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "stage", "equation"), C_MUTANTS)
+@pytest.mark.parametrize(("form", "old", "new", "stage", "equation"), C_MUTANTS)
 def test_mutants_of_the_generated_c_are_caught_and_located(
-    old: str, new: str, stage: str, equation: str, tmp_path: Path
+    form: str, old: str, new: str, stage: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5)
+    package = generate(drive, samples=5, form=form)
     text = package.files["paper_spmsm_ckf.c"]
     assert old in text
     write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": text.replace(old, new)})
@@ -260,7 +288,8 @@ def test_reordered_float_operations_are_caught(tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
     package = generate(drive, samples=5)
     text = package.files["paper_spmsm_ckf.c"]
-    mutated = re.sub(r"DECAY_I \* i_alpha_0p \+ (\w+ \* \w+) \+ (\w+);", r"DECAY_I * i_alpha_0p + (\1 + \2);", text)
+    mutated = re.sub(r"(DECAY_I \* i_alpha)\)? \+ (\w+) \+ (\w+)", r"\1) + (\2 + \3)", text)
+    mutated = mutated.replace("DECAY_I * i_alpha) + (", "(DECAY_I * i_alpha) + (").replace("((DECAY_I", "(DECAY_I")
     assert mutated != text
     write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": mutated})
     assert not _prover(drive, package, tmp_path / drive.name)._bits("ckf").link(("-O2",)).passed
@@ -297,7 +326,7 @@ def test_stale_and_edited_folders_are_refused(tmp_path: Path) -> None:
         prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
     write_folder(tmp_path / drive.name, generate(drive).files)
     path = tmp_path / drive.name / "paper_spmsm_ckf.c"
-    path.write_text(path.read_text().replace("0.125f", "0.126f", 1))
+    path.write_text(path.read_text().replace("0.25f", "0.26f", 1))
     with pytest.raises(UserError, match="was edited by hand"):
         prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
 

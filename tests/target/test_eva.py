@@ -12,7 +12,7 @@ from codegen.trig import sin_cos_bound
 from model.drive import Drive
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.static.box import MARGIN, Interval, filter_box
-from runtime.firmware.static.eva import analyse, covariance_field, driver, eva_check, with_bounds, with_contract
+from runtime.firmware.static.eva import analyse, driver, eva_check, with_bounds, with_contract
 from tests.codegen.strict import need
 
 PORT = GENERATED / "paper_spmsm"
@@ -135,20 +135,6 @@ def test_factors_stay_in_their_box_whatever_the_measurement() -> None:
                 assert interval.low * (1 - 1e-9) <= value <= interval.high * (1 + 1e-9)
         nearest = min(nearest, *(D[i] / places[f"f.P[{i * (i + 1) // 2 + i}]"].low for i in range(4)))
     assert nearest < 2.0, "the lower bound is not idle"
-
-
-@pytest.mark.parametrize(
-    ("line", "field", "form"),
-    [
-        ("float32 P[10]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */", "P", "packed"),
-        ("float32 LD[10]; /* covariance of x as L D L^T, L with unit diagonal: D0, L10, ... */", "LD", "factors"),
-    ],
-)
-def test_the_header_says_which_words_are_boxed(tmp_path: Path, line: str, field: str, form: str) -> None:
-    (tmp_path / "p.h").write_text(f"typedef struct {{\n    {line}\n}} p_t;\n")
-    assert covariance_field(tmp_path, "p") == (field, form)
-    manifest = read_manifest(GENERATED / "paper_spmsm")
-    assert f"f.{field}[9]" in filter_box(manifest, covariance_field(tmp_path, "p")[1], field).places
 
 
 # --- the filters

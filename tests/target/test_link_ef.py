@@ -104,7 +104,7 @@ def test_host_run_is_the_e_of_link_d_e() -> None:
     rows = recording.segments[0].inputs.astype(np.float32)
     twin = NumpyBackend(folder.module, "ickf", "float32")
     x_0, P_0 = (np.array(folder.module.DEFAULTS[name], dtype=np.float32) for name in ("x_0", "P_0"))
-    twin.reset(x_0, np.diag(P_0)[np.tril_indices(len(x_0))])
+    twin.reset(x_0, folder.module.pack(np.diag(P_0)).astype(np.float32))
     expected = twin.run(rows[:, :2], rows[:, 2:])[0]
     columns = [subject.words.index(f"x[{k}]") for k in range(len(x_0))]
     found = run_on_host(subject, Recording(recording.segments[:1]))[:, columns]

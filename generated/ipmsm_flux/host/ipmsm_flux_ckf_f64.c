@@ -17,14 +17,13 @@
 #define INV_L_D 27.77777777777778 /* 1 / L_d, A/Wb */
 #define INV_L_Q 19.607843137254903 /* 1 / L_q, A/Wb */
 #define PSI_M 0.545 /* magnet flux linkage, Wb */
-#define POLE_PAIRS 3.0 /* p */
 #define DECAY_D 0.9900498337491681 /* exp(-T R / L_d) */
 #define DECAY_Q 0.9929660314487113 /* exp(-T R / L_q) */
 #define GAIN_D 9.950166250831892e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define GAIN_Q 9.9647887809923e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define MAGNET_D 0.005422840606703382 /* (1 - exp(-T R / L_d)) psi_m, Wb */
-#define HALF_T 5e-05 /* T / 2, s */
-#define ADVANCE 0.0001 /* T (1 + exp(-T D / J)) / 2, s */
+#define HALF_T_POLE_PAIRS 0.00015000000000000001 /* HALF_T * POLE_PAIRS */
+#define ADVANCE_POLE_PAIRS 0.00030000000000000003 /* ADVANCE * POLE_PAIRS */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -43,6 +42,42 @@ static pmsm_pair_f64 sin_cos(float64 x)
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
+}
+
+/* How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
+ * for d up to 0.71 rad. */
+#define SINC_1 -0.16666666666666666
+#define SINC_2 0.008333333333333333
+#define SINC_3 -0.0001984126984126984
+#define SINC_4 2.7557319223985893e-06
+#define SINC_5 -2.505210838544172e-08
+#define SINC_6 1.6059043836821613e-10
+#define SINC_7 -7.647163731819816e-13
+#define SINC_8 2.8114572543455206e-15
+#define SINC_9 -8.22063524662433e-18
+#define COSM1_1 -0.5
+#define COSM1_2 0.041666666666666664
+#define COSM1_3 -0.001388888888888889
+#define COSM1_4 2.48015873015873e-05
+#define COSM1_5 -2.755731922398589e-07
+#define COSM1_6 2.08767569878681e-09
+#define COSM1_7 -1.1470745597729725e-11
+#define COSM1_8 4.779477332387385e-14
+#define COSM1_9 -1.5619206968586225e-16
+#define SMALL_TURN 0.5 /* rad^2 */
+
+/* Turns that are not small, far from a settled filter: by sine and cosine. */
+static void widen(const float64 z[], float64 turn[], int count)
+{
+    int k;
+    for (k = 0; k < count; k++) {
+        if (!(z[k] <= SMALL_TURN)) {
+            const float64 d = sqrt(z[k]);
+            const pmsm_pair_f64 side = sin_cos(d);
+            turn[2 * k] = side.sine / d;
+            turn[(2 * k) + 1] = side.cosine - 1.0;
+        }
+    }
 }
 
 static float64 smaller(float64 a, float64 b)
@@ -71,595 +106,715 @@ static int within(const float64 value[2], float64 limit)
     return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
-/* Time update, eq. 13-17 */
-static void time_update(const float64 x[4], const float64 P[10], const float64 Q[4], const float64 u[2],
-    float64 x_pred_out[4], float64 P_pred_out[10])
+/* Small angles of time_update: sin(d) / d and cos(d) - 1 */
+static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 turn_out[8])
+{
+    const float64 D_0 = LD[0];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
+
+    /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 d_theta_mid_sq_0 = D_0 * 4.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
+    const float64 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 d_theta_mid_sq_1 = 4.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
+    const float64 part_of_d_theta_mid_sq_2 = L_32 + 0.00015000000000000001;
+    const float64 d_theta_mid_sq_2 = 4.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
+    const float64 d_theta_mid_sq_3 = 4.0 * D_3;
+    const float64 sinc_theta_mid_0 = ((((((((SINC_9 * d_theta_mid_sq_0 + SINC_8) * d_theta_mid_sq_0 +
+        SINC_7) * d_theta_mid_sq_0 + SINC_6) * d_theta_mid_sq_0 + SINC_5) * d_theta_mid_sq_0 +
+        SINC_4) * d_theta_mid_sq_0 + SINC_3) * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
+        SINC_1) * d_theta_mid_sq_0 + 1.0;
+    const float64 cosm1_theta_mid_0 = ((((((((COSM1_9 * d_theta_mid_sq_0 + COSM1_8) * d_theta_mid_sq_0 +
+        COSM1_7) * d_theta_mid_sq_0 + COSM1_6) * d_theta_mid_sq_0 + COSM1_5) * d_theta_mid_sq_0 +
+        COSM1_4) * d_theta_mid_sq_0 + COSM1_3) * d_theta_mid_sq_0 + COSM1_2) * d_theta_mid_sq_0 +
+        COSM1_1) * d_theta_mid_sq_0;
+    const float64 sinc_theta_mid_1 = ((((((((SINC_9 * d_theta_mid_sq_1 + SINC_8) * d_theta_mid_sq_1 +
+        SINC_7) * d_theta_mid_sq_1 + SINC_6) * d_theta_mid_sq_1 + SINC_5) * d_theta_mid_sq_1 +
+        SINC_4) * d_theta_mid_sq_1 + SINC_3) * d_theta_mid_sq_1 + SINC_2) * d_theta_mid_sq_1 +
+        SINC_1) * d_theta_mid_sq_1 + 1.0;
+    const float64 cosm1_theta_mid_1 = ((((((((COSM1_9 * d_theta_mid_sq_1 + COSM1_8) * d_theta_mid_sq_1 +
+        COSM1_7) * d_theta_mid_sq_1 + COSM1_6) * d_theta_mid_sq_1 + COSM1_5) * d_theta_mid_sq_1 +
+        COSM1_4) * d_theta_mid_sq_1 + COSM1_3) * d_theta_mid_sq_1 + COSM1_2) * d_theta_mid_sq_1 +
+        COSM1_1) * d_theta_mid_sq_1;
+    const float64 sinc_theta_mid_2 = ((((((((SINC_9 * d_theta_mid_sq_2 + SINC_8) * d_theta_mid_sq_2 +
+        SINC_7) * d_theta_mid_sq_2 + SINC_6) * d_theta_mid_sq_2 + SINC_5) * d_theta_mid_sq_2 +
+        SINC_4) * d_theta_mid_sq_2 + SINC_3) * d_theta_mid_sq_2 + SINC_2) * d_theta_mid_sq_2 +
+        SINC_1) * d_theta_mid_sq_2 + 1.0;
+    const float64 cosm1_theta_mid_2 = ((((((((COSM1_9 * d_theta_mid_sq_2 + COSM1_8) * d_theta_mid_sq_2 +
+        COSM1_7) * d_theta_mid_sq_2 + COSM1_6) * d_theta_mid_sq_2 + COSM1_5) * d_theta_mid_sq_2 +
+        COSM1_4) * d_theta_mid_sq_2 + COSM1_3) * d_theta_mid_sq_2 + COSM1_2) * d_theta_mid_sq_2 +
+        COSM1_1) * d_theta_mid_sq_2;
+    const float64 sinc_theta_mid_3 = ((((((((SINC_9 * d_theta_mid_sq_3 + SINC_8) * d_theta_mid_sq_3 +
+        SINC_7) * d_theta_mid_sq_3 + SINC_6) * d_theta_mid_sq_3 + SINC_5) * d_theta_mid_sq_3 +
+        SINC_4) * d_theta_mid_sq_3 + SINC_3) * d_theta_mid_sq_3 + SINC_2) * d_theta_mid_sq_3 +
+        SINC_1) * d_theta_mid_sq_3 + 1.0;
+    const float64 cosm1_theta_mid_3 = ((((((((COSM1_9 * d_theta_mid_sq_3 + COSM1_8) * d_theta_mid_sq_3 +
+        COSM1_7) * d_theta_mid_sq_3 + COSM1_6) * d_theta_mid_sq_3 + COSM1_5) * d_theta_mid_sq_3 +
+        COSM1_4) * d_theta_mid_sq_3 + COSM1_3) * d_theta_mid_sq_3 + COSM1_2) * d_theta_mid_sq_3 +
+        COSM1_1) * d_theta_mid_sq_3;
+
+    z_out[0] = d_theta_mid_sq_0;
+    z_out[1] = d_theta_mid_sq_1;
+    z_out[2] = d_theta_mid_sq_2;
+    z_out[3] = d_theta_mid_sq_3;
+    turn_out[0] = sinc_theta_mid_0;
+    turn_out[1] = cosm1_theta_mid_0;
+    turn_out[2] = sinc_theta_mid_1;
+    turn_out[3] = cosm1_theta_mid_1;
+    turn_out[4] = sinc_theta_mid_2;
+    turn_out[5] = cosm1_theta_mid_2;
+    turn_out[6] = sinc_theta_mid_3;
+    turn_out[7] = cosm1_theta_mid_3;
+    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
+        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+        widen(z_out, turn_out, 4);
+    }
+}
+
+/* Time update, eq. 13-18 */
+static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
+    const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10])
 {
     const float64 psi_alpha = x[0];
     const float64 psi_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 P_00 = P[0];
-    const float64 P_10 = P[1];
-    const float64 P_11 = P[2];
-    const float64 P_20 = P[3];
-    const float64 P_21 = P[4];
-    const float64 P_22 = P[5];
-    const float64 P_30 = P[6];
-    const float64 P_31 = P[7];
-    const float64 P_32 = P[8];
-    const float64 P_33 = P[9];
+    const float64 D_0 = LD[0];
+    const float64 L_10 = LD[1];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
     const float64 Q_3 = Q[3];
     const float64 v_alpha = u[0];
     const float64 v_beta = u[1];
+    const float64 sinc_theta_mid_0 = turn[0];
+    const float64 cosm1_theta_mid_0 = turn[1];
+    const float64 sinc_theta_mid_1 = turn[2];
+    const float64 cosm1_theta_mid_1 = turn[3];
+    const float64 sinc_theta_mid_2 = turn[4];
+    const float64 cosm1_theta_mid_2 = turn[5];
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 cosm1_theta_mid_3 = turn[7];
 
-    /* --- eq. 13: S = chol(P) */
-    const float64 S_00 = sqrt(P_00);
-    const float64 S_10 = P_10 / S_00;
-    const float64 S_11 = sqrt(P_11 - S_10 * S_10);
-    const float64 S_20 = P_20 / S_00;
-    const float64 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float64 S_22 = sqrt(P_22 - (S_20 * S_20 + S_21 * S_21));
-    const float64 S_30 = P_30 / S_00;
-    const float64 S_31 = (P_31 - S_30 * S_10) / S_11;
-    const float64 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float64 S_33 = sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 odd_psi_alpha_1 = sincos_theta_mid.sine;
+    const float64 odd_psi_beta_1 = sincos_theta_mid.cosine;
+    const float64 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
+    const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
+    const float64 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
+    const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
+    const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 part_of_even_psi_d_mid_0 = D_0 * 4.0 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
+        part_of_even_psi_d_mid_0 * odd_psi_beta_0;
+    const float64 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0;
+    const float64 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
+        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
+        part_of_even_psi_d_mid_0 * odd_psi_alpha_0;
+    const float64 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
+        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
+    const float64 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
+    const float64 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
+    const float64 gain_d_times_v_d = GAIN_D * v_d;
+    const float64 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
+    const float64 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
+    const float64 gain_d_times_v_q = GAIN_D * v_q;
+    const float64 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 +
+        gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
+    const float64 gain_q_times_v_q = GAIN_Q * v_q;
+    const float64 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
+    const float64 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
+    const float64 v_d_times_gain_q = v_d * GAIN_Q;
+    const float64 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 -
+        v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 part_of_even_psi_d_mid_1 = 4.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
+        odd_psi_beta_1 * part_of_even_psi_d_mid_1;
+    const float64 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0;
+    const float64 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
+        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
+        odd_psi_alpha_1 * part_of_even_psi_d_mid_1;
+    const float64 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
+        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
+    const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 +
+        gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
+    const float64 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 -
+        v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 odd_theta_mid_2 = L_32 + 0.00015000000000000001;
+    const float64 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
+        gain_d_times_v_d * cosm1_theta_mid_2;
+    const float64 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
+    const float64 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
+        gain_q_times_v_q * cosm1_theta_mid_2;
+    const float64 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
+        gain_d_times_v_d * cosm1_theta_mid_3;
+    const float64 odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 +
+        gain_d_times_v_q * sinc_theta_mid_3;
+    const float64 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
+        gain_q_times_v_q * cosm1_theta_mid_3;
+    const float64 psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float64 even_psi_alpha_next_0 = even_psi_d_next_0 +
+        cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 - part_of_even_psi_d_mid_0 * odd_psi_q_next_0;
+    const float64 psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+    const float64 even_psi_alpha_next_1 = even_psi_d_next_1 +
+        cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 - part_of_even_psi_d_mid_1 * odd_psi_q_next_1;
+    const float64 psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float64 part_of_even_psi_alpha_next_2 = 4.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
+    const float64 part_of_even_psi_alpha_next_2_2 =
+        psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_psi_alpha_next_2 = even_psi_d_next_2 +
+        cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
+        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2;
+    const float64 psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float64 part_of_even_psi_alpha_next_3 = 4.0 * D_3 * sinc_theta_mid_3;
+    const float64 part_of_even_psi_alpha_next_3_2 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+        v_d_times_gain_q * sinc_theta_mid_3;
+    const float64 even_psi_alpha_next_3 = even_psi_d_next_3 +
+        cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
+        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2;
+    const float64 psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+    const float64 even_psi_beta_next_0 = part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0);
+    const float64 psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+    const float64 even_psi_beta_next_1 = part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1);
+    const float64 psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
+    const float64 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2
+        + cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2);
+    const float64 psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
+    const float64 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3
+        + cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3);
+    const float64 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
+        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0;
+    const float64 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
+        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1;
+    const float64 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0;
+    const float64 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
+        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2;
+    const float64 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0;
+    const float64 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3;
+    const float64 odd_psi_beta_next_0 =
+        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
+    const float64 odd_psi_beta_next_1 =
+        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+        part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
+    const float64 odd_psi_beta_next_2 =
+        psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
+        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2;
+    const float64 odd_psi_beta_next_3 = psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3;
+    const float64 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
+    const float64 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
+    const float64 odd_theta_next_2 = L_32 + 0.00030000000000000003;
 
-    /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
-    const float64 d_psi_alpha_0 = 2.0 * S_00;
-    const float64 d_psi_beta_0 = 2.0 * S_10;
-    const float64 d_psi_beta_1 = 2.0 * S_11;
-    const float64 d_omega_0 = 2.0 * S_20;
-    const float64 d_omega_1 = 2.0 * S_21;
-    const float64 d_omega_2 = 2.0 * S_22;
-    const float64 d_theta_0 = 2.0 * S_30;
-    const float64 d_theta_1 = 2.0 * S_31;
-    const float64 d_theta_2 = 2.0 * S_32;
-    const float64 d_theta_3 = 2.0 * S_33;
-    const float64 psi_alpha_0p = psi_alpha + d_psi_alpha_0;
-    const float64 psi_alpha_0m = psi_alpha - d_psi_alpha_0;
-    const float64 psi_beta_0p = psi_beta + d_psi_beta_0;
-    const float64 psi_beta_1p = psi_beta + d_psi_beta_1;
-    const float64 psi_beta_0m = psi_beta - d_psi_beta_0;
-    const float64 psi_beta_1m = psi_beta - d_psi_beta_1;
-    const float64 omega_0p = omega + d_omega_0;
-    const float64 omega_1p = omega + d_omega_1;
-    const float64 omega_2p = omega + d_omega_2;
-    const float64 omega_0m = omega - d_omega_0;
-    const float64 omega_1m = omega - d_omega_1;
-    const float64 omega_2m = omega - d_omega_2;
-    const float64 theta_0p = theta + d_theta_0;
-    const float64 theta_1p = theta + d_theta_1;
-    const float64 theta_2p = theta + d_theta_2;
-    const float64 theta_3p = theta + d_theta_3;
-    const float64 theta_0m = theta - d_theta_0;
-    const float64 theta_1m = theta - d_theta_1;
-    const float64 theta_2m = theta - d_theta_2;
-    const float64 theta_3m = theta - d_theta_3;
-
-    /* --- eq. 15: X_i' = f(X_i, u) */
-    const float64 omega_e_0p = POLE_PAIRS * omega_0p;
-    const float64 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
-    const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
-    const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
-    const float64 psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p;
-    const float64 psi_q_mid_0p = cos_theta_mid_0p * psi_beta_0p - sin_theta_mid_0p * psi_alpha_0p;
-    const float64 v_d_0p = cos_theta_mid_0p * v_alpha + sin_theta_mid_0p * v_beta;
-    const float64 v_q_0p = cos_theta_mid_0p * v_beta - sin_theta_mid_0p * v_alpha;
-    const float64 psi_d_next_0p = DECAY_D * psi_d_mid_0p + GAIN_D * v_d_0p + MAGNET_D;
-    const float64 psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p;
-    const float64 omega_e_1p = POLE_PAIRS * omega_1p;
-    const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
-    const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
-    const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
-    const float64 psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p;
-    const float64 psi_q_mid_1p = cos_theta_mid_1p * psi_beta_1p - sin_theta_mid_1p * psi_alpha;
-    const float64 v_d_1p = cos_theta_mid_1p * v_alpha + sin_theta_mid_1p * v_beta;
-    const float64 v_q_1p = cos_theta_mid_1p * v_beta - sin_theta_mid_1p * v_alpha;
-    const float64 psi_d_next_1p = DECAY_D * psi_d_mid_1p + GAIN_D * v_d_1p + MAGNET_D;
-    const float64 psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p;
-    const float64 omega_e_2p = POLE_PAIRS * omega_2p;
-    const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
-    const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
-    const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
-    const float64 psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta;
-    const float64 psi_q_mid_2p = cos_theta_mid_2p * psi_beta - sin_theta_mid_2p * psi_alpha;
-    const float64 v_d_2p = cos_theta_mid_2p * v_alpha + sin_theta_mid_2p * v_beta;
-    const float64 v_q_2p = cos_theta_mid_2p * v_beta - sin_theta_mid_2p * v_alpha;
-    const float64 psi_d_next_2p = DECAY_D * psi_d_mid_2p + GAIN_D * v_d_2p + MAGNET_D;
-    const float64 psi_q_next_2p = DECAY_Q * psi_q_mid_2p + GAIN_Q * v_q_2p;
-    const float64 omega_e_3p = POLE_PAIRS * omega;
-    const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
-    const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
-    const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
-    const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
-    const float64 psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta;
-    const float64 psi_q_mid_3p = cos_theta_mid_3p * psi_beta - sin_theta_mid_3p * psi_alpha;
-    const float64 v_d_3p = cos_theta_mid_3p * v_alpha + sin_theta_mid_3p * v_beta;
-    const float64 v_q_3p = cos_theta_mid_3p * v_beta - sin_theta_mid_3p * v_alpha;
-    const float64 psi_d_next_3p = DECAY_D * psi_d_mid_3p + GAIN_D * v_d_3p + MAGNET_D;
-    const float64 psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p;
-    const float64 omega_e_0m = POLE_PAIRS * omega_0m;
-    const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
-    const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
-    const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
-    const float64 psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m;
-    const float64 psi_q_mid_0m = cos_theta_mid_0m * psi_beta_0m - sin_theta_mid_0m * psi_alpha_0m;
-    const float64 v_d_0m = cos_theta_mid_0m * v_alpha + sin_theta_mid_0m * v_beta;
-    const float64 v_q_0m = cos_theta_mid_0m * v_beta - sin_theta_mid_0m * v_alpha;
-    const float64 psi_d_next_0m = DECAY_D * psi_d_mid_0m + GAIN_D * v_d_0m + MAGNET_D;
-    const float64 psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m;
-    const float64 omega_e_1m = POLE_PAIRS * omega_1m;
-    const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
-    const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
-    const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
-    const float64 psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m;
-    const float64 psi_q_mid_1m = cos_theta_mid_1m * psi_beta_1m - sin_theta_mid_1m * psi_alpha;
-    const float64 v_d_1m = cos_theta_mid_1m * v_alpha + sin_theta_mid_1m * v_beta;
-    const float64 v_q_1m = cos_theta_mid_1m * v_beta - sin_theta_mid_1m * v_alpha;
-    const float64 psi_d_next_1m = DECAY_D * psi_d_mid_1m + GAIN_D * v_d_1m + MAGNET_D;
-    const float64 psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m;
-    const float64 omega_e_2m = POLE_PAIRS * omega_2m;
-    const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
-    const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
-    const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
-    const float64 psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta;
-    const float64 psi_q_mid_2m = cos_theta_mid_2m * psi_beta - sin_theta_mid_2m * psi_alpha;
-    const float64 v_d_2m = cos_theta_mid_2m * v_alpha + sin_theta_mid_2m * v_beta;
-    const float64 v_q_2m = cos_theta_mid_2m * v_beta - sin_theta_mid_2m * v_alpha;
-    const float64 psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D;
-    const float64 psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m;
-    const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
-    const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
-    const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
-    const float64 psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta;
-    const float64 psi_q_mid_3m = cos_theta_mid_3m * psi_beta - sin_theta_mid_3m * psi_alpha;
-    const float64 v_d_3m = cos_theta_mid_3m * v_alpha + sin_theta_mid_3m * v_beta;
-    const float64 v_q_3m = cos_theta_mid_3m * v_beta - sin_theta_mid_3m * v_alpha;
-    const float64 psi_d_next_3m = DECAY_D * psi_d_mid_3m + GAIN_D * v_d_3m + MAGNET_D;
-    const float64 psi_q_next_3m = DECAY_Q * psi_q_mid_3m + GAIN_Q * v_q_3m;
-    const float64 psi_alpha_next_0p = cos_theta_mid_0p * psi_d_next_0p - sin_theta_mid_0p * psi_q_next_0p;
-    const float64 psi_alpha_next_1p = cos_theta_mid_1p * psi_d_next_1p - sin_theta_mid_1p * psi_q_next_1p;
-    const float64 psi_alpha_next_2p = cos_theta_mid_2p * psi_d_next_2p - sin_theta_mid_2p * psi_q_next_2p;
-    const float64 psi_alpha_next_3p = cos_theta_mid_3p * psi_d_next_3p - sin_theta_mid_3p * psi_q_next_3p;
-    const float64 psi_alpha_next_0m = cos_theta_mid_0m * psi_d_next_0m - sin_theta_mid_0m * psi_q_next_0m;
-    const float64 psi_alpha_next_1m = cos_theta_mid_1m * psi_d_next_1m - sin_theta_mid_1m * psi_q_next_1m;
-    const float64 psi_alpha_next_2m = cos_theta_mid_2m * psi_d_next_2m - sin_theta_mid_2m * psi_q_next_2m;
-    const float64 psi_alpha_next_3m = cos_theta_mid_3m * psi_d_next_3m - sin_theta_mid_3m * psi_q_next_3m;
-    const float64 psi_beta_next_0p = sin_theta_mid_0p * psi_d_next_0p + cos_theta_mid_0p * psi_q_next_0p;
-    const float64 psi_beta_next_1p = sin_theta_mid_1p * psi_d_next_1p + cos_theta_mid_1p * psi_q_next_1p;
-    const float64 psi_beta_next_2p = sin_theta_mid_2p * psi_d_next_2p + cos_theta_mid_2p * psi_q_next_2p;
-    const float64 psi_beta_next_3p = sin_theta_mid_3p * psi_d_next_3p + cos_theta_mid_3p * psi_q_next_3p;
-    const float64 psi_beta_next_0m = sin_theta_mid_0m * psi_d_next_0m + cos_theta_mid_0m * psi_q_next_0m;
-    const float64 psi_beta_next_1m = sin_theta_mid_1m * psi_d_next_1m + cos_theta_mid_1m * psi_q_next_1m;
-    const float64 psi_beta_next_2m = sin_theta_mid_2m * psi_d_next_2m + cos_theta_mid_2m * psi_q_next_2m;
-    const float64 psi_beta_next_3m = sin_theta_mid_3m * psi_d_next_3m + cos_theta_mid_3m * psi_q_next_3m;
-    const float64 theta_next_0p = theta_0p + ADVANCE * omega_e_0p;
-    const float64 theta_next_1p = theta_1p + ADVANCE * omega_e_1p;
-    const float64 theta_next_2p = theta_2p + ADVANCE * omega_e_2p;
-    const float64 advance_times_omega_e_3p = ADVANCE * omega_e_3p;
-    const float64 theta_next_3p = theta_3p + advance_times_omega_e_3p;
-    const float64 theta_next_0m = theta_0m + ADVANCE * omega_e_0m;
-    const float64 theta_next_1m = theta_1m + ADVANCE * omega_e_1m;
-    const float64 theta_next_2m = theta_2m + ADVANCE * omega_e_2m;
-    const float64 theta_next_3m = theta_3m + advance_times_omega_e_3p;
-
-    /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 offset_psi_alpha = 0.125 * (psi_alpha_next_1p - psi_alpha_next_0p +
-        (psi_alpha_next_2p - psi_alpha_next_0p) + (psi_alpha_next_3p - psi_alpha_next_0p) +
-        (psi_alpha_next_0m - psi_alpha_next_0p) + (psi_alpha_next_1m - psi_alpha_next_0p) +
-        (psi_alpha_next_2m - psi_alpha_next_0p) + (psi_alpha_next_3m - psi_alpha_next_0p));
-    const float64 offset_psi_beta = 0.125 * (psi_beta_next_1p - psi_beta_next_0p +
-        (psi_beta_next_2p - psi_beta_next_0p) + (psi_beta_next_3p - psi_beta_next_0p) +
-        (psi_beta_next_0m - psi_beta_next_0p) + (psi_beta_next_1m - psi_beta_next_0p) +
-        (psi_beta_next_2m - psi_beta_next_0p) + (psi_beta_next_3m - psi_beta_next_0p));
-    const float64 offset_omega = 0.125 * (omega_1p - omega_0p + (omega_2p - omega_0p) - d_omega_0 +
-        (omega_0m - omega_0p) + (omega_1m - omega_0p) + (omega_2m - omega_0p) - d_omega_0);
-    const float64 offset_theta = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
-        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float64 psi_alpha_pred = psi_alpha_next_0p + offset_psi_alpha;
-    const float64 psi_beta_pred = psi_beta_next_0p + offset_psi_beta;
-    const float64 omega_pred = omega_0p + offset_omega;
-    const float64 theta_pred = theta_next_0p + offset_theta;
+    /* --- eq. 16: x_pred = mean X_i' */
+    const float64 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+        even_psi_alpha_next_3) * 0.25;
+    const float64 offset_psi_beta = 0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2
+        + even_psi_beta_next_3);
+    const float64 psi_alpha_pred = odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
+        (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta);
+    const float64 psi_beta_pred = odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
+        (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta);
+    const float64 theta_pred = theta + ADVANCE_POLE_PAIRS * omega;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float64 dev_psi_alpha_1p = psi_alpha_next_1p - psi_alpha_pred;
-    const float64 dev_psi_beta_1p = psi_beta_next_1p - psi_beta_pred;
-    const float64 dev_omega_1p = omega_1p - omega_pred;
-    const float64 dev_theta_1p = theta_next_1p - theta_pred;
-    const float64 dev_psi_alpha_2p = psi_alpha_next_2p - psi_alpha_pred;
-    const float64 dev_psi_beta_2p = psi_beta_next_2p - psi_beta_pred;
-    const float64 dev_omega_2p = omega_2p - omega_pred;
-    const float64 dev_theta_2p = theta_next_2p - theta_pred;
-    const float64 dev_psi_alpha_3p = psi_alpha_next_3p - psi_alpha_pred;
-    const float64 dev_psi_beta_3p = psi_beta_next_3p - psi_beta_pred;
-    const float64 dev_omega_3p = omega - omega_pred;
-    const float64 dev_theta_3p = theta_next_3p - theta_pred;
-    const float64 dev_psi_alpha_0m = psi_alpha_next_0m - psi_alpha_pred;
-    const float64 dev_psi_beta_0m = psi_beta_next_0m - psi_beta_pred;
-    const float64 dev_omega_0m = omega_0m - omega_pred;
-    const float64 dev_theta_0m = theta_next_0m - theta_pred;
-    const float64 dev_psi_alpha_1m = psi_alpha_next_1m - psi_alpha_pred;
-    const float64 dev_psi_beta_1m = psi_beta_next_1m - psi_beta_pred;
-    const float64 dev_omega_1m = omega_1m - omega_pred;
-    const float64 dev_theta_1m = theta_next_1m - theta_pred;
-    const float64 dev_psi_alpha_2m = psi_alpha_next_2m - psi_alpha_pred;
-    const float64 dev_psi_beta_2m = psi_beta_next_2m - psi_beta_pred;
-    const float64 dev_omega_2m = omega_2m - omega_pred;
-    const float64 dev_theta_2m = theta_next_2m - theta_pred;
-    const float64 dev_psi_alpha_3m = psi_alpha_next_3m - psi_alpha_pred;
-    const float64 dev_psi_beta_3m = psi_beta_next_3m - psi_beta_pred;
-    const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 P_pred_00 = 0.125 * (offset_psi_alpha * offset_psi_alpha +
-        dev_psi_alpha_1p * dev_psi_alpha_1p + dev_psi_alpha_2p * dev_psi_alpha_2p +
-        dev_psi_alpha_3p * dev_psi_alpha_3p + dev_psi_alpha_0m * dev_psi_alpha_0m +
-        dev_psi_alpha_1m * dev_psi_alpha_1m + dev_psi_alpha_2m * dev_psi_alpha_2m +
-        dev_psi_alpha_3m * dev_psi_alpha_3m) + Q_0;
-    const float64 P_pred_10 = 0.125 * (offset_psi_beta * offset_psi_alpha + dev_psi_beta_1p * dev_psi_alpha_1p
-        + dev_psi_beta_2p * dev_psi_alpha_2p + dev_psi_beta_3p * dev_psi_alpha_3p +
-        dev_psi_beta_0m * dev_psi_alpha_0m + dev_psi_beta_1m * dev_psi_alpha_1m +
-        dev_psi_beta_2m * dev_psi_alpha_2m + dev_psi_beta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_11 = 0.125 * (offset_psi_beta * offset_psi_beta + dev_psi_beta_1p * dev_psi_beta_1p +
-        dev_psi_beta_2p * dev_psi_beta_2p + dev_psi_beta_3p * dev_psi_beta_3p +
-        dev_psi_beta_0m * dev_psi_beta_0m + dev_psi_beta_1m * dev_psi_beta_1m +
-        dev_psi_beta_2m * dev_psi_beta_2m + dev_psi_beta_3m * dev_psi_beta_3m) + Q_1;
-    const float64 P_pred_20 = 0.125 * (offset_omega * offset_psi_alpha + dev_omega_1p * dev_psi_alpha_1p +
-        dev_omega_2p * dev_psi_alpha_2p + dev_omega_3p * dev_psi_alpha_3p + dev_omega_0m * dev_psi_alpha_0m +
-        dev_omega_1m * dev_psi_alpha_1m + dev_omega_2m * dev_psi_alpha_2m + dev_omega_3p * dev_psi_alpha_3m);
-    const float64 P_pred_21 = 0.125 * (offset_omega * offset_psi_beta + dev_omega_1p * dev_psi_beta_1p +
-        dev_omega_2p * dev_psi_beta_2p + dev_omega_3p * dev_psi_beta_3p + dev_omega_0m * dev_psi_beta_0m +
-        dev_omega_1m * dev_psi_beta_1m + dev_omega_2m * dev_psi_beta_2m + dev_omega_3p * dev_psi_beta_3m);
-    const float64 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float64 P_pred_22 = 0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
-        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float64 P_pred_30 = 0.125 * (offset_theta * offset_psi_alpha + dev_theta_1p * dev_psi_alpha_1p +
-        dev_theta_2p * dev_psi_alpha_2p + dev_theta_3p * dev_psi_alpha_3p + dev_theta_0m * dev_psi_alpha_0m +
-        dev_theta_1m * dev_psi_alpha_1m + dev_theta_2m * dev_psi_alpha_2m + dev_theta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_31 = 0.125 * (offset_theta * offset_psi_beta + dev_theta_1p * dev_psi_beta_1p +
-        dev_theta_2p * dev_psi_beta_2p + dev_theta_3p * dev_psi_beta_3p + dev_theta_0m * dev_psi_beta_0m +
-        dev_theta_1m * dev_psi_beta_1m + dev_theta_2m * dev_psi_beta_2m + dev_theta_3m * dev_psi_beta_3m);
-    const float64 P_pred_32 = 0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
-        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float64 P_pred_33 = 0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
-        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
+    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
+    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
+    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
+    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha;
+    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta;
+    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
+    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
+    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
+    const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
+    const float64 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
+    const float64 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
+    const float64 D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3;
+    const float64 part_of_P_pred_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
+        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
+        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
+        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+        dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
+        dev_psi_alpha_3 * dev_psi_alpha_3);
+    const float64 part_of_P_pred_00_2 = D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
+        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
+        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
+        dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
+        dev_psi_alpha_3 * dev_psi_beta_3);
+    const float64 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
+    const float64 odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
+    const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
+    const float64 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
+    const float64 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
+    const float64 part_of_P_pred_00_4 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
+        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
+        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
+        dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
+    const float64 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
+        Q_0;
+    const float64 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 +
+        odd_psi_beta_1_times_part_of_P_pred_00_2;
+    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4;
+    const float64 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
+    const float64 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
+        Q_1;
+    const float64 D_0_times_L_20 = D_0 * L_20;
+    const float64 D_1_times_L_21 = D_1 * L_21;
+    const float64 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
+        D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
+    const float64 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
+        D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
+    const float64 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
+    const float64 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+    const float64 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
+    const float64 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
+        + D_3_times_odd_psi_alpha_next_3;
+    const float64 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
+        D_3_times_odd_psi_beta_next_3;
+    const float64 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
+    const float64 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+    const float64 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
+        D_2_times_odd_theta_next_2;
+    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
+        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
+
+    /* --- eq. 18: L D L^T = P_pred */
+    const float64 part_of_L_pred_10 = 1.0 / P_pred_00;
+    const float64 L_pred_10 = P_pred_10 * part_of_L_pred_10;
+    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 L_pred_20 = part_of_L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21_2 = 1.0 / D_pred_1;
+    const float64 L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2;
+    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float64 L_pred_30 = part_of_L_pred_10 * P_pred_30;
+    const float64 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float64 L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31;
+    const float64 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+    const float64 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3);
 
     x_pred_out[0] = psi_alpha_pred;
     x_pred_out[1] = psi_beta_pred;
-    x_pred_out[2] = omega_pred;
+    x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    P_pred_out[0] = P_pred_00;
-    P_pred_out[1] = P_pred_10;
-    P_pred_out[2] = P_pred_11;
-    P_pred_out[3] = P_pred_20;
-    P_pred_out[4] = P_pred_21;
-    P_pred_out[5] = P_pred_22;
-    P_pred_out[6] = P_pred_30;
-    P_pred_out[7] = P_pred_31;
-    P_pred_out[8] = P_pred_32;
-    P_pred_out[9] = P_pred_33;
+    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[1] = L_pred_10;
+    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[3] = L_pred_20;
+    LD_pred_out[4] = L_pred_21;
+    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[6] = L_pred_30;
+    LD_pred_out[7] = L_pred_31;
+    LD_pred_out[8] = L_pred_32;
+    LD_pred_out[9] = D_pred_3;
+}
+
+/* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1 */
+static void ckf_measurement_update_turns(const float64 LD_pred[10], float64 z_pred_out[4],
+    float64 turn_pred_out[8])
+{
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
+
+    /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 d_theta_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30;
+    const float64 d_theta_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31;
+    const float64 d_theta_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32;
+    const float64 d_theta_sq_3 = 4.0 * D_pred_3;
+    const float64 sinc_theta_0 = ((((((((SINC_9 * d_theta_sq_0 + SINC_8) * d_theta_sq_0 +
+        SINC_7) * d_theta_sq_0 + SINC_6) * d_theta_sq_0 + SINC_5) * d_theta_sq_0 + SINC_4) * d_theta_sq_0 +
+        SINC_3) * d_theta_sq_0 + SINC_2) * d_theta_sq_0 + SINC_1) * d_theta_sq_0 + 1.0;
+    const float64 cosm1_theta_0 = ((((((((COSM1_9 * d_theta_sq_0 + COSM1_8) * d_theta_sq_0 +
+        COSM1_7) * d_theta_sq_0 + COSM1_6) * d_theta_sq_0 + COSM1_5) * d_theta_sq_0 + COSM1_4) * d_theta_sq_0
+        + COSM1_3) * d_theta_sq_0 + COSM1_2) * d_theta_sq_0 + COSM1_1) * d_theta_sq_0;
+    const float64 sinc_theta_1 = ((((((((SINC_9 * d_theta_sq_1 + SINC_8) * d_theta_sq_1 +
+        SINC_7) * d_theta_sq_1 + SINC_6) * d_theta_sq_1 + SINC_5) * d_theta_sq_1 + SINC_4) * d_theta_sq_1 +
+        SINC_3) * d_theta_sq_1 + SINC_2) * d_theta_sq_1 + SINC_1) * d_theta_sq_1 + 1.0;
+    const float64 cosm1_theta_1 = ((((((((COSM1_9 * d_theta_sq_1 + COSM1_8) * d_theta_sq_1 +
+        COSM1_7) * d_theta_sq_1 + COSM1_6) * d_theta_sq_1 + COSM1_5) * d_theta_sq_1 + COSM1_4) * d_theta_sq_1
+        + COSM1_3) * d_theta_sq_1 + COSM1_2) * d_theta_sq_1 + COSM1_1) * d_theta_sq_1;
+    const float64 sinc_theta_2 = ((((((((SINC_9 * d_theta_sq_2 + SINC_8) * d_theta_sq_2 +
+        SINC_7) * d_theta_sq_2 + SINC_6) * d_theta_sq_2 + SINC_5) * d_theta_sq_2 + SINC_4) * d_theta_sq_2 +
+        SINC_3) * d_theta_sq_2 + SINC_2) * d_theta_sq_2 + SINC_1) * d_theta_sq_2 + 1.0;
+    const float64 cosm1_theta_2 = ((((((((COSM1_9 * d_theta_sq_2 + COSM1_8) * d_theta_sq_2 +
+        COSM1_7) * d_theta_sq_2 + COSM1_6) * d_theta_sq_2 + COSM1_5) * d_theta_sq_2 + COSM1_4) * d_theta_sq_2
+        + COSM1_3) * d_theta_sq_2 + COSM1_2) * d_theta_sq_2 + COSM1_1) * d_theta_sq_2;
+    const float64 sinc_theta_3 = ((((((((SINC_9 * d_theta_sq_3 + SINC_8) * d_theta_sq_3 +
+        SINC_7) * d_theta_sq_3 + SINC_6) * d_theta_sq_3 + SINC_5) * d_theta_sq_3 + SINC_4) * d_theta_sq_3 +
+        SINC_3) * d_theta_sq_3 + SINC_2) * d_theta_sq_3 + SINC_1) * d_theta_sq_3 + 1.0;
+    const float64 cosm1_theta_3 = ((((((((COSM1_9 * d_theta_sq_3 + COSM1_8) * d_theta_sq_3 +
+        COSM1_7) * d_theta_sq_3 + COSM1_6) * d_theta_sq_3 + COSM1_5) * d_theta_sq_3 + COSM1_4) * d_theta_sq_3
+        + COSM1_3) * d_theta_sq_3 + COSM1_2) * d_theta_sq_3 + COSM1_1) * d_theta_sq_3;
+
+    z_pred_out[0] = d_theta_sq_0;
+    z_pred_out[1] = d_theta_sq_1;
+    z_pred_out[2] = d_theta_sq_2;
+    z_pred_out[3] = d_theta_sq_3;
+    turn_pred_out[0] = sinc_theta_0;
+    turn_pred_out[1] = cosm1_theta_0;
+    turn_pred_out[2] = sinc_theta_1;
+    turn_pred_out[3] = cosm1_theta_1;
+    turn_pred_out[4] = sinc_theta_2;
+    turn_pred_out[5] = cosm1_theta_2;
+    turn_pred_out[6] = sinc_theta_3;
+    turn_pred_out[7] = cosm1_theta_3;
+    if (!((d_theta_sq_0 <= SMALL_TURN) && (d_theta_sq_1 <= SMALL_TURN) && (d_theta_sq_2 <= SMALL_TURN) &&
+        (d_theta_sq_3 <= SMALL_TURN))) {
+        widen(z_pred_out, turn_pred_out, 4);
+    }
 }
 
 /* Measurement update, eq. 18-26 */
-static void ckf_measurement_update(const float64 x_pred[4], const float64 P_pred[10], const float64 R[2],
-    const float64 y[2], float64 x_out[4], float64 P_out[10])
+static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pred[10], const float64 R[2],
+    const float64 y[2], const float64 turn_pred[8], float64 x_out[4], float64 LD_out[10])
 {
     const float64 psi_alpha_pred = x_pred[0];
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
+    const float64 sinc_theta_0 = turn_pred[0];
+    const float64 cosm1_theta_0 = turn_pred[1];
+    const float64 sinc_theta_1 = turn_pred[2];
+    const float64 cosm1_theta_1 = turn_pred[3];
+    const float64 sinc_theta_2 = turn_pred[4];
+    const float64 cosm1_theta_2 = turn_pred[5];
+    const float64 sinc_theta_3 = turn_pred[6];
+    const float64 cosm1_theta_3 = turn_pred[7];
 
-    /* --- eq. 18: S = chol(P_pred) */
-    const float64 S_pred_00 = sqrt(P_pred_00);
-    const float64 S_pred_10 = P_pred_10 / S_pred_00;
-    const float64 S_pred_11 = sqrt(P_pred_11 - S_pred_10 * S_pred_10);
-    const float64 S_pred_20 = P_pred_20 / S_pred_00;
-    const float64 S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11;
-    const float64 S_pred_22 = sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21));
-    const float64 S_pred_30 = P_pred_30 / S_pred_00;
-    const float64 S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11;
-    const float64 S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22;
-    const float64 S_pred_33 = sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 +
-        S_pred_32 * S_pred_32));
+    /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 odd_psi_alpha_1 = sincos_theta_pred.sine;
+    const float64 odd_psi_beta_1 = sincos_theta_pred.cosine;
+    const float64 psi_alpha = psi_alpha_pred * odd_psi_beta_1 + odd_psi_alpha_1 * psi_beta_pred;
+    const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10;
+    const float64 psi_beta = odd_psi_beta_1 * psi_beta_pred - psi_alpha_pred * odd_psi_alpha_1;
+    const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1;
+    const float64 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
+    const float64 part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0;
+    const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0;
+    const float64 part_of_odd_psi_d_pred_0 = cosm1_theta_0 + 1.0;
+    const float64 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 +
+        L_pred_30_times_sinc_theta_0 * psi_beta;
+    const float64 even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0;
+    const float64 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 -
+        L_pred_30_times_sinc_theta_0 * psi_alpha;
+    const float64 i_d_pred = INV_L_D * (psi_alpha - PSI_M);
+    const float64 even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0;
+    const float64 odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0;
+    const float64 i_q_pred = psi_beta * INV_L_Q;
+    const float64 even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0;
+    const float64 odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0;
+    const float64 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
+    const float64 part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1;
+    const float64 even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1;
+    const float64 part_of_odd_psi_q_pred_1 = cosm1_theta_1 + 1.0;
+    const float64 odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 +
+        psi_beta * L_pred_31_times_sinc_theta_1;
+    const float64 even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1;
+    const float64 odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 -
+        psi_alpha * L_pred_31_times_sinc_theta_1;
+    const float64 even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1;
+    const float64 odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1;
+    const float64 even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1;
+    const float64 odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1;
+    const float64 inv_l_d_times_psi_alpha = INV_L_D * psi_alpha;
+    const float64 even_i_d_pred_2 = inv_l_d_times_psi_alpha * cosm1_theta_2;
+    const float64 inv_l_d_times_psi_beta = INV_L_D * psi_beta;
+    const float64 L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2;
+    const float64 odd_i_d_pred_2 = inv_l_d_times_psi_beta * L_pred_32_times_sinc_theta_2;
+    const float64 even_i_q_pred_2 = i_q_pred * cosm1_theta_2;
+    const float64 even_i_d_pred_3 = inv_l_d_times_psi_alpha * cosm1_theta_3;
+    const float64 odd_i_d_pred_3 = inv_l_d_times_psi_beta * sinc_theta_3;
+    const float64 even_i_q_pred_3 = i_q_pred * cosm1_theta_3;
+    const float64 i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0;
+    const float64 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
+        part_of_even_psi_q_pred_0 * odd_i_q_pred_0;
+    const float64 i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1;
+    const float64 even_y_i_alpha_1 = even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1 * odd_i_q_pred_1;
+    const float64 i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2;
+    const float64 part_of_even_y_i_alpha_2 = 4.0 * D_pred_2 * L_pred_32_times_sinc_theta_2;
+    const float64 inv_l_q_times_psi_alpha = INV_L_Q * psi_alpha;
+    const float64 part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_alpha * L_pred_32_times_sinc_theta_2;
+    const float64 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2;
+    const float64 i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3;
+    const float64 part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_3;
+    const float64 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_alpha * sinc_theta_3;
+    const float64 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
+        part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
+    const float64 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
+    const float64 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + (even_i_q_pred_0 +
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0);
+    const float64 i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1;
+    const float64 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + (even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1);
+    const float64 i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2;
+    const float64 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + (even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2);
+    const float64 i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3;
+    const float64 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + (even_i_q_pred_3 +
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3);
+    const float64 odd_y_i_alpha_0 = part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
+        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
+    const float64 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
+        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1;
+    const float64 part_of_odd_y_i_alpha_2 = cosm1_theta_2 + 1.0;
+    const float64 odd_y_i_alpha_2 = part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
+        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2;
+    const float64 part_of_odd_y_i_alpha_3 = cosm1_theta_3 + 1.0;
+    const float64 odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
+        sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3;
+    const float64 odd_y_i_beta_0 = L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
+        part_of_odd_psi_d_pred_0 * odd_i_q_pred_0;
+    const float64 odd_y_i_beta_1 = L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
+        part_of_odd_psi_q_pred_1 * odd_i_q_pred_1;
+    const float64 odd_y_i_beta_2 = i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
+        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2;
+    const float64 odd_y_i_beta_3 = i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
+        part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3;
 
-    /* --- eq. 19: sqrt(n) S; X_i = x_pred +- sqrt(n) S_i */
-    const float64 d_pred_psi_alpha_0 = 2.0 * S_pred_00;
-    const float64 d_pred_psi_beta_0 = 2.0 * S_pred_10;
-    const float64 d_pred_psi_beta_1 = 2.0 * S_pred_11;
-    const float64 d_pred_omega_0 = 2.0 * S_pred_20;
-    const float64 d_pred_omega_1 = 2.0 * S_pred_21;
-    const float64 d_pred_omega_2 = 2.0 * S_pred_22;
-    const float64 d_pred_theta_0 = 2.0 * S_pred_30;
-    const float64 d_pred_theta_1 = 2.0 * S_pred_31;
-    const float64 d_pred_theta_2 = 2.0 * S_pred_32;
-    const float64 d_pred_theta_3 = 2.0 * S_pred_33;
-    const float64 psi_alpha_pred_0p = psi_alpha_pred + d_pred_psi_alpha_0;
-    const float64 psi_alpha_pred_0m = psi_alpha_pred - d_pred_psi_alpha_0;
-    const float64 psi_beta_pred_0p = psi_beta_pred + d_pred_psi_beta_0;
-    const float64 psi_beta_pred_1p = psi_beta_pred + d_pred_psi_beta_1;
-    const float64 psi_beta_pred_0m = psi_beta_pred - d_pred_psi_beta_0;
-    const float64 psi_beta_pred_1m = psi_beta_pred - d_pred_psi_beta_1;
-    const float64 omega_pred_0m = omega_pred - d_pred_omega_0;
-    const float64 omega_pred_1m = omega_pred - d_pred_omega_1;
-    const float64 omega_pred_2m = omega_pred - d_pred_omega_2;
-    const float64 theta_pred_0p = theta_pred + d_pred_theta_0;
-    const float64 theta_pred_1p = theta_pred + d_pred_theta_1;
-    const float64 theta_pred_2p = theta_pred + d_pred_theta_2;
-    const float64 theta_pred_3p = theta_pred + d_pred_theta_3;
-    const float64 theta_pred_0m = theta_pred - d_pred_theta_0;
-    const float64 theta_pred_1m = theta_pred - d_pred_theta_1;
-    const float64 theta_pred_2m = theta_pred - d_pred_theta_2;
-    const float64 theta_pred_3m = theta_pred - d_pred_theta_3;
+    /* --- eq. 21 */
+    const float64 offset_y_i_alpha = (even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
+        even_y_i_alpha_3) * 0.25;
+    const float64 offset_y_i_beta = 0.25 * (even_y_i_beta_0 + even_y_i_beta_1 + even_y_i_beta_2 +
+        even_y_i_beta_3);
 
-    /* --- eq. 20: Y_i = h(X_i) */
-    const pmsm_pair_f64 sincos_theta_pred_0p = sin_cos(theta_pred_0p);
-    const float64 sin_theta_pred_0p = sincos_theta_pred_0p.sine;
-    const float64 cos_theta_pred_0p = sincos_theta_pred_0p.cosine;
-    const float64 psi_d_pred_0p = cos_theta_pred_0p * psi_alpha_pred_0p +
-        sin_theta_pred_0p * psi_beta_pred_0p;
-    const float64 psi_q_pred_0p = cos_theta_pred_0p * psi_beta_pred_0p -
-        sin_theta_pred_0p * psi_alpha_pred_0p;
-    const float64 i_d_pred_0p = INV_L_D * (psi_d_pred_0p - PSI_M);
-    const float64 i_q_pred_0p = INV_L_Q * psi_q_pred_0p;
-    const pmsm_pair_f64 sincos_theta_pred_1p = sin_cos(theta_pred_1p);
-    const float64 sin_theta_pred_1p = sincos_theta_pred_1p.sine;
-    const float64 cos_theta_pred_1p = sincos_theta_pred_1p.cosine;
-    const float64 psi_d_pred_1p = cos_theta_pred_1p * psi_alpha_pred + sin_theta_pred_1p * psi_beta_pred_1p;
-    const float64 psi_q_pred_1p = cos_theta_pred_1p * psi_beta_pred_1p - sin_theta_pred_1p * psi_alpha_pred;
-    const float64 i_d_pred_1p = INV_L_D * (psi_d_pred_1p - PSI_M);
-    const float64 i_q_pred_1p = INV_L_Q * psi_q_pred_1p;
-    const pmsm_pair_f64 sincos_theta_pred_2p = sin_cos(theta_pred_2p);
-    const float64 sin_theta_pred_2p = sincos_theta_pred_2p.sine;
-    const float64 cos_theta_pred_2p = sincos_theta_pred_2p.cosine;
-    const float64 psi_d_pred_2p = cos_theta_pred_2p * psi_alpha_pred + sin_theta_pred_2p * psi_beta_pred;
-    const float64 psi_q_pred_2p = cos_theta_pred_2p * psi_beta_pred - sin_theta_pred_2p * psi_alpha_pred;
-    const float64 i_d_pred_2p = INV_L_D * (psi_d_pred_2p - PSI_M);
-    const float64 i_q_pred_2p = INV_L_Q * psi_q_pred_2p;
-    const pmsm_pair_f64 sincos_theta_pred_3p = sin_cos(theta_pred_3p);
-    const float64 sin_theta_pred_3p = sincos_theta_pred_3p.sine;
-    const float64 cos_theta_pred_3p = sincos_theta_pred_3p.cosine;
-    const float64 psi_d_pred_3p = cos_theta_pred_3p * psi_alpha_pred + sin_theta_pred_3p * psi_beta_pred;
-    const float64 psi_q_pred_3p = cos_theta_pred_3p * psi_beta_pred - sin_theta_pred_3p * psi_alpha_pred;
-    const float64 i_d_pred_3p = INV_L_D * (psi_d_pred_3p - PSI_M);
-    const float64 i_q_pred_3p = INV_L_Q * psi_q_pred_3p;
-    const pmsm_pair_f64 sincos_theta_pred_0m = sin_cos(theta_pred_0m);
-    const float64 sin_theta_pred_0m = sincos_theta_pred_0m.sine;
-    const float64 cos_theta_pred_0m = sincos_theta_pred_0m.cosine;
-    const float64 psi_d_pred_0m = cos_theta_pred_0m * psi_alpha_pred_0m +
-        sin_theta_pred_0m * psi_beta_pred_0m;
-    const float64 psi_q_pred_0m = cos_theta_pred_0m * psi_beta_pred_0m -
-        sin_theta_pred_0m * psi_alpha_pred_0m;
-    const float64 i_d_pred_0m = INV_L_D * (psi_d_pred_0m - PSI_M);
-    const float64 i_q_pred_0m = INV_L_Q * psi_q_pred_0m;
-    const pmsm_pair_f64 sincos_theta_pred_1m = sin_cos(theta_pred_1m);
-    const float64 sin_theta_pred_1m = sincos_theta_pred_1m.sine;
-    const float64 cos_theta_pred_1m = sincos_theta_pred_1m.cosine;
-    const float64 psi_d_pred_1m = cos_theta_pred_1m * psi_alpha_pred + sin_theta_pred_1m * psi_beta_pred_1m;
-    const float64 psi_q_pred_1m = cos_theta_pred_1m * psi_beta_pred_1m - sin_theta_pred_1m * psi_alpha_pred;
-    const float64 i_d_pred_1m = INV_L_D * (psi_d_pred_1m - PSI_M);
-    const float64 i_q_pred_1m = INV_L_Q * psi_q_pred_1m;
-    const pmsm_pair_f64 sincos_theta_pred_2m = sin_cos(theta_pred_2m);
-    const float64 sin_theta_pred_2m = sincos_theta_pred_2m.sine;
-    const float64 cos_theta_pred_2m = sincos_theta_pred_2m.cosine;
-    const float64 psi_d_pred_2m = cos_theta_pred_2m * psi_alpha_pred + sin_theta_pred_2m * psi_beta_pred;
-    const float64 psi_q_pred_2m = cos_theta_pred_2m * psi_beta_pred - sin_theta_pred_2m * psi_alpha_pred;
-    const float64 i_d_pred_2m = INV_L_D * (psi_d_pred_2m - PSI_M);
-    const float64 i_q_pred_2m = INV_L_Q * psi_q_pred_2m;
-    const pmsm_pair_f64 sincos_theta_pred_3m = sin_cos(theta_pred_3m);
-    const float64 sin_theta_pred_3m = sincos_theta_pred_3m.sine;
-    const float64 cos_theta_pred_3m = sincos_theta_pred_3m.cosine;
-    const float64 psi_d_pred_3m = cos_theta_pred_3m * psi_alpha_pred + sin_theta_pred_3m * psi_beta_pred;
-    const float64 psi_q_pred_3m = cos_theta_pred_3m * psi_beta_pred - sin_theta_pred_3m * psi_alpha_pred;
-    const float64 i_d_pred_3m = INV_L_D * (psi_d_pred_3m - PSI_M);
-    const float64 i_q_pred_3m = INV_L_Q * psi_q_pred_3m;
-    const float64 y_i_alpha_0p = cos_theta_pred_0p * i_d_pred_0p - sin_theta_pred_0p * i_q_pred_0p;
-    const float64 y_i_alpha_1p = cos_theta_pred_1p * i_d_pred_1p - sin_theta_pred_1p * i_q_pred_1p;
-    const float64 y_i_alpha_2p = cos_theta_pred_2p * i_d_pred_2p - sin_theta_pred_2p * i_q_pred_2p;
-    const float64 y_i_alpha_3p = cos_theta_pred_3p * i_d_pred_3p - sin_theta_pred_3p * i_q_pred_3p;
-    const float64 y_i_alpha_0m = cos_theta_pred_0m * i_d_pred_0m - sin_theta_pred_0m * i_q_pred_0m;
-    const float64 y_i_alpha_1m = cos_theta_pred_1m * i_d_pred_1m - sin_theta_pred_1m * i_q_pred_1m;
-    const float64 y_i_alpha_2m = cos_theta_pred_2m * i_d_pred_2m - sin_theta_pred_2m * i_q_pred_2m;
-    const float64 y_i_alpha_3m = cos_theta_pred_3m * i_d_pred_3m - sin_theta_pred_3m * i_q_pred_3m;
-    const float64 y_i_beta_0p = sin_theta_pred_0p * i_d_pred_0p + cos_theta_pred_0p * i_q_pred_0p;
-    const float64 y_i_beta_1p = sin_theta_pred_1p * i_d_pred_1p + cos_theta_pred_1p * i_q_pred_1p;
-    const float64 y_i_beta_2p = sin_theta_pred_2p * i_d_pred_2p + cos_theta_pred_2p * i_q_pred_2p;
-    const float64 y_i_beta_3p = sin_theta_pred_3p * i_d_pred_3p + cos_theta_pred_3p * i_q_pred_3p;
-    const float64 y_i_beta_0m = sin_theta_pred_0m * i_d_pred_0m + cos_theta_pred_0m * i_q_pred_0m;
-    const float64 y_i_beta_1m = sin_theta_pred_1m * i_d_pred_1m + cos_theta_pred_1m * i_q_pred_1m;
-    const float64 y_i_beta_2m = sin_theta_pred_2m * i_d_pred_2m + cos_theta_pred_2m * i_q_pred_2m;
-    const float64 y_i_beta_3m = sin_theta_pred_3m * i_d_pred_3m + cos_theta_pred_3m * i_q_pred_3m;
+    /* --- eq. 22: R, and what the bend of h adds to it */
+    const float64 dev_y_i_alpha_0 = even_y_i_alpha_0 - offset_y_i_alpha;
+    const float64 dev_y_i_alpha_1 = even_y_i_alpha_1 - offset_y_i_alpha;
+    const float64 dev_y_i_alpha_2 = even_y_i_alpha_2 - offset_y_i_alpha;
+    const float64 dev_y_i_alpha_3 = even_y_i_alpha_3 - offset_y_i_alpha;
+    const float64 dev_y_i_beta_0 = even_y_i_beta_0 - offset_y_i_beta;
+    const float64 dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta;
+    const float64 dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta;
+    const float64 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
+    const float64 part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 +
+        odd_psi_alpha_1 * odd_psi_alpha_1 * R_1;
+    const float64 noise_00 = part_of_noise_00 + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
+        dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
+        dev_y_i_alpha_3 * dev_y_i_alpha_3);
+    const float64 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
+        0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
+        dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
+    const float64 noise_11 = R_0 + R_1 - part_of_noise_00 + 0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3);
 
-    /* --- eq. 21: y_pred = mean Y_i, about the first point */
-    const float64 offset_y_i_alpha = 0.125 * (y_i_alpha_1p - y_i_alpha_0p + (y_i_alpha_2p - y_i_alpha_0p) +
-        (y_i_alpha_3p - y_i_alpha_0p) + (y_i_alpha_0m - y_i_alpha_0p) + (y_i_alpha_1m - y_i_alpha_0p) +
-        (y_i_alpha_2m - y_i_alpha_0p) + (y_i_alpha_3m - y_i_alpha_0p));
-    const float64 offset_y_i_beta = 0.125 * (y_i_beta_1p - y_i_beta_0p + (y_i_beta_2p - y_i_beta_0p) +
-        (y_i_beta_3p - y_i_beta_0p) + (y_i_beta_0m - y_i_beta_0p) + (y_i_beta_1m - y_i_beta_0p) +
-        (y_i_beta_2m - y_i_beta_0p) + (y_i_beta_3m - y_i_beta_0p));
-    const float64 y_i_alpha_pred = y_i_alpha_0p + offset_y_i_alpha;
-    const float64 y_i_beta_pred = y_i_beta_0p + offset_y_i_beta;
+    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    const float64 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
+        (i_d_pred + offset_y_i_alpha);
+    const float64 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas -
+        (i_q_pred + offset_y_i_beta);
+    const float64 noise_10_per_noise_00 = noise_10 / noise_00;
+    const float64 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
+    const float64 part_of_span_first = noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3;
+    const float64 D_pred_2_times_odd_y_i_alpha_2 = D_pred_2 * odd_y_i_alpha_2;
+    const float64 part_of_span_first_2 = part_of_span_first +
+        odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2;
+    const float64 D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1;
+    const float64 part_of_span_first_3 = part_of_span_first_2 +
+        odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1;
+    const float64 D_pred_0_times_odd_y_i_alpha_0 = D_pred_0 * odd_y_i_alpha_0;
+    const float64 span_first = part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0;
+    const float64 part_of_psi_alpha_new = 1.0 / span_first;
+    const float64 part_of_psi_alpha_new_2 = innovation_i_alpha * part_of_psi_alpha_new;
+    const float64 part_of_span_second_3 = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00;
+    const float64 part_of_span_second_4 = D_pred_3_times_odd_y_i_alpha_3 * part_of_span_second_3;
+    const float64 part_of_span_second_5 = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00;
+    const float64 part_of_span_second_6 = part_of_span_second_4 +
+        D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_5;
+    const float64 part_of_span_second_7 = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
+    const float64 part_of_span_second_8 = part_of_span_second_6 +
+        D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_7;
+    const float64 part_of_span_second_2 = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
+    const float64 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
+        part_of_psi_alpha_new_2 * (part_of_span_second_8 +
+        D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2);
+    const float64 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00,
+        smaller(R_0, R_1));
+    const float64 part_of_span_second_14 = 1.0 / part_of_span_first;
+    const float64 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
+    const float64 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;
+    const float64 part_of_span_second_17 = part_of_span_second_13 +
+        part_of_span_second_3 * part_of_span_second_16;
+    const float64 part_of_span_second_18 = odd_y_i_alpha_2 * part_of_span_second_14;
+    const float64 part_of_span_second_19 = part_of_span_second_5 -
+        part_of_span_second_4 * part_of_span_second_18;
+    const float64 part_of_span_second_20 = 1.0 / part_of_span_first_2;
+    const float64 part_of_span_second_21 = D_pred_2 * part_of_span_first * part_of_span_second_20;
+    const float64 part_of_span_second_22 = part_of_span_second_19 * part_of_span_second_21;
+    const float64 part_of_span_second_23 = part_of_span_second_17 +
+        part_of_span_second_19 * part_of_span_second_22;
+    const float64 part_of_span_second_24 = odd_y_i_alpha_1 * part_of_span_second_20;
+    const float64 part_of_span_second_25 = part_of_span_second_7 -
+        part_of_span_second_6 * part_of_span_second_24;
+    const float64 part_of_span_second_9 = 1.0 / part_of_span_first_3;
+    const float64 part_of_span_second_26 = D_pred_1 * part_of_span_first_2 * part_of_span_second_9;
+    const float64 part_of_span_second_27 = part_of_span_second_25 * part_of_span_second_26;
+    const float64 part_of_span_second_28 = part_of_span_second_23 +
+        part_of_span_second_25 * part_of_span_second_27;
+    const float64 part_of_span_second_10 = odd_y_i_alpha_0 * part_of_span_second_9;
+    const float64 part_of_span_second_11 = part_of_span_second_2 -
+        part_of_span_second_8 * part_of_span_second_10;
+    const float64 part_of_span_second = D_pred_0 * part_of_span_first_3 * part_of_psi_alpha_new;
+    const float64 part_of_span_second_12 = part_of_span_second * part_of_span_second_11;
+    const float64 span_second = part_of_span_second_28 + part_of_span_second_11 * part_of_span_second_12;
+    const float64 part_of_psi_alpha_new_3 = 1.0 / span_second;
+    const float64 part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3;
+    const float64 psi_alpha_new = psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
+        part_of_span_second_12 * part_of_psi_alpha_new_4;
+    const float64 part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_10;
+    const float64 psi_beta_new = psi_beta_pred + part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
+        L_pred_10 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_span_second_27 +
+        part_of_span_second_12 * part_of_psi_beta_new);
+    const float64 part_of_omega_new = D_pred_2_times_odd_y_i_alpha_2 +
+        D_pred_1_times_odd_y_i_alpha_1 * L_pred_21;
+    const float64 part_of_omega_new_2 = L_pred_21 - D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_24;
+    const float64 part_of_omega_new_3 = part_of_span_second_22 + part_of_span_second_27 * part_of_omega_new_2;
+    const float64 part_of_omega_new_4 = L_pred_20 - part_of_span_second_10 * part_of_omega_new;
+    const float64 omega_new = omega_pred + part_of_psi_alpha_new_2 * (part_of_omega_new +
+        D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) + part_of_psi_alpha_new_4 * (part_of_omega_new_3 +
+        part_of_span_second_12 * part_of_omega_new_4);
+    const float64 part_of_theta_new = D_pred_3_times_odd_y_i_alpha_3 +
+        L_pred_32 * D_pred_2_times_odd_y_i_alpha_2;
+    const float64 part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1;
+    const float64 part_of_theta_new_3 = L_pred_32 - D_pred_3_times_odd_y_i_alpha_3 * part_of_span_second_18;
+    const float64 part_of_theta_new_4 = part_of_span_second_16 + part_of_span_second_22 * part_of_theta_new_3;
+    const float64 part_of_theta_new_5 = L_pred_31 - part_of_span_second_24 * part_of_theta_new;
+    const float64 part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_27 * part_of_theta_new_5;
+    const float64 part_of_theta_new_7 = L_pred_30 - part_of_span_second_10 * part_of_theta_new_2;
+    const float64 theta_new = wrap_angle(theta_pred + part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
+        L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_theta_new_6 +
+        part_of_span_second_12 * part_of_theta_new_7));
 
-    /* --- eq. 22: Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R */
-    const float64 dev_y_i_alpha_1p = y_i_alpha_1p - y_i_alpha_pred;
-    const float64 dev_y_i_beta_1p = y_i_beta_1p - y_i_beta_pred;
-    const float64 dev_y_i_alpha_2p = y_i_alpha_2p - y_i_alpha_pred;
-    const float64 dev_y_i_beta_2p = y_i_beta_2p - y_i_beta_pred;
-    const float64 dev_y_i_alpha_3p = y_i_alpha_3p - y_i_alpha_pred;
-    const float64 dev_y_i_beta_3p = y_i_beta_3p - y_i_beta_pred;
-    const float64 dev_y_i_alpha_0m = y_i_alpha_0m - y_i_alpha_pred;
-    const float64 dev_y_i_beta_0m = y_i_beta_0m - y_i_beta_pred;
-    const float64 dev_y_i_alpha_1m = y_i_alpha_1m - y_i_alpha_pred;
-    const float64 dev_y_i_beta_1m = y_i_beta_1m - y_i_beta_pred;
-    const float64 dev_y_i_alpha_2m = y_i_alpha_2m - y_i_alpha_pred;
-    const float64 dev_y_i_beta_2m = y_i_beta_2m - y_i_beta_pred;
-    const float64 dev_y_i_alpha_3m = y_i_alpha_3m - y_i_alpha_pred;
-    const float64 dev_y_i_beta_3m = y_i_beta_3m - y_i_beta_pred;
-    const float64 Pyy_00 = 0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p * dev_y_i_alpha_1p
-        + dev_y_i_alpha_2p * dev_y_i_alpha_2p + dev_y_i_alpha_3p * dev_y_i_alpha_3p +
-        dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1m * dev_y_i_alpha_1m +
-        dev_y_i_alpha_2m * dev_y_i_alpha_2m + dev_y_i_alpha_3m * dev_y_i_alpha_3m) + R_0;
-    const float64 Pyy_10 = 0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p * dev_y_i_alpha_2p + dev_y_i_beta_3p * dev_y_i_alpha_3p +
-        dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1m +
-        dev_y_i_beta_2m * dev_y_i_alpha_2m + dev_y_i_beta_3m * dev_y_i_alpha_3m);
-    const float64 Pyy_11 = 0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p * dev_y_i_beta_2p + dev_y_i_beta_3p * dev_y_i_beta_3p +
-        dev_y_i_beta_0m * dev_y_i_beta_0m + dev_y_i_beta_1m * dev_y_i_beta_1m +
-        dev_y_i_beta_2m * dev_y_i_beta_2m + dev_y_i_beta_3m * dev_y_i_beta_3m) + R_1;
-
-    /* --- eq. 23: Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T */
-    const float64 dev_psi_alpha_pred_0m = psi_alpha_pred_0m - psi_alpha_pred;
-    const float64 dev_psi_beta_pred_0m = psi_beta_pred_0m - psi_beta_pred;
-    const float64 dev_omega_pred_0m = omega_pred_0m - omega_pred;
-    const float64 dev_theta_pred_0m = theta_pred_0m - theta_pred;
-    const float64 dev_psi_beta_pred_1m = psi_beta_pred_1m - psi_beta_pred;
-    const float64 dev_omega_pred_1m = omega_pred_1m - omega_pred;
-    const float64 dev_theta_pred_1m = theta_pred_1m - theta_pred;
-    const float64 dev_omega_pred_2m = omega_pred_2m - omega_pred;
-    const float64 dev_theta_pred_2m = theta_pred_2m - theta_pred;
-    const float64 dev_theta_pred_3m = theta_pred_3m - theta_pred;
-    const float64 Pxy_00 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_alpha_0m -
-        d_pred_psi_alpha_0 * offset_y_i_alpha);
-    const float64 Pxy_01 = 0.125 * (dev_psi_alpha_pred_0m * dev_y_i_beta_0m -
-        d_pred_psi_alpha_0 * offset_y_i_beta);
-    const float64 Pxy_10 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_alpha_1p -
-        d_pred_psi_beta_0 * offset_y_i_alpha + dev_psi_beta_pred_0m * dev_y_i_alpha_0m +
-        dev_psi_beta_pred_1m * dev_y_i_alpha_1m);
-    const float64 Pxy_11 = 0.125 * (d_pred_psi_beta_1 * dev_y_i_beta_1p - d_pred_psi_beta_0 * offset_y_i_beta
-        + dev_psi_beta_pred_0m * dev_y_i_beta_0m + dev_psi_beta_pred_1m * dev_y_i_beta_1m);
-    const float64 Pxy_20 = 0.125 * (d_pred_omega_1 * dev_y_i_alpha_1p - d_pred_omega_0 * offset_y_i_alpha +
-        d_pred_omega_2 * dev_y_i_alpha_2p + dev_omega_pred_0m * dev_y_i_alpha_0m +
-        dev_omega_pred_1m * dev_y_i_alpha_1m + dev_omega_pred_2m * dev_y_i_alpha_2m);
-    const float64 Pxy_21 = 0.125 * (d_pred_omega_1 * dev_y_i_beta_1p - d_pred_omega_0 * offset_y_i_beta +
-        d_pred_omega_2 * dev_y_i_beta_2p + dev_omega_pred_0m * dev_y_i_beta_0m +
-        dev_omega_pred_1m * dev_y_i_beta_1m + dev_omega_pred_2m * dev_y_i_beta_2m);
-    const float64 Pxy_30 = 0.125 * (d_pred_theta_1 * dev_y_i_alpha_1p - d_pred_theta_0 * offset_y_i_alpha +
-        d_pred_theta_2 * dev_y_i_alpha_2p + d_pred_theta_3 * dev_y_i_alpha_3p +
-        dev_theta_pred_0m * dev_y_i_alpha_0m + dev_theta_pred_1m * dev_y_i_alpha_1m +
-        dev_theta_pred_2m * dev_y_i_alpha_2m + dev_theta_pred_3m * dev_y_i_alpha_3m);
-    const float64 Pxy_31 = 0.125 * (d_pred_theta_1 * dev_y_i_beta_1p - d_pred_theta_0 * offset_y_i_beta +
-        d_pred_theta_2 * dev_y_i_beta_2p + d_pred_theta_3 * dev_y_i_beta_3p +
-        dev_theta_pred_0m * dev_y_i_beta_0m + dev_theta_pred_1m * dev_y_i_beta_1m +
-        dev_theta_pred_2m * dev_y_i_beta_2m + dev_theta_pred_3m * dev_y_i_beta_3m);
-
-    /* --- eq. 24: det Pyy; Pyy^-1; K = Pxy Pyy^-1 */
-    const float64 det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10;
-    const float64 Pyy_inv_00 = Pyy_11 / det_Pyy;
-    const float64 Pyy_inv_11 = Pyy_00 / det_Pyy;
-    const float64 Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy;
-    const float64 K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy;
-    const float64 K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy;
-    const float64 K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy;
-    const float64 K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy;
-    const float64 K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy;
-    const float64 K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy;
-    const float64 K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy;
-    const float64 K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy;
-
-    /* --- eq. 25: y - y_pred; x = x_pred + K (y - y_pred), theta wrapped */
-    const float64 innovation_i_alpha = i_alpha_meas - y_i_alpha_pred;
-    const float64 innovation_i_beta = i_beta_meas - y_i_beta_pred;
-    const float64 psi_alpha_new = psi_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta);
-    const float64 psi_beta_new = psi_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta);
-    const float64 omega_new = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta);
-    const float64 theta_new = wrap_angle(theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta));
-
-    /* --- eq. 26: K Pyy; P = P_pred - K Pyy K^T */
-    const float64 KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10;
-    const float64 KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11;
-    const float64 KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10;
-    const float64 KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11;
-    const float64 KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10;
-    const float64 KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11;
-    const float64 KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10;
-    const float64 KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11;
-    const float64 P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01);
-    const float64 P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01);
-    const float64 P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11);
-    const float64 P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01);
-    const float64 P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11);
-    const float64 P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21);
-    const float64 P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01);
-    const float64 P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11);
-    const float64 P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21);
-    const float64 P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31);
+    /* --- eq. 26: L D L^T = P_new */
+    const float64 D_new_0 = part_of_span_second * part_of_span_second_28 * part_of_psi_alpha_new_3;
+    const float64 part_of_L_new_10 = 1.0 / part_of_span_second_28;
+    const float64 part_of_L_new_10_2 = part_of_span_second_11 * part_of_L_new_10;
+    const float64 L_new_10 = part_of_psi_beta_new - part_of_span_second_27 * part_of_L_new_10_2;
+    const float64 D_new_1 = part_of_span_second_23 * part_of_span_second_26 * part_of_L_new_10;
+    const float64 L_new_20 = part_of_omega_new_4 - part_of_omega_new_3 * part_of_L_new_10_2;
+    const float64 part_of_L_new_21 = 1.0 / part_of_span_second_23;
+    const float64 part_of_L_new_21_2 = part_of_span_second_25 * part_of_L_new_21;
+    const float64 L_new_21 = part_of_omega_new_2 - part_of_span_second_22 * part_of_L_new_21_2;
+    const float64 D_new_2 = part_of_span_second_17 * part_of_span_second_21 * part_of_L_new_21;
+    const float64 L_new_30 = part_of_theta_new_7 - part_of_theta_new_6 * part_of_L_new_10_2;
+    const float64 L_new_31 = part_of_theta_new_5 - part_of_theta_new_4 * part_of_L_new_21_2;
+    const float64 part_of_L_new_32 = 1.0 / part_of_span_second_17;
+    const float64 L_new_32 = part_of_theta_new_3 -
+        part_of_span_second_16 * part_of_span_second_19 * part_of_L_new_32;
+    const float64 D_new_3 = part_of_span_second_13 * part_of_span_second_15 * part_of_L_new_32;
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;
     x_out[2] = omega_new;
     x_out[3] = theta_new;
-    P_out[0] = P_00;
-    P_out[1] = P_10;
-    P_out[2] = P_11;
-    P_out[3] = P_20;
-    P_out[4] = P_21;
-    P_out[5] = P_22;
-    P_out[6] = P_30;
-    P_out[7] = P_31;
-    P_out[8] = P_32;
-    P_out[9] = P_33;
+    LD_out[0] = D_new_0;
+    LD_out[1] = L_new_10;
+    LD_out[2] = D_new_1;
+    LD_out[3] = L_new_20;
+    LD_out[4] = L_new_21;
+    LD_out[5] = D_new_2;
+    LD_out[6] = L_new_30;
+    LD_out[7] = L_new_31;
+    LD_out[8] = L_new_32;
+    LD_out[9] = D_new_3;
 }
 
 /* No measurement: the prediction is the estimate */
-static void coast(const float64 x_pred[4], const float64 P_pred[10], float64 x_out[4], float64 P_out[10])
+static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_out[4], float64 LD_out[10])
 {
     const float64 psi_alpha_pred = x_pred[0];
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
 
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    P_out[0] = P_pred_00;
-    P_out[1] = P_pred_10;
-    P_out[2] = P_pred_11;
-    P_out[3] = P_pred_20;
-    P_out[4] = P_pred_21;
-    P_out[5] = P_pred_22;
-    P_out[6] = P_pred_30;
-    P_out[7] = P_pred_31;
-    P_out[8] = P_pred_32;
-    P_out[9] = P_pred_33;
+    LD_out[0] = D_pred_0;
+    LD_out[1] = L_pred_10;
+    LD_out[2] = D_pred_1;
+    LD_out[3] = L_pred_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_pred_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
 }
 
 void ipmsm_flux_ckf_f64_init(ipmsm_flux_ckf_f64_t *f)
@@ -693,7 +848,7 @@ void ipmsm_flux_ckf_f64_reset(ipmsm_flux_ckf_f64_t *f)
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
-            f->P[k] = (i == j) ? f->P_0[i] : 0.0;
+            f->LD[k] = (i == j) ? f->P_0[i] : 0.0;
             k++;
         }
     }
@@ -704,8 +859,12 @@ void ipmsm_flux_ckf_f64_reset(ipmsm_flux_ckf_f64_t *f)
 
 int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const float64 y[2])
 {
+    float64 z[4];
+    float64 turn[8];
     float64 x_pred[4];
-    float64 P_pred[10];
+    float64 LD_pred[10];
+    float64 z_pred[4];
+    float64 turn_pred[8];
     const int u_good = within(u, f->u_max);
     const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
@@ -715,11 +874,13 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
-    time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
+    time_update_turns(f->LD, z, turn);
+    time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred);
     if (accepted != 0) {
-        ckf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
+        ckf_measurement_update_turns(LD_pred, z_pred, turn_pred);
+        ckf_measurement_update(x_pred, LD_pred, f->R, y, turn_pred, f->x, f->LD);
     } else {
-        coast(x_pred, P_pred, f->x, f->P);
+        coast(x_pred, LD_pred, f->x, f->LD);
     }
     f->iterations = iterations;
     return status;

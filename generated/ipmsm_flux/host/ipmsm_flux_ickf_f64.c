@@ -18,14 +18,13 @@
 #define INV_L_D 27.77777777777778 /* 1 / L_d, A/Wb */
 #define INV_L_Q 19.607843137254903 /* 1 / L_q, A/Wb */
 #define PSI_M 0.545 /* magnet flux linkage, Wb */
-#define POLE_PAIRS 3.0 /* p */
 #define DECAY_D 0.9900498337491681 /* exp(-T R / L_d) */
 #define DECAY_Q 0.9929660314487113 /* exp(-T R / L_q) */
 #define GAIN_D 9.950166250831892e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define GAIN_Q 9.9647887809923e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define MAGNET_D 0.005422840606703382 /* (1 - exp(-T R / L_d)) psi_m, Wb */
-#define HALF_T 5e-05 /* T / 2, s */
-#define ADVANCE 0.0001 /* T (1 + exp(-T D / J)) / 2, s */
+#define HALF_T_POLE_PAIRS 0.00015000000000000001 /* HALF_T * POLE_PAIRS */
+#define ADVANCE_POLE_PAIRS 0.00030000000000000003 /* ADVANCE * POLE_PAIRS */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -44,6 +43,42 @@ static pmsm_pair_f64 sin_cos(float64 x)
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
+}
+
+/* How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
+ * for d up to 0.71 rad. */
+#define SINC_1 -0.16666666666666666
+#define SINC_2 0.008333333333333333
+#define SINC_3 -0.0001984126984126984
+#define SINC_4 2.7557319223985893e-06
+#define SINC_5 -2.505210838544172e-08
+#define SINC_6 1.6059043836821613e-10
+#define SINC_7 -7.647163731819816e-13
+#define SINC_8 2.8114572543455206e-15
+#define SINC_9 -8.22063524662433e-18
+#define COSM1_1 -0.5
+#define COSM1_2 0.041666666666666664
+#define COSM1_3 -0.001388888888888889
+#define COSM1_4 2.48015873015873e-05
+#define COSM1_5 -2.755731922398589e-07
+#define COSM1_6 2.08767569878681e-09
+#define COSM1_7 -1.1470745597729725e-11
+#define COSM1_8 4.779477332387385e-14
+#define COSM1_9 -1.5619206968586225e-16
+#define SMALL_TURN 0.5 /* rad^2 */
+
+/* Turns that are not small, far from a settled filter: by sine and cosine. */
+static void widen(const float64 z[], float64 turn[], int count)
+{
+    int k;
+    for (k = 0; k < count; k++) {
+        if (!(z[k] <= SMALL_TURN)) {
+            const float64 d = sqrt(z[k]);
+            const pmsm_pair_f64 side = sin_cos(d);
+            turn[2 * k] = side.sine / d;
+            turn[(2 * k) + 1] = side.cosine - 1.0;
+        }
+    }
 }
 
 static float64 smaller(float64 a, float64 b)
@@ -80,292 +115,355 @@ static int within(const float64 value[2], float64 limit)
     return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
-/* Time update, eq. 13-17 */
-static void time_update(const float64 x[4], const float64 P[10], const float64 Q[4], const float64 u[2],
-    float64 x_pred_out[4], float64 P_pred_out[10])
+/* Small angles of time_update: sin(d) / d and cos(d) - 1 */
+static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 turn_out[8])
+{
+    const float64 D_0 = LD[0];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
+
+    /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 d_theta_mid_sq_0 = D_0 * 4.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
+    const float64 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 d_theta_mid_sq_1 = 4.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
+    const float64 part_of_d_theta_mid_sq_2 = L_32 + 0.00015000000000000001;
+    const float64 d_theta_mid_sq_2 = 4.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
+    const float64 d_theta_mid_sq_3 = 4.0 * D_3;
+    const float64 sinc_theta_mid_0 = ((((((((SINC_9 * d_theta_mid_sq_0 + SINC_8) * d_theta_mid_sq_0 +
+        SINC_7) * d_theta_mid_sq_0 + SINC_6) * d_theta_mid_sq_0 + SINC_5) * d_theta_mid_sq_0 +
+        SINC_4) * d_theta_mid_sq_0 + SINC_3) * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
+        SINC_1) * d_theta_mid_sq_0 + 1.0;
+    const float64 cosm1_theta_mid_0 = ((((((((COSM1_9 * d_theta_mid_sq_0 + COSM1_8) * d_theta_mid_sq_0 +
+        COSM1_7) * d_theta_mid_sq_0 + COSM1_6) * d_theta_mid_sq_0 + COSM1_5) * d_theta_mid_sq_0 +
+        COSM1_4) * d_theta_mid_sq_0 + COSM1_3) * d_theta_mid_sq_0 + COSM1_2) * d_theta_mid_sq_0 +
+        COSM1_1) * d_theta_mid_sq_0;
+    const float64 sinc_theta_mid_1 = ((((((((SINC_9 * d_theta_mid_sq_1 + SINC_8) * d_theta_mid_sq_1 +
+        SINC_7) * d_theta_mid_sq_1 + SINC_6) * d_theta_mid_sq_1 + SINC_5) * d_theta_mid_sq_1 +
+        SINC_4) * d_theta_mid_sq_1 + SINC_3) * d_theta_mid_sq_1 + SINC_2) * d_theta_mid_sq_1 +
+        SINC_1) * d_theta_mid_sq_1 + 1.0;
+    const float64 cosm1_theta_mid_1 = ((((((((COSM1_9 * d_theta_mid_sq_1 + COSM1_8) * d_theta_mid_sq_1 +
+        COSM1_7) * d_theta_mid_sq_1 + COSM1_6) * d_theta_mid_sq_1 + COSM1_5) * d_theta_mid_sq_1 +
+        COSM1_4) * d_theta_mid_sq_1 + COSM1_3) * d_theta_mid_sq_1 + COSM1_2) * d_theta_mid_sq_1 +
+        COSM1_1) * d_theta_mid_sq_1;
+    const float64 sinc_theta_mid_2 = ((((((((SINC_9 * d_theta_mid_sq_2 + SINC_8) * d_theta_mid_sq_2 +
+        SINC_7) * d_theta_mid_sq_2 + SINC_6) * d_theta_mid_sq_2 + SINC_5) * d_theta_mid_sq_2 +
+        SINC_4) * d_theta_mid_sq_2 + SINC_3) * d_theta_mid_sq_2 + SINC_2) * d_theta_mid_sq_2 +
+        SINC_1) * d_theta_mid_sq_2 + 1.0;
+    const float64 cosm1_theta_mid_2 = ((((((((COSM1_9 * d_theta_mid_sq_2 + COSM1_8) * d_theta_mid_sq_2 +
+        COSM1_7) * d_theta_mid_sq_2 + COSM1_6) * d_theta_mid_sq_2 + COSM1_5) * d_theta_mid_sq_2 +
+        COSM1_4) * d_theta_mid_sq_2 + COSM1_3) * d_theta_mid_sq_2 + COSM1_2) * d_theta_mid_sq_2 +
+        COSM1_1) * d_theta_mid_sq_2;
+    const float64 sinc_theta_mid_3 = ((((((((SINC_9 * d_theta_mid_sq_3 + SINC_8) * d_theta_mid_sq_3 +
+        SINC_7) * d_theta_mid_sq_3 + SINC_6) * d_theta_mid_sq_3 + SINC_5) * d_theta_mid_sq_3 +
+        SINC_4) * d_theta_mid_sq_3 + SINC_3) * d_theta_mid_sq_3 + SINC_2) * d_theta_mid_sq_3 +
+        SINC_1) * d_theta_mid_sq_3 + 1.0;
+    const float64 cosm1_theta_mid_3 = ((((((((COSM1_9 * d_theta_mid_sq_3 + COSM1_8) * d_theta_mid_sq_3 +
+        COSM1_7) * d_theta_mid_sq_3 + COSM1_6) * d_theta_mid_sq_3 + COSM1_5) * d_theta_mid_sq_3 +
+        COSM1_4) * d_theta_mid_sq_3 + COSM1_3) * d_theta_mid_sq_3 + COSM1_2) * d_theta_mid_sq_3 +
+        COSM1_1) * d_theta_mid_sq_3;
+
+    z_out[0] = d_theta_mid_sq_0;
+    z_out[1] = d_theta_mid_sq_1;
+    z_out[2] = d_theta_mid_sq_2;
+    z_out[3] = d_theta_mid_sq_3;
+    turn_out[0] = sinc_theta_mid_0;
+    turn_out[1] = cosm1_theta_mid_0;
+    turn_out[2] = sinc_theta_mid_1;
+    turn_out[3] = cosm1_theta_mid_1;
+    turn_out[4] = sinc_theta_mid_2;
+    turn_out[5] = cosm1_theta_mid_2;
+    turn_out[6] = sinc_theta_mid_3;
+    turn_out[7] = cosm1_theta_mid_3;
+    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
+        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+        widen(z_out, turn_out, 4);
+    }
+}
+
+/* Time update, eq. 13-18 */
+static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
+    const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10])
 {
     const float64 psi_alpha = x[0];
     const float64 psi_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 P_00 = P[0];
-    const float64 P_10 = P[1];
-    const float64 P_11 = P[2];
-    const float64 P_20 = P[3];
-    const float64 P_21 = P[4];
-    const float64 P_22 = P[5];
-    const float64 P_30 = P[6];
-    const float64 P_31 = P[7];
-    const float64 P_32 = P[8];
-    const float64 P_33 = P[9];
+    const float64 D_0 = LD[0];
+    const float64 L_10 = LD[1];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
     const float64 Q_3 = Q[3];
     const float64 v_alpha = u[0];
     const float64 v_beta = u[1];
+    const float64 sinc_theta_mid_0 = turn[0];
+    const float64 cosm1_theta_mid_0 = turn[1];
+    const float64 sinc_theta_mid_1 = turn[2];
+    const float64 cosm1_theta_mid_1 = turn[3];
+    const float64 sinc_theta_mid_2 = turn[4];
+    const float64 cosm1_theta_mid_2 = turn[5];
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 cosm1_theta_mid_3 = turn[7];
 
-    /* --- eq. 13: S = chol(P) */
-    const float64 S_00 = sqrt(P_00);
-    const float64 S_10 = P_10 / S_00;
-    const float64 S_11 = sqrt(P_11 - S_10 * S_10);
-    const float64 S_20 = P_20 / S_00;
-    const float64 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float64 S_22 = sqrt(P_22 - (S_20 * S_20 + S_21 * S_21));
-    const float64 S_30 = P_30 / S_00;
-    const float64 S_31 = (P_31 - S_30 * S_10) / S_11;
-    const float64 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float64 S_33 = sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 odd_psi_alpha_1 = sincos_theta_mid.sine;
+    const float64 odd_psi_beta_1 = sincos_theta_mid.cosine;
+    const float64 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
+    const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
+    const float64 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
+    const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
+    const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 part_of_even_psi_d_mid_0 = D_0 * 4.0 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
+        part_of_even_psi_d_mid_0 * odd_psi_beta_0;
+    const float64 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0;
+    const float64 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
+        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
+        part_of_even_psi_d_mid_0 * odd_psi_alpha_0;
+    const float64 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
+        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
+    const float64 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
+    const float64 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
+    const float64 gain_d_times_v_d = GAIN_D * v_d;
+    const float64 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
+    const float64 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
+    const float64 gain_d_times_v_q = GAIN_D * v_q;
+    const float64 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 +
+        gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
+    const float64 gain_q_times_v_q = GAIN_Q * v_q;
+    const float64 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
+    const float64 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
+    const float64 v_d_times_gain_q = v_d * GAIN_Q;
+    const float64 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 -
+        v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 part_of_even_psi_d_mid_1 = 4.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
+        odd_psi_beta_1 * part_of_even_psi_d_mid_1;
+    const float64 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0;
+    const float64 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
+        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
+        odd_psi_alpha_1 * part_of_even_psi_d_mid_1;
+    const float64 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
+        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
+    const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 +
+        gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
+    const float64 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 -
+        v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 odd_theta_mid_2 = L_32 + 0.00015000000000000001;
+    const float64 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
+        gain_d_times_v_d * cosm1_theta_mid_2;
+    const float64 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
+    const float64 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
+        gain_q_times_v_q * cosm1_theta_mid_2;
+    const float64 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
+        gain_d_times_v_d * cosm1_theta_mid_3;
+    const float64 odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 +
+        gain_d_times_v_q * sinc_theta_mid_3;
+    const float64 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
+        gain_q_times_v_q * cosm1_theta_mid_3;
+    const float64 psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float64 even_psi_alpha_next_0 = even_psi_d_next_0 +
+        cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 - part_of_even_psi_d_mid_0 * odd_psi_q_next_0;
+    const float64 psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+    const float64 even_psi_alpha_next_1 = even_psi_d_next_1 +
+        cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 - part_of_even_psi_d_mid_1 * odd_psi_q_next_1;
+    const float64 psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float64 part_of_even_psi_alpha_next_2 = 4.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
+    const float64 part_of_even_psi_alpha_next_2_2 =
+        psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
+        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_psi_alpha_next_2 = even_psi_d_next_2 +
+        cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
+        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2;
+    const float64 psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float64 part_of_even_psi_alpha_next_3 = 4.0 * D_3 * sinc_theta_mid_3;
+    const float64 part_of_even_psi_alpha_next_3_2 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+        v_d_times_gain_q * sinc_theta_mid_3;
+    const float64 even_psi_alpha_next_3 = even_psi_d_next_3 +
+        cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
+        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2;
+    const float64 psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+    const float64 even_psi_beta_next_0 = part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0);
+    const float64 psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+    const float64 even_psi_beta_next_1 = part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1);
+    const float64 psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
+    const float64 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2
+        + cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2);
+    const float64 psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
+    const float64 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3
+        + cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3);
+    const float64 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
+        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0;
+    const float64 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
+        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1;
+    const float64 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0;
+    const float64 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
+        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2;
+    const float64 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0;
+    const float64 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3;
+    const float64 odd_psi_beta_next_0 =
+        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
+    const float64 odd_psi_beta_next_1 =
+        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+        part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
+    const float64 odd_psi_beta_next_2 =
+        psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
+        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2;
+    const float64 odd_psi_beta_next_3 = psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3;
+    const float64 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
+    const float64 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
+    const float64 odd_theta_next_2 = L_32 + 0.00030000000000000003;
 
-    /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
-    const float64 d_psi_alpha_0 = 2.0 * S_00;
-    const float64 d_psi_beta_0 = 2.0 * S_10;
-    const float64 d_psi_beta_1 = 2.0 * S_11;
-    const float64 d_omega_0 = 2.0 * S_20;
-    const float64 d_omega_1 = 2.0 * S_21;
-    const float64 d_omega_2 = 2.0 * S_22;
-    const float64 d_theta_0 = 2.0 * S_30;
-    const float64 d_theta_1 = 2.0 * S_31;
-    const float64 d_theta_2 = 2.0 * S_32;
-    const float64 d_theta_3 = 2.0 * S_33;
-    const float64 psi_alpha_0p = psi_alpha + d_psi_alpha_0;
-    const float64 psi_alpha_0m = psi_alpha - d_psi_alpha_0;
-    const float64 psi_beta_0p = psi_beta + d_psi_beta_0;
-    const float64 psi_beta_1p = psi_beta + d_psi_beta_1;
-    const float64 psi_beta_0m = psi_beta - d_psi_beta_0;
-    const float64 psi_beta_1m = psi_beta - d_psi_beta_1;
-    const float64 omega_0p = omega + d_omega_0;
-    const float64 omega_1p = omega + d_omega_1;
-    const float64 omega_2p = omega + d_omega_2;
-    const float64 omega_0m = omega - d_omega_0;
-    const float64 omega_1m = omega - d_omega_1;
-    const float64 omega_2m = omega - d_omega_2;
-    const float64 theta_0p = theta + d_theta_0;
-    const float64 theta_1p = theta + d_theta_1;
-    const float64 theta_2p = theta + d_theta_2;
-    const float64 theta_3p = theta + d_theta_3;
-    const float64 theta_0m = theta - d_theta_0;
-    const float64 theta_1m = theta - d_theta_1;
-    const float64 theta_2m = theta - d_theta_2;
-    const float64 theta_3m = theta - d_theta_3;
-
-    /* --- eq. 15: X_i' = f(X_i, u) */
-    const float64 omega_e_0p = POLE_PAIRS * omega_0p;
-    const float64 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
-    const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
-    const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
-    const float64 psi_d_mid_0p = cos_theta_mid_0p * psi_alpha_0p + sin_theta_mid_0p * psi_beta_0p;
-    const float64 psi_q_mid_0p = cos_theta_mid_0p * psi_beta_0p - sin_theta_mid_0p * psi_alpha_0p;
-    const float64 v_d_0p = cos_theta_mid_0p * v_alpha + sin_theta_mid_0p * v_beta;
-    const float64 v_q_0p = cos_theta_mid_0p * v_beta - sin_theta_mid_0p * v_alpha;
-    const float64 psi_d_next_0p = DECAY_D * psi_d_mid_0p + GAIN_D * v_d_0p + MAGNET_D;
-    const float64 psi_q_next_0p = DECAY_Q * psi_q_mid_0p + GAIN_Q * v_q_0p;
-    const float64 omega_e_1p = POLE_PAIRS * omega_1p;
-    const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
-    const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
-    const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
-    const float64 psi_d_mid_1p = cos_theta_mid_1p * psi_alpha + sin_theta_mid_1p * psi_beta_1p;
-    const float64 psi_q_mid_1p = cos_theta_mid_1p * psi_beta_1p - sin_theta_mid_1p * psi_alpha;
-    const float64 v_d_1p = cos_theta_mid_1p * v_alpha + sin_theta_mid_1p * v_beta;
-    const float64 v_q_1p = cos_theta_mid_1p * v_beta - sin_theta_mid_1p * v_alpha;
-    const float64 psi_d_next_1p = DECAY_D * psi_d_mid_1p + GAIN_D * v_d_1p + MAGNET_D;
-    const float64 psi_q_next_1p = DECAY_Q * psi_q_mid_1p + GAIN_Q * v_q_1p;
-    const float64 omega_e_2p = POLE_PAIRS * omega_2p;
-    const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
-    const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
-    const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
-    const float64 psi_d_mid_2p = cos_theta_mid_2p * psi_alpha + sin_theta_mid_2p * psi_beta;
-    const float64 psi_q_mid_2p = cos_theta_mid_2p * psi_beta - sin_theta_mid_2p * psi_alpha;
-    const float64 v_d_2p = cos_theta_mid_2p * v_alpha + sin_theta_mid_2p * v_beta;
-    const float64 v_q_2p = cos_theta_mid_2p * v_beta - sin_theta_mid_2p * v_alpha;
-    const float64 psi_d_next_2p = DECAY_D * psi_d_mid_2p + GAIN_D * v_d_2p + MAGNET_D;
-    const float64 psi_q_next_2p = DECAY_Q * psi_q_mid_2p + GAIN_Q * v_q_2p;
-    const float64 omega_e_3p = POLE_PAIRS * omega;
-    const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
-    const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
-    const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
-    const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
-    const float64 psi_d_mid_3p = cos_theta_mid_3p * psi_alpha + sin_theta_mid_3p * psi_beta;
-    const float64 psi_q_mid_3p = cos_theta_mid_3p * psi_beta - sin_theta_mid_3p * psi_alpha;
-    const float64 v_d_3p = cos_theta_mid_3p * v_alpha + sin_theta_mid_3p * v_beta;
-    const float64 v_q_3p = cos_theta_mid_3p * v_beta - sin_theta_mid_3p * v_alpha;
-    const float64 psi_d_next_3p = DECAY_D * psi_d_mid_3p + GAIN_D * v_d_3p + MAGNET_D;
-    const float64 psi_q_next_3p = DECAY_Q * psi_q_mid_3p + GAIN_Q * v_q_3p;
-    const float64 omega_e_0m = POLE_PAIRS * omega_0m;
-    const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
-    const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
-    const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
-    const float64 psi_d_mid_0m = cos_theta_mid_0m * psi_alpha_0m + sin_theta_mid_0m * psi_beta_0m;
-    const float64 psi_q_mid_0m = cos_theta_mid_0m * psi_beta_0m - sin_theta_mid_0m * psi_alpha_0m;
-    const float64 v_d_0m = cos_theta_mid_0m * v_alpha + sin_theta_mid_0m * v_beta;
-    const float64 v_q_0m = cos_theta_mid_0m * v_beta - sin_theta_mid_0m * v_alpha;
-    const float64 psi_d_next_0m = DECAY_D * psi_d_mid_0m + GAIN_D * v_d_0m + MAGNET_D;
-    const float64 psi_q_next_0m = DECAY_Q * psi_q_mid_0m + GAIN_Q * v_q_0m;
-    const float64 omega_e_1m = POLE_PAIRS * omega_1m;
-    const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
-    const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
-    const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
-    const float64 psi_d_mid_1m = cos_theta_mid_1m * psi_alpha + sin_theta_mid_1m * psi_beta_1m;
-    const float64 psi_q_mid_1m = cos_theta_mid_1m * psi_beta_1m - sin_theta_mid_1m * psi_alpha;
-    const float64 v_d_1m = cos_theta_mid_1m * v_alpha + sin_theta_mid_1m * v_beta;
-    const float64 v_q_1m = cos_theta_mid_1m * v_beta - sin_theta_mid_1m * v_alpha;
-    const float64 psi_d_next_1m = DECAY_D * psi_d_mid_1m + GAIN_D * v_d_1m + MAGNET_D;
-    const float64 psi_q_next_1m = DECAY_Q * psi_q_mid_1m + GAIN_Q * v_q_1m;
-    const float64 omega_e_2m = POLE_PAIRS * omega_2m;
-    const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
-    const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
-    const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
-    const float64 psi_d_mid_2m = cos_theta_mid_2m * psi_alpha + sin_theta_mid_2m * psi_beta;
-    const float64 psi_q_mid_2m = cos_theta_mid_2m * psi_beta - sin_theta_mid_2m * psi_alpha;
-    const float64 v_d_2m = cos_theta_mid_2m * v_alpha + sin_theta_mid_2m * v_beta;
-    const float64 v_q_2m = cos_theta_mid_2m * v_beta - sin_theta_mid_2m * v_alpha;
-    const float64 psi_d_next_2m = DECAY_D * psi_d_mid_2m + GAIN_D * v_d_2m + MAGNET_D;
-    const float64 psi_q_next_2m = DECAY_Q * psi_q_mid_2m + GAIN_Q * v_q_2m;
-    const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
-    const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
-    const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
-    const float64 psi_d_mid_3m = cos_theta_mid_3m * psi_alpha + sin_theta_mid_3m * psi_beta;
-    const float64 psi_q_mid_3m = cos_theta_mid_3m * psi_beta - sin_theta_mid_3m * psi_alpha;
-    const float64 v_d_3m = cos_theta_mid_3m * v_alpha + sin_theta_mid_3m * v_beta;
-    const float64 v_q_3m = cos_theta_mid_3m * v_beta - sin_theta_mid_3m * v_alpha;
-    const float64 psi_d_next_3m = DECAY_D * psi_d_mid_3m + GAIN_D * v_d_3m + MAGNET_D;
-    const float64 psi_q_next_3m = DECAY_Q * psi_q_mid_3m + GAIN_Q * v_q_3m;
-    const float64 psi_alpha_next_0p = cos_theta_mid_0p * psi_d_next_0p - sin_theta_mid_0p * psi_q_next_0p;
-    const float64 psi_alpha_next_1p = cos_theta_mid_1p * psi_d_next_1p - sin_theta_mid_1p * psi_q_next_1p;
-    const float64 psi_alpha_next_2p = cos_theta_mid_2p * psi_d_next_2p - sin_theta_mid_2p * psi_q_next_2p;
-    const float64 psi_alpha_next_3p = cos_theta_mid_3p * psi_d_next_3p - sin_theta_mid_3p * psi_q_next_3p;
-    const float64 psi_alpha_next_0m = cos_theta_mid_0m * psi_d_next_0m - sin_theta_mid_0m * psi_q_next_0m;
-    const float64 psi_alpha_next_1m = cos_theta_mid_1m * psi_d_next_1m - sin_theta_mid_1m * psi_q_next_1m;
-    const float64 psi_alpha_next_2m = cos_theta_mid_2m * psi_d_next_2m - sin_theta_mid_2m * psi_q_next_2m;
-    const float64 psi_alpha_next_3m = cos_theta_mid_3m * psi_d_next_3m - sin_theta_mid_3m * psi_q_next_3m;
-    const float64 psi_beta_next_0p = sin_theta_mid_0p * psi_d_next_0p + cos_theta_mid_0p * psi_q_next_0p;
-    const float64 psi_beta_next_1p = sin_theta_mid_1p * psi_d_next_1p + cos_theta_mid_1p * psi_q_next_1p;
-    const float64 psi_beta_next_2p = sin_theta_mid_2p * psi_d_next_2p + cos_theta_mid_2p * psi_q_next_2p;
-    const float64 psi_beta_next_3p = sin_theta_mid_3p * psi_d_next_3p + cos_theta_mid_3p * psi_q_next_3p;
-    const float64 psi_beta_next_0m = sin_theta_mid_0m * psi_d_next_0m + cos_theta_mid_0m * psi_q_next_0m;
-    const float64 psi_beta_next_1m = sin_theta_mid_1m * psi_d_next_1m + cos_theta_mid_1m * psi_q_next_1m;
-    const float64 psi_beta_next_2m = sin_theta_mid_2m * psi_d_next_2m + cos_theta_mid_2m * psi_q_next_2m;
-    const float64 psi_beta_next_3m = sin_theta_mid_3m * psi_d_next_3m + cos_theta_mid_3m * psi_q_next_3m;
-    const float64 theta_next_0p = theta_0p + ADVANCE * omega_e_0p;
-    const float64 theta_next_1p = theta_1p + ADVANCE * omega_e_1p;
-    const float64 theta_next_2p = theta_2p + ADVANCE * omega_e_2p;
-    const float64 advance_times_omega_e_3p = ADVANCE * omega_e_3p;
-    const float64 theta_next_3p = theta_3p + advance_times_omega_e_3p;
-    const float64 theta_next_0m = theta_0m + ADVANCE * omega_e_0m;
-    const float64 theta_next_1m = theta_1m + ADVANCE * omega_e_1m;
-    const float64 theta_next_2m = theta_2m + ADVANCE * omega_e_2m;
-    const float64 theta_next_3m = theta_3m + advance_times_omega_e_3p;
-
-    /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 offset_psi_alpha = 0.125 * (psi_alpha_next_1p - psi_alpha_next_0p +
-        (psi_alpha_next_2p - psi_alpha_next_0p) + (psi_alpha_next_3p - psi_alpha_next_0p) +
-        (psi_alpha_next_0m - psi_alpha_next_0p) + (psi_alpha_next_1m - psi_alpha_next_0p) +
-        (psi_alpha_next_2m - psi_alpha_next_0p) + (psi_alpha_next_3m - psi_alpha_next_0p));
-    const float64 offset_psi_beta = 0.125 * (psi_beta_next_1p - psi_beta_next_0p +
-        (psi_beta_next_2p - psi_beta_next_0p) + (psi_beta_next_3p - psi_beta_next_0p) +
-        (psi_beta_next_0m - psi_beta_next_0p) + (psi_beta_next_1m - psi_beta_next_0p) +
-        (psi_beta_next_2m - psi_beta_next_0p) + (psi_beta_next_3m - psi_beta_next_0p));
-    const float64 offset_omega = 0.125 * (omega_1p - omega_0p + (omega_2p - omega_0p) - d_omega_0 +
-        (omega_0m - omega_0p) + (omega_1m - omega_0p) + (omega_2m - omega_0p) - d_omega_0);
-    const float64 offset_theta = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
-        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float64 psi_alpha_pred = psi_alpha_next_0p + offset_psi_alpha;
-    const float64 psi_beta_pred = psi_beta_next_0p + offset_psi_beta;
-    const float64 omega_pred = omega_0p + offset_omega;
-    const float64 theta_pred = theta_next_0p + offset_theta;
+    /* --- eq. 16: x_pred = mean X_i' */
+    const float64 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+        even_psi_alpha_next_3) * 0.25;
+    const float64 offset_psi_beta = 0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2
+        + even_psi_beta_next_3);
+    const float64 psi_alpha_pred = odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
+        (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta);
+    const float64 psi_beta_pred = odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
+        (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta);
+    const float64 theta_pred = theta + ADVANCE_POLE_PAIRS * omega;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float64 dev_psi_alpha_1p = psi_alpha_next_1p - psi_alpha_pred;
-    const float64 dev_psi_beta_1p = psi_beta_next_1p - psi_beta_pred;
-    const float64 dev_omega_1p = omega_1p - omega_pred;
-    const float64 dev_theta_1p = theta_next_1p - theta_pred;
-    const float64 dev_psi_alpha_2p = psi_alpha_next_2p - psi_alpha_pred;
-    const float64 dev_psi_beta_2p = psi_beta_next_2p - psi_beta_pred;
-    const float64 dev_omega_2p = omega_2p - omega_pred;
-    const float64 dev_theta_2p = theta_next_2p - theta_pred;
-    const float64 dev_psi_alpha_3p = psi_alpha_next_3p - psi_alpha_pred;
-    const float64 dev_psi_beta_3p = psi_beta_next_3p - psi_beta_pred;
-    const float64 dev_omega_3p = omega - omega_pred;
-    const float64 dev_theta_3p = theta_next_3p - theta_pred;
-    const float64 dev_psi_alpha_0m = psi_alpha_next_0m - psi_alpha_pred;
-    const float64 dev_psi_beta_0m = psi_beta_next_0m - psi_beta_pred;
-    const float64 dev_omega_0m = omega_0m - omega_pred;
-    const float64 dev_theta_0m = theta_next_0m - theta_pred;
-    const float64 dev_psi_alpha_1m = psi_alpha_next_1m - psi_alpha_pred;
-    const float64 dev_psi_beta_1m = psi_beta_next_1m - psi_beta_pred;
-    const float64 dev_omega_1m = omega_1m - omega_pred;
-    const float64 dev_theta_1m = theta_next_1m - theta_pred;
-    const float64 dev_psi_alpha_2m = psi_alpha_next_2m - psi_alpha_pred;
-    const float64 dev_psi_beta_2m = psi_beta_next_2m - psi_beta_pred;
-    const float64 dev_omega_2m = omega_2m - omega_pred;
-    const float64 dev_theta_2m = theta_next_2m - theta_pred;
-    const float64 dev_psi_alpha_3m = psi_alpha_next_3m - psi_alpha_pred;
-    const float64 dev_psi_beta_3m = psi_beta_next_3m - psi_beta_pred;
-    const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 P_pred_00 = 0.125 * (offset_psi_alpha * offset_psi_alpha +
-        dev_psi_alpha_1p * dev_psi_alpha_1p + dev_psi_alpha_2p * dev_psi_alpha_2p +
-        dev_psi_alpha_3p * dev_psi_alpha_3p + dev_psi_alpha_0m * dev_psi_alpha_0m +
-        dev_psi_alpha_1m * dev_psi_alpha_1m + dev_psi_alpha_2m * dev_psi_alpha_2m +
-        dev_psi_alpha_3m * dev_psi_alpha_3m) + Q_0;
-    const float64 P_pred_10 = 0.125 * (offset_psi_beta * offset_psi_alpha + dev_psi_beta_1p * dev_psi_alpha_1p
-        + dev_psi_beta_2p * dev_psi_alpha_2p + dev_psi_beta_3p * dev_psi_alpha_3p +
-        dev_psi_beta_0m * dev_psi_alpha_0m + dev_psi_beta_1m * dev_psi_alpha_1m +
-        dev_psi_beta_2m * dev_psi_alpha_2m + dev_psi_beta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_11 = 0.125 * (offset_psi_beta * offset_psi_beta + dev_psi_beta_1p * dev_psi_beta_1p +
-        dev_psi_beta_2p * dev_psi_beta_2p + dev_psi_beta_3p * dev_psi_beta_3p +
-        dev_psi_beta_0m * dev_psi_beta_0m + dev_psi_beta_1m * dev_psi_beta_1m +
-        dev_psi_beta_2m * dev_psi_beta_2m + dev_psi_beta_3m * dev_psi_beta_3m) + Q_1;
-    const float64 P_pred_20 = 0.125 * (offset_omega * offset_psi_alpha + dev_omega_1p * dev_psi_alpha_1p +
-        dev_omega_2p * dev_psi_alpha_2p + dev_omega_3p * dev_psi_alpha_3p + dev_omega_0m * dev_psi_alpha_0m +
-        dev_omega_1m * dev_psi_alpha_1m + dev_omega_2m * dev_psi_alpha_2m + dev_omega_3p * dev_psi_alpha_3m);
-    const float64 P_pred_21 = 0.125 * (offset_omega * offset_psi_beta + dev_omega_1p * dev_psi_beta_1p +
-        dev_omega_2p * dev_psi_beta_2p + dev_omega_3p * dev_psi_beta_3p + dev_omega_0m * dev_psi_beta_0m +
-        dev_omega_1m * dev_psi_beta_1m + dev_omega_2m * dev_psi_beta_2m + dev_omega_3p * dev_psi_beta_3m);
-    const float64 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float64 P_pred_22 = 0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
-        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float64 P_pred_30 = 0.125 * (offset_theta * offset_psi_alpha + dev_theta_1p * dev_psi_alpha_1p +
-        dev_theta_2p * dev_psi_alpha_2p + dev_theta_3p * dev_psi_alpha_3p + dev_theta_0m * dev_psi_alpha_0m +
-        dev_theta_1m * dev_psi_alpha_1m + dev_theta_2m * dev_psi_alpha_2m + dev_theta_3m * dev_psi_alpha_3m);
-    const float64 P_pred_31 = 0.125 * (offset_theta * offset_psi_beta + dev_theta_1p * dev_psi_beta_1p +
-        dev_theta_2p * dev_psi_beta_2p + dev_theta_3p * dev_psi_beta_3p + dev_theta_0m * dev_psi_beta_0m +
-        dev_theta_1m * dev_psi_beta_1m + dev_theta_2m * dev_psi_beta_2m + dev_theta_3m * dev_psi_beta_3m);
-    const float64 P_pred_32 = 0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
-        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float64 P_pred_33 = 0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
-        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
+    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
+    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
+    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
+    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha;
+    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta;
+    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
+    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
+    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
+    const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
+    const float64 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
+    const float64 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
+    const float64 D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3;
+    const float64 part_of_P_pred_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
+        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
+        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
+        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+        dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
+        dev_psi_alpha_3 * dev_psi_alpha_3);
+    const float64 part_of_P_pred_00_2 = D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
+        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
+        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
+        dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
+        dev_psi_alpha_3 * dev_psi_beta_3);
+    const float64 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
+    const float64 odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
+    const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
+    const float64 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
+    const float64 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
+    const float64 part_of_P_pred_00_4 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
+        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
+        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
+        dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
+    const float64 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
+        Q_0;
+    const float64 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 +
+        odd_psi_beta_1_times_part_of_P_pred_00_2;
+    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4;
+    const float64 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
+    const float64 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
+        Q_1;
+    const float64 D_0_times_L_20 = D_0 * L_20;
+    const float64 D_1_times_L_21 = D_1 * L_21;
+    const float64 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
+        D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
+    const float64 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
+        D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
+    const float64 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
+    const float64 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+    const float64 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
+    const float64 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
+        + D_3_times_odd_psi_alpha_next_3;
+    const float64 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
+        D_3_times_odd_psi_beta_next_3;
+    const float64 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
+    const float64 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+    const float64 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
+        D_2_times_odd_theta_next_2;
+    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
+        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
+
+    /* --- eq. 18: L D L^T = P_pred */
+    const float64 part_of_L_pred_10 = 1.0 / P_pred_00;
+    const float64 L_pred_10 = P_pred_10 * part_of_L_pred_10;
+    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 L_pred_20 = part_of_L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21_2 = 1.0 / D_pred_1;
+    const float64 L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2;
+    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float64 L_pred_30 = part_of_L_pred_10 * P_pred_30;
+    const float64 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float64 L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31;
+    const float64 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+    const float64 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3);
 
     x_pred_out[0] = psi_alpha_pred;
     x_pred_out[1] = psi_beta_pred;
-    x_pred_out[2] = omega_pred;
+    x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    P_pred_out[0] = P_pred_00;
-    P_pred_out[1] = P_pred_10;
-    P_pred_out[2] = P_pred_11;
-    P_pred_out[3] = P_pred_20;
-    P_pred_out[4] = P_pred_21;
-    P_pred_out[5] = P_pred_22;
-    P_pred_out[6] = P_pred_30;
-    P_pred_out[7] = P_pred_31;
-    P_pred_out[8] = P_pred_32;
-    P_pred_out[9] = P_pred_33;
+    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[1] = L_pred_10;
+    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[3] = L_pred_20;
+    LD_pred_out[4] = L_pred_21;
+    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[6] = L_pred_30;
+    LD_pred_out[7] = L_pred_31;
+    LD_pred_out[8] = L_pred_32;
+    LD_pred_out[9] = D_pred_3;
 }
 
 /* One iterate, eq. 28-33 */
-static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const float64 P_pred[10],
-    const float64 R[2], const float64 y[2], float64 x_j_out[4], float64 K_out[8], float64 Pyy_out[3],
+static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const float64 LD_pred[10],
+    const float64 R[2], const float64 y[2], float64 x_j_out[4], float64 HL_out[8], float64 noise_out[3],
     float64 change_out[1])
 {
     const float64 psi_alpha_j = x_j[0];
@@ -376,90 +474,108 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
-    /* --- eq. 28: h(x^j); H^j = dh/dx at x^j */
+    /* --- eq. 31: x_pred - x^j */
+    const float64 back_psi_alpha = psi_alpha_pred - psi_alpha_j;
+    const float64 back_psi_beta = psi_beta_pred - psi_beta_j;
+    const float64 back_theta = theta_pred - theta_j;
+
+    /* --- eq. 20: Jacobian */
     const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 psi_d_j = cos_theta_j * psi_alpha_j + sin_theta_j * psi_beta_j;
     const float64 psi_q_j = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j;
-    const float64 i_d_j = INV_L_D * (psi_d_j - PSI_M);
-    const float64 i_q_j = INV_L_Q * psi_q_j;
-    const float64 cos_theta_j_times_i_d_j = cos_theta_j * i_d_j;
-    const float64 sin_theta_j_times_i_q_j = sin_theta_j * i_q_j;
-    const float64 h_i_alpha_j = cos_theta_j_times_i_d_j - sin_theta_j_times_i_q_j;
-    const float64 sin_theta_j_times_i_d_j = sin_theta_j * i_d_j;
-    const float64 cos_theta_j_times_i_q_j = cos_theta_j * i_q_j;
-    const float64 h_i_beta_j = sin_theta_j_times_i_d_j + cos_theta_j_times_i_q_j;
-    const float64 inv_l_d_times_cos_theta_j = INV_L_D * cos_theta_j;
-    const float64 inv_l_q_times_sin_theta_j = INV_L_Q * sin_theta_j;
-    const float64 H_00 = cos_theta_j * inv_l_d_times_cos_theta_j + sin_theta_j * inv_l_q_times_sin_theta_j;
+    const float64 cos_theta_j_times_inv_l_d = cos_theta_j * INV_L_D;
+    const float64 sin_theta_j_times_inv_l_q = sin_theta_j * INV_L_Q;
+    const float64 slope_y_i_alpha_0 = cos_theta_j * cos_theta_j_times_inv_l_d +
+        sin_theta_j * sin_theta_j_times_inv_l_q;
+    const float64 cos_theta_j_times_inv_l_q = cos_theta_j * INV_L_Q;
+    const float64 slope_y_i_alpha_1 = cos_theta_j_times_inv_l_d * sin_theta_j -
+        sin_theta_j * cos_theta_j_times_inv_l_q;
     const float64 inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j;
-    const float64 inv_l_q_times_cos_theta_j = INV_L_Q * cos_theta_j;
-    const float64 H_01 = cos_theta_j * inv_l_d_times_sin_theta_j - sin_theta_j * inv_l_q_times_cos_theta_j;
-    const float64 inv_l_d_times_psi_q_j = INV_L_D * psi_q_j;
-    const float64 inv_l_q_times_psi_d_j = INV_L_Q * psi_d_j;
-    const float64 H_03 = cos_theta_j * inv_l_d_times_psi_q_j - sin_theta_j_times_i_d_j -
-        (cos_theta_j_times_i_q_j - sin_theta_j * inv_l_q_times_psi_d_j);
-    const float64 H_10 = sin_theta_j * inv_l_d_times_cos_theta_j - cos_theta_j * inv_l_q_times_sin_theta_j;
-    const float64 H_11 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * inv_l_q_times_cos_theta_j;
-    const float64 H_13 = cos_theta_j_times_i_d_j + sin_theta_j * inv_l_d_times_psi_q_j -
-        (sin_theta_j_times_i_q_j + cos_theta_j * inv_l_q_times_psi_d_j);
+    const float64 psi_d_j_minus_psi_m = psi_d_j - PSI_M;
+    const float64 part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m;
+    const float64 cos_theta_j_times_inv_l_q_times_psi_q_j = cos_theta_j_times_inv_l_q * psi_q_j;
+    const float64 slope_y_i_alpha_3 = cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
+        (cos_theta_j_times_inv_l_q_times_psi_q_j - sin_theta_j_times_inv_l_q * psi_d_j);
+    const float64 slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j +
+        cos_theta_j * cos_theta_j_times_inv_l_q;
+    const float64 part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
+    const float64 sin_theta_j_times_inv_l_q_times_psi_q_j = sin_theta_j_times_inv_l_q * psi_q_j;
+    const float64 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
+        (cos_theta_j_times_inv_l_q * psi_d_j + sin_theta_j_times_inv_l_q_times_psi_q_j);
 
-    /* --- eq. 30: Pxy^j = P_pred H^jT */
-    const float64 Pxy_00 = P_pred_00 * H_00 + P_pred_10 * H_01 + P_pred_30 * H_03;
-    const float64 Pxy_01 = P_pred_00 * H_10 + P_pred_10 * H_11 + P_pred_30 * H_13;
-    const float64 Pxy_10 = P_pred_10 * H_00 + P_pred_11 * H_01 + P_pred_31 * H_03;
-    const float64 Pxy_11 = P_pred_10 * H_10 + P_pred_11 * H_11 + P_pred_31 * H_13;
-    const float64 Pxy_20 = P_pred_20 * H_00 + P_pred_21 * H_01 + P_pred_32 * H_03;
-    const float64 Pxy_21 = P_pred_20 * H_10 + P_pred_21 * H_11 + P_pred_32 * H_13;
-    const float64 Pxy_30 = P_pred_30 * H_00 + P_pred_31 * H_01 + P_pred_33 * H_03;
-    const float64 Pxy_31 = P_pred_30 * H_10 + P_pred_31 * H_11 + P_pred_33 * H_13;
+    /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
+    const float64 innovation_i_alpha = i_alpha_meas - (part_of_innovation_i_alpha -
+        sin_theta_j_times_inv_l_q_times_psi_q_j) - (slope_y_i_alpha_0 * back_psi_alpha +
+        slope_y_i_alpha_1 * back_psi_beta + slope_y_i_alpha_3 * back_theta);
+    const float64 innovation_i_beta = i_beta_meas - (part_of_slope_y_i_alpha_3 +
+        cos_theta_j_times_inv_l_q_times_psi_q_j) - (back_psi_alpha * slope_y_i_alpha_1 +
+        back_psi_beta * slope_y_i_beta_1 + back_theta * slope_y_i_beta_3);
 
-    /* --- eq. 29: Pyy^j = H^j P_pred H^jT + R */
-    const float64 Pyy_00 = H_00 * Pxy_00 + H_01 * Pxy_10 + H_03 * Pxy_30 + R_0;
-    const float64 Pyy_10 = H_10 * Pxy_00 + H_11 * Pxy_10 + H_13 * Pxy_30;
-    const float64 Pyy_11 = H_10 * Pxy_01 + H_11 * Pxy_11 + H_13 * Pxy_31 + R_1;
+    /* --- eq. 22: Pyy^j */
+    const float64 part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 +
+        slope_y_i_alpha_3 * L_pred_30;
+    const float64 D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00;
+    const float64 part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
+    const float64 D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2;
+    const float64 slope_y_i_alpha_3_times_L_pred_32 = slope_y_i_alpha_3 * L_pred_32;
+    const float64 D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32;
+    const float64 part_of_Pyy_00_3 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32;
+    const float64 slope_y_i_alpha_3_times_D_pred_3 = slope_y_i_alpha_3 * D_pred_3;
+    const float64 Pyy_00 = part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
+        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 +
+        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_00_3 +
+        slope_y_i_alpha_3 * slope_y_i_alpha_3_times_D_pred_3 + R_0;
+    const float64 part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 +
+        L_pred_30 * slope_y_i_beta_3;
+    const float64 part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3;
+    const float64 part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3;
+    const float64 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
+        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 +
+        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_10_3 +
+        slope_y_i_alpha_3_times_D_pred_3 * slope_y_i_beta_3;
+    const float64 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
+    const float64 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
+    const float64 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
+    const float64 Pyy_11 = part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10 +
+        part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3)
+        + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 + R_1;
 
-    /* --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1 */
-    const float64 det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10;
-    const float64 Pyy_inv_00 = Pyy_11 / det_Pyy;
-    const float64 Pyy_inv_11 = Pyy_00 / det_Pyy;
-    const float64 Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy;
-    const float64 K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy;
-    const float64 K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy;
-    const float64 K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy;
-    const float64 K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy;
-    const float64 K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy;
-    const float64 K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy;
-    const float64 K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy;
-    const float64 K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy;
+    /* --- eq. 28: Pyy^-1 innovation */
+    const float64 part_of_share_0 = 1.0 / Pyy_00;
+    const float64 part_of_share_0_times_Pyy_10 = part_of_share_0 * Pyy_10;
+    const float64 share_1 = (innovation_i_beta -
+        innovation_i_alpha * part_of_share_0_times_Pyy_10) / larger(Pyy_11 - Pyy_10 * part_of_share_0_times_Pyy_10, R_1);
+    const float64 share_0 = innovation_i_alpha * part_of_share_0 - part_of_share_0_times_Pyy_10 * share_1;
 
-    /* --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1} */
-    const float64 back_psi_alpha = psi_alpha_pred - psi_alpha_j;
-    const float64 back_psi_beta = psi_beta_pred - psi_beta_j;
-    const float64 back_theta = theta_pred - theta_j;
-    const float64 innovation_i_alpha = i_alpha_meas - h_i_alpha_j - (H_00 * back_psi_alpha +
-        H_01 * back_psi_beta + H_03 * back_theta);
-    const float64 innovation_i_beta = i_beta_meas - h_i_beta_j - (H_10 * back_psi_alpha + H_11 * back_psi_beta
-        + H_13 * back_theta);
-    const float64 psi_alpha_after = psi_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta);
-    const float64 psi_beta_after = psi_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta);
-    const float64 omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta);
-    const float64 theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta);
+    /* --- eq. 31: K innovation = L along; x^{j+1} */
+    const float64 along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1;
+    const float64 along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 +
+        D_pred_1_times_part_of_Pyy_10_2 * share_1;
+    const float64 along_2 = part_of_Pyy_00_3 * share_0 + part_of_Pyy_10_3 * share_1;
+    const float64 along_3 = slope_y_i_alpha_3_times_D_pred_3 * share_0 +
+        D_pred_3_times_slope_y_i_beta_3 * share_1;
+    const float64 psi_alpha_after = psi_alpha_pred + along_0;
+    const float64 psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1);
+    const float64 omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2);
+    const float64 theta_after = theta_pred + (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2
+        + along_3);
 
     /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
     const float64 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
@@ -473,121 +589,163 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     x_j_out[1] = psi_beta_after;
     x_j_out[2] = omega_after;
     x_j_out[3] = theta_after;
-    K_out[0] = K_00;
-    K_out[1] = K_01;
-    K_out[2] = K_10;
-    K_out[3] = K_11;
-    K_out[4] = K_20;
-    K_out[5] = K_21;
-    K_out[6] = K_30;
-    K_out[7] = K_31;
-    Pyy_out[0] = Pyy_00;
-    Pyy_out[1] = Pyy_10;
-    Pyy_out[2] = Pyy_11;
+    HL_out[0] = part_of_Pyy_00;
+    HL_out[1] = part_of_Pyy_00_2;
+    HL_out[2] = slope_y_i_alpha_3_times_L_pred_32;
+    HL_out[3] = slope_y_i_alpha_3;
+    HL_out[4] = part_of_Pyy_10;
+    HL_out[5] = part_of_Pyy_10_2;
+    HL_out[6] = L_pred_32 * slope_y_i_beta_3;
+    HL_out[7] = slope_y_i_beta_3;
+    noise_out[0] = R_0;
+    noise_out[1] = 0.0;
+    noise_out[2] = R_1;
     change_out[0] = change;
 }
 
 /* Result of the last iterate, eq. 32 and 34 */
-static void ickf_finish(const float64 x_j[4], const float64 P_pred[10], const float64 K[8],
-    const float64 Pyy[3], float64 x_out[4], float64 P_out[10])
+static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const float64 HL[8],
+    const float64 noise[3], float64 x_out[4], float64 LD_out[10])
 {
     const float64 psi_alpha_j = x_j[0];
     const float64 psi_beta_j = x_j[1];
     const float64 omega_j = x_j[2];
     const float64 theta_j = x_j[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
-    const float64 K_00 = K[0];
-    const float64 K_01 = K[1];
-    const float64 K_10 = K[2];
-    const float64 K_11 = K[3];
-    const float64 K_20 = K[4];
-    const float64 K_21 = K[5];
-    const float64 K_30 = K[6];
-    const float64 K_31 = K[7];
-    const float64 Pyy_00 = Pyy[0];
-    const float64 Pyy_10 = Pyy[1];
-    const float64 Pyy_11 = Pyy[2];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
+    const float64 HL_00 = HL[0];
+    const float64 HL_01 = HL[1];
+    const float64 HL_02 = HL[2];
+    const float64 HL_03 = HL[3];
+    const float64 HL_10 = HL[4];
+    const float64 HL_11 = HL[5];
+    const float64 HL_12 = HL[6];
+    const float64 HL_13 = HL[7];
+    const float64 noise_00 = noise[0];
+    const float64 noise_11 = noise[2];
 
-    /* --- eq. 34: x = x^N, theta wrapped */
+    /* --- eq. 32 */
+    const float64 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
+    const float64 part_of_D_new_0 = noise_00 + HL_03 * HL_03_times_D_pred_3;
+    const float64 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
+    const float64 part_of_D_new_0_2 = part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2;
+    const float64 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
+    const float64 part_of_D_new_0_3 = part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1;
+    const float64 span_first = part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00;
+    const float64 part_of_D_new_0_5 = 1.0 / part_of_D_new_0;
+    const float64 part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5;
+    const float64 HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6;
+    const float64 part_of_D_new_0_7 = noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6;
+    const float64 HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5;
+    const float64 HL_03_times_D_pred_3_times_HL_13 = HL_03_times_D_pred_3 * HL_13;
+    const float64 part_of_D_new_0_8 = HL_12 -
+        HL_02_times_part_of_D_new_0_5 * HL_03_times_D_pred_3_times_HL_13;
+    const float64 part_of_D_new_0_9 = 1.0 / part_of_D_new_0_2;
+    const float64 part_of_D_new_0_10 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_9;
+    const float64 part_of_D_new_0_11 = part_of_D_new_0_8 * part_of_D_new_0_10;
+    const float64 part_of_D_new_0_12 = part_of_D_new_0_7 + part_of_D_new_0_8 * part_of_D_new_0_11;
+    const float64 HL_01_times_part_of_D_new_0_9 = HL_01 * part_of_D_new_0_9;
+    const float64 part_of_D_new_0_13 = HL_03_times_D_pred_3_times_HL_13 + HL_02_times_D_pred_2 * HL_12;
+    const float64 part_of_D_new_0_14 = HL_11 - HL_01_times_part_of_D_new_0_9 * part_of_D_new_0_13;
+    const float64 part_of_D_new_0_15 = 1.0 / part_of_D_new_0_3;
+    const float64 part_of_D_new_0_16 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_15;
+    const float64 part_of_D_new_0_17 = part_of_D_new_0_14 * part_of_D_new_0_16;
+    const float64 part_of_D_new_0_18 = part_of_D_new_0_12 + part_of_D_new_0_14 * part_of_D_new_0_17;
+    const float64 part_of_D_new_0_4 = D_pred_0 * part_of_D_new_0_3 / span_first;
+    const float64 HL_00_times_part_of_D_new_0_15 = HL_00 * part_of_D_new_0_15;
+    const float64 part_of_span_second = HL_10 -
+        HL_00_times_part_of_D_new_0_15 * (part_of_D_new_0_13 + HL_01_times_D_pred_1 * HL_11);
+    const float64 span_second = part_of_D_new_0_18 +
+        part_of_D_new_0_4 * part_of_span_second * part_of_span_second;
+
+    /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_j);
 
-    /* --- eq. 32: K Pyy; P = P_pred - K Pyy K^T */
-    const float64 KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10;
-    const float64 KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11;
-    const float64 KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10;
-    const float64 KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11;
-    const float64 KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10;
-    const float64 KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11;
-    const float64 KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10;
-    const float64 KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11;
-    const float64 P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01);
-    const float64 P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01);
-    const float64 P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11);
-    const float64 P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01);
-    const float64 P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11);
-    const float64 P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21);
-    const float64 P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01);
-    const float64 P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11);
-    const float64 P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21);
-    const float64 P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31);
+    /* --- eq. 32: L D L^T = P_new */
+    const float64 D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_18 / span_second;
+    const float64 part_of_L_new_10 = 1.0 / part_of_D_new_0_18;
+    const float64 part_of_L_new_10_2 = part_of_span_second * part_of_L_new_10;
+    const float64 L_new_10 = L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_15 -
+        part_of_D_new_0_17 * part_of_L_new_10_2;
+    const float64 D_new_1 = part_of_D_new_0_12 * part_of_D_new_0_16 * part_of_L_new_10;
+    const float64 part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_9;
+    const float64 L_new_20 = L_pred_20 -
+        HL_00_times_part_of_D_new_0_15 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
+        part_of_L_new_10_2 * (part_of_D_new_0_11 + part_of_D_new_0_17 * part_of_L_new_20);
+    const float64 part_of_L_new_21 = 1.0 / part_of_D_new_0_12;
+    const float64 part_of_L_new_21_2 = part_of_D_new_0_14 * part_of_L_new_21;
+    const float64 L_new_21 = part_of_L_new_20 - part_of_D_new_0_11 * part_of_L_new_21_2;
+    const float64 D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_10 * part_of_L_new_21;
+    const float64 part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32;
+    const float64 part_of_L_new_30_2 = L_pred_32 - HL_03_times_D_pred_3 * HL_02_times_part_of_D_new_0_5;
+    const float64 part_of_L_new_30_3 = HL_13_times_part_of_D_new_0_6 +
+        part_of_D_new_0_11 * part_of_L_new_30_2;
+    const float64 part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_9 * part_of_L_new_30;
+    const float64 L_new_30 = L_pred_30 -
+        HL_00_times_part_of_D_new_0_15 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
+        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_17 * part_of_L_new_30_4);
+    const float64 L_new_31 = part_of_L_new_30_4 - part_of_L_new_21_2 * part_of_L_new_30_3;
+    const float64 part_of_L_new_32 = 1.0 / part_of_D_new_0_7;
+    const float64 L_new_32 = part_of_L_new_30_2 -
+        HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_8 * part_of_L_new_32;
+    const float64 D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32;
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
     x_out[3] = theta_new;
-    P_out[0] = P_00;
-    P_out[1] = P_10;
-    P_out[2] = P_11;
-    P_out[3] = P_20;
-    P_out[4] = P_21;
-    P_out[5] = P_22;
-    P_out[6] = P_30;
-    P_out[7] = P_31;
-    P_out[8] = P_32;
-    P_out[9] = P_33;
+    LD_out[0] = D_new_0;
+    LD_out[1] = L_new_10;
+    LD_out[2] = D_new_1;
+    LD_out[3] = L_new_20;
+    LD_out[4] = L_new_21;
+    LD_out[5] = D_new_2;
+    LD_out[6] = L_new_30;
+    LD_out[7] = L_new_31;
+    LD_out[8] = L_new_32;
+    LD_out[9] = D_new_3;
 }
 
 /* No measurement: the prediction is the estimate */
-static void coast(const float64 x_pred[4], const float64 P_pred[10], float64 x_out[4], float64 P_out[10])
+static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_out[4], float64 LD_out[10])
 {
     const float64 psi_alpha_pred = x_pred[0];
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
 
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    P_out[0] = P_pred_00;
-    P_out[1] = P_pred_10;
-    P_out[2] = P_pred_11;
-    P_out[3] = P_pred_20;
-    P_out[4] = P_pred_21;
-    P_out[5] = P_pred_22;
-    P_out[6] = P_pred_30;
-    P_out[7] = P_pred_31;
-    P_out[8] = P_pred_32;
-    P_out[9] = P_pred_33;
+    LD_out[0] = D_pred_0;
+    LD_out[1] = L_pred_10;
+    LD_out[2] = D_pred_1;
+    LD_out[3] = L_pred_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_pred_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
 }
 
 void ipmsm_flux_ickf_f64_init(ipmsm_flux_ickf_f64_t *f)
@@ -621,7 +779,7 @@ void ipmsm_flux_ickf_f64_reset(ipmsm_flux_ickf_f64_t *f)
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
-            f->P[k] = (i == j) ? f->P_0[i] : 0.0;
+            f->LD[k] = (i == j) ? f->P_0[i] : 0.0;
             k++;
         }
     }
@@ -632,11 +790,13 @@ void ipmsm_flux_ickf_f64_reset(ipmsm_flux_ickf_f64_t *f)
 
 int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const float64 y[2])
 {
+    float64 z[4];
+    float64 turn[8];
     float64 x_pred[4];
-    float64 P_pred[10];
+    float64 LD_pred[10];
     float64 x_j[4];
-    float64 K[8];
-    float64 Pyy[3];
+    float64 HL[8];
+    float64 noise[3];
     float64 change[1];
     const int u_good = within(u, f->u_max);
     const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
@@ -648,21 +808,22 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
-    time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
+    time_update_turns(f->LD, z, turn);
+    time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred);
     if (accepted != 0) {
         copy(x_j, x_pred, N_STATES);
         iterations = 0;
         do {
-            ickf_iterate(x_j, x_pred, P_pred, f->R, y, x_j, K, Pyy, change);
+            ickf_iterate(x_j, x_pred, LD_pred, f->R, y, x_j, HL, noise, change);
             iterations++;
             moving = (change[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */
         } while ((moving != 0) && (iterations < f->max_iterations));
         if (moving != 0) {
             status |= PMSM_NOT_CONVERGED;
         }
-        ickf_finish(x_j, P_pred, K, Pyy, f->x, f->P);
+        ickf_finish(x_j, LD_pred, HL, noise, f->x, f->LD);
     } else {
-        coast(x_pred, P_pred, f->x, f->P);
+        coast(x_pred, LD_pred, f->x, f->LD);
     }
     f->iterations = iterations;
     return status;

@@ -15,12 +15,14 @@
 #define N_STATES 4
 
 /* Motor data and sample time, folded. */
-#define POLE_PAIRS 4.0 /* p */
 #define DECAY_I 0.9311377245508982 /* 1 - T R / L */
-#define GAIN_E 0.004191616766467066 /* T psi_m / L, A s/rad */
 #define GAIN_V 0.023952095808383235 /* T / L, A/V */
-#define SAMPLE_TIME 2e-05 /* sample time, s */
 #define DECAY_OMEGA 0.999995 /* 1 - T D / J */
+#define GAIN_E_POLE_PAIRS 0.016766467065868262 /* GAIN_E * POLE_PAIRS */
+#define GAIN_E_POLE_PAIRS_X4 0.06706586826347305 /* 4 * GAIN_E * POLE_PAIRS */
+#define POLE_PAIRS_SAMPLE_TIME 8e-05 /* POLE_PAIRS * SAMPLE_TIME */
+#define GAIN_E_SQ_POLE_PAIRS_SQ 0.0002811144178708451 /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
+#define DECAY_OMEGA_SQ 0.9999900000249999 /* DECAY_OMEGA * DECAY_OMEGA */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -39,6 +41,42 @@ static pmsm_pair_f64 sin_cos(float64 x)
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
+}
+
+/* How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
+ * for d up to 0.71 rad. */
+#define SINC_1 -0.16666666666666666
+#define SINC_2 0.008333333333333333
+#define SINC_3 -0.0001984126984126984
+#define SINC_4 2.7557319223985893e-06
+#define SINC_5 -2.505210838544172e-08
+#define SINC_6 1.6059043836821613e-10
+#define SINC_7 -7.647163731819816e-13
+#define SINC_8 2.8114572543455206e-15
+#define SINC_9 -8.22063524662433e-18
+#define COSM1_1 -0.5
+#define COSM1_2 0.041666666666666664
+#define COSM1_3 -0.001388888888888889
+#define COSM1_4 2.48015873015873e-05
+#define COSM1_5 -2.755731922398589e-07
+#define COSM1_6 2.08767569878681e-09
+#define COSM1_7 -1.1470745597729725e-11
+#define COSM1_8 4.779477332387385e-14
+#define COSM1_9 -1.5619206968586225e-16
+#define SMALL_TURN 0.5 /* rad^2 */
+
+/* Turns that are not small, far from a settled filter: by sine and cosine. */
+static void widen(const float64 z[], float64 turn[], int count)
+{
+    int k;
+    for (k = 0; k < count; k++) {
+        if (!(z[k] <= SMALL_TURN)) {
+            const float64 d = sqrt(z[k]);
+            const pmsm_pair_f64 side = sin_cos(d);
+            turn[2 * k] = side.sine / d;
+            turn[(2 * k) + 1] = side.cosine - 1.0;
+        }
+    }
 }
 
 static float64 smaller(float64 a, float64 b)
@@ -67,464 +105,355 @@ static int within(const float64 value[2], float64 limit)
     return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
-/* Time update, eq. 13-17 */
-static void time_update(const float64 x[4], const float64 P[10], const float64 Q[4], const float64 u[2],
-    float64 x_pred_out[4], float64 P_pred_out[10])
+/* Small angles of time_update: sin(d) / d and cos(d) - 1 */
+static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 turn_out[8])
+{
+    const float64 D_0 = LD[0];
+    const float64 D_1 = LD[2];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
+
+    /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 d_theta_sq_0 = D_0 * 4.0 * L_30 * L_30;
+    const float64 d_theta_sq_1 = 4.0 * D_1 * L_31 * L_31;
+    const float64 d_theta_sq_2 = 4.0 * D_2 * L_32 * L_32;
+    const float64 d_theta_sq_3 = 4.0 * D_3;
+    const float64 sinc_theta_0 = ((((((((SINC_9 * d_theta_sq_0 + SINC_8) * d_theta_sq_0 +
+        SINC_7) * d_theta_sq_0 + SINC_6) * d_theta_sq_0 + SINC_5) * d_theta_sq_0 + SINC_4) * d_theta_sq_0 +
+        SINC_3) * d_theta_sq_0 + SINC_2) * d_theta_sq_0 + SINC_1) * d_theta_sq_0 + 1.0;
+    const float64 cosm1_theta_0 = ((((((((COSM1_9 * d_theta_sq_0 + COSM1_8) * d_theta_sq_0 +
+        COSM1_7) * d_theta_sq_0 + COSM1_6) * d_theta_sq_0 + COSM1_5) * d_theta_sq_0 + COSM1_4) * d_theta_sq_0
+        + COSM1_3) * d_theta_sq_0 + COSM1_2) * d_theta_sq_0 + COSM1_1) * d_theta_sq_0;
+    const float64 sinc_theta_1 = ((((((((SINC_9 * d_theta_sq_1 + SINC_8) * d_theta_sq_1 +
+        SINC_7) * d_theta_sq_1 + SINC_6) * d_theta_sq_1 + SINC_5) * d_theta_sq_1 + SINC_4) * d_theta_sq_1 +
+        SINC_3) * d_theta_sq_1 + SINC_2) * d_theta_sq_1 + SINC_1) * d_theta_sq_1 + 1.0;
+    const float64 cosm1_theta_1 = ((((((((COSM1_9 * d_theta_sq_1 + COSM1_8) * d_theta_sq_1 +
+        COSM1_7) * d_theta_sq_1 + COSM1_6) * d_theta_sq_1 + COSM1_5) * d_theta_sq_1 + COSM1_4) * d_theta_sq_1
+        + COSM1_3) * d_theta_sq_1 + COSM1_2) * d_theta_sq_1 + COSM1_1) * d_theta_sq_1;
+    const float64 sinc_theta_2 = ((((((((SINC_9 * d_theta_sq_2 + SINC_8) * d_theta_sq_2 +
+        SINC_7) * d_theta_sq_2 + SINC_6) * d_theta_sq_2 + SINC_5) * d_theta_sq_2 + SINC_4) * d_theta_sq_2 +
+        SINC_3) * d_theta_sq_2 + SINC_2) * d_theta_sq_2 + SINC_1) * d_theta_sq_2 + 1.0;
+    const float64 cosm1_theta_2 = ((((((((COSM1_9 * d_theta_sq_2 + COSM1_8) * d_theta_sq_2 +
+        COSM1_7) * d_theta_sq_2 + COSM1_6) * d_theta_sq_2 + COSM1_5) * d_theta_sq_2 + COSM1_4) * d_theta_sq_2
+        + COSM1_3) * d_theta_sq_2 + COSM1_2) * d_theta_sq_2 + COSM1_1) * d_theta_sq_2;
+    const float64 sinc_theta_3 = ((((((((SINC_9 * d_theta_sq_3 + SINC_8) * d_theta_sq_3 +
+        SINC_7) * d_theta_sq_3 + SINC_6) * d_theta_sq_3 + SINC_5) * d_theta_sq_3 + SINC_4) * d_theta_sq_3 +
+        SINC_3) * d_theta_sq_3 + SINC_2) * d_theta_sq_3 + SINC_1) * d_theta_sq_3 + 1.0;
+    const float64 cosm1_theta_3 = ((((((((COSM1_9 * d_theta_sq_3 + COSM1_8) * d_theta_sq_3 +
+        COSM1_7) * d_theta_sq_3 + COSM1_6) * d_theta_sq_3 + COSM1_5) * d_theta_sq_3 + COSM1_4) * d_theta_sq_3
+        + COSM1_3) * d_theta_sq_3 + COSM1_2) * d_theta_sq_3 + COSM1_1) * d_theta_sq_3;
+
+    z_out[0] = d_theta_sq_0;
+    z_out[1] = d_theta_sq_1;
+    z_out[2] = d_theta_sq_2;
+    z_out[3] = d_theta_sq_3;
+    turn_out[0] = sinc_theta_0;
+    turn_out[1] = cosm1_theta_0;
+    turn_out[2] = sinc_theta_1;
+    turn_out[3] = cosm1_theta_1;
+    turn_out[4] = sinc_theta_2;
+    turn_out[5] = cosm1_theta_2;
+    turn_out[6] = sinc_theta_3;
+    turn_out[7] = cosm1_theta_3;
+    if (!((d_theta_sq_0 <= SMALL_TURN) && (d_theta_sq_1 <= SMALL_TURN) && (d_theta_sq_2 <= SMALL_TURN) &&
+        (d_theta_sq_3 <= SMALL_TURN))) {
+        widen(z_out, turn_out, 4);
+    }
+}
+
+/* Time update, eq. 13-18 */
+static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
+    const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10])
 {
     const float64 i_alpha = x[0];
     const float64 i_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 P_00 = P[0];
-    const float64 P_10 = P[1];
-    const float64 P_11 = P[2];
-    const float64 P_20 = P[3];
-    const float64 P_21 = P[4];
-    const float64 P_22 = P[5];
-    const float64 P_30 = P[6];
-    const float64 P_31 = P[7];
-    const float64 P_32 = P[8];
-    const float64 P_33 = P[9];
+    const float64 D_0 = LD[0];
+    const float64 L_10 = LD[1];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
     const float64 Q_3 = Q[3];
     const float64 v_alpha = u[0];
     const float64 v_beta = u[1];
+    const float64 sinc_theta_0 = turn[0];
+    const float64 cosm1_theta_0 = turn[1];
+    const float64 sinc_theta_1 = turn[2];
+    const float64 cosm1_theta_1 = turn[3];
+    const float64 sinc_theta_2 = turn[4];
+    const float64 cosm1_theta_2 = turn[5];
+    const float64 sinc_theta_3 = turn[6];
+    const float64 cosm1_theta_3 = turn[7];
 
-    /* --- eq. 13: S = chol(P) */
-    const float64 S_00 = sqrt(P_00);
-    const float64 S_10 = P_10 / S_00;
-    const float64 S_11 = sqrt(P_11 - S_10 * S_10);
-    const float64 S_20 = P_20 / S_00;
-    const float64 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float64 S_22 = sqrt(P_22 - (S_20 * S_20 + S_21 * S_21));
-    const float64 S_30 = P_30 / S_00;
-    const float64 S_31 = (P_31 - S_30 * S_10) / S_11;
-    const float64 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float64 S_33 = sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 drive_alpha = GAIN_V * v_alpha;
+    const float64 drive_beta = GAIN_V * v_beta;
+    const float64 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
+    const pmsm_pair_f64 sincos_theta = sin_cos(theta);
+    const float64 sin_theta = sincos_theta.sine;
+    const float64 cos_theta = sincos_theta.cosine;
+    const float64 part_of_i_alpha_pred = gain_e_pole_pairs_times_omega * sin_theta;
+    const float64 gain_e_pole_pairs_x4_times_cos_theta = GAIN_E_POLE_PAIRS_X4 * cos_theta;
+    const float64 D_0_times_L_20 = D_0 * L_20;
+    const float64 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
+    const float64 part_of_even_i_alpha_next_0 = D_0_times_L_20 * L_30_times_sinc_theta_0;
+    const float64 even_i_alpha_next_0 = part_of_i_alpha_pred * cosm1_theta_0 +
+        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_0;
+    const float64 D_1_times_L_21 = D_1 * L_21;
+    const float64 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
+    const float64 part_of_even_i_alpha_next_1 = D_1_times_L_21 * L_31_times_sinc_theta_1;
+    const float64 even_i_alpha_next_1 = part_of_i_alpha_pred * cosm1_theta_1 +
+        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_1;
+    const float64 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
+    const float64 part_of_even_i_alpha_next_2 = 0.06706586826347305 * D_2 * L_32_times_sinc_theta_2;
+    const float64 even_i_alpha_next_2 = part_of_i_alpha_pred * cosm1_theta_2 +
+        cos_theta * part_of_even_i_alpha_next_2;
+    const float64 even_i_alpha_next_3 = part_of_i_alpha_pred * cosm1_theta_3;
+    const float64 part_of_i_beta_pred = gain_e_pole_pairs_times_omega * cos_theta;
+    const float64 gain_e_pole_pairs_times_sin_theta = GAIN_E_POLE_PAIRS * sin_theta;
+    const float64 part_of_odd_i_alpha_next_0 = L_20 * (cosm1_theta_0 + 1.0);
+    const float64 odd_i_alpha_next_0 = DECAY_I + (part_of_i_beta_pred * L_30_times_sinc_theta_0 +
+        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_0);
+    const float64 part_of_odd_i_alpha_next_1 = L_21 * (cosm1_theta_1 + 1.0);
+    const float64 odd_i_alpha_next_1 = part_of_i_beta_pred * L_31_times_sinc_theta_1 +
+        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_1;
+    const float64 part_of_odd_i_alpha_next_2 = 0.016766467065868262 * (cosm1_theta_2 + 1.0);
+    const float64 odd_i_alpha_next_2 = part_of_i_beta_pred * L_32_times_sinc_theta_2 +
+        sin_theta * part_of_odd_i_alpha_next_2;
+    const float64 gain_e_pole_pairs_times_cos_theta = GAIN_E_POLE_PAIRS * cos_theta;
+    const float64 odd_i_beta_next_0 = DECAY_I * L_10 -
+        (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_0 -
+        part_of_i_alpha_pred * L_30_times_sinc_theta_0);
+    const float64 odd_i_beta_next_1 = DECAY_I -
+        (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_1 -
+        part_of_i_alpha_pred * L_31_times_sinc_theta_1);
+    const float64 odd_theta_next_0 = L_30 + POLE_PAIRS_SAMPLE_TIME * L_20;
+    const float64 odd_theta_next_1 = L_31 + POLE_PAIRS_SAMPLE_TIME * L_21;
+    const float64 odd_theta_next_2 = L_32 + 8e-05;
 
-    /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
-    const float64 d_i_alpha_0 = 2.0 * S_00;
-    const float64 d_i_beta_0 = 2.0 * S_10;
-    const float64 d_i_beta_1 = 2.0 * S_11;
-    const float64 d_omega_0 = 2.0 * S_20;
-    const float64 d_omega_1 = 2.0 * S_21;
-    const float64 d_omega_2 = 2.0 * S_22;
-    const float64 d_theta_0 = 2.0 * S_30;
-    const float64 d_theta_1 = 2.0 * S_31;
-    const float64 d_theta_2 = 2.0 * S_32;
-    const float64 d_theta_3 = 2.0 * S_33;
-    const float64 i_alpha_0p = i_alpha + d_i_alpha_0;
-    const float64 i_alpha_0m = i_alpha - d_i_alpha_0;
-    const float64 i_beta_0p = i_beta + d_i_beta_0;
-    const float64 i_beta_1p = i_beta + d_i_beta_1;
-    const float64 i_beta_0m = i_beta - d_i_beta_0;
-    const float64 i_beta_1m = i_beta - d_i_beta_1;
-    const float64 omega_0p = omega + d_omega_0;
-    const float64 omega_1p = omega + d_omega_1;
-    const float64 omega_2p = omega + d_omega_2;
-    const float64 omega_0m = omega - d_omega_0;
-    const float64 omega_1m = omega - d_omega_1;
-    const float64 omega_2m = omega - d_omega_2;
-    const float64 theta_0p = theta + d_theta_0;
-    const float64 theta_1p = theta + d_theta_1;
-    const float64 theta_2p = theta + d_theta_2;
-    const float64 theta_3p = theta + d_theta_3;
-    const float64 theta_0m = theta - d_theta_0;
-    const float64 theta_1m = theta - d_theta_1;
-    const float64 theta_2m = theta - d_theta_2;
-    const float64 theta_3m = theta - d_theta_3;
-
-    /* --- eq. 15: X_i' = f(X_i, u) */
-    const float64 omega_e_0p = POLE_PAIRS * omega_0p;
-    const float64 emf_step_0p = GAIN_E * omega_e_0p;
-    const float64 drive_alpha_0p = GAIN_V * v_alpha;
-    const float64 drive_beta_0p = GAIN_V * v_beta;
-    const float64 omega_e_1p = POLE_PAIRS * omega_1p;
-    const float64 emf_step_1p = GAIN_E * omega_e_1p;
-    const float64 omega_e_2p = POLE_PAIRS * omega_2p;
-    const float64 emf_step_2p = GAIN_E * omega_e_2p;
-    const float64 omega_e_3p = POLE_PAIRS * omega;
-    const float64 emf_step_3p = GAIN_E * omega_e_3p;
-    const float64 omega_e_0m = POLE_PAIRS * omega_0m;
-    const float64 emf_step_0m = GAIN_E * omega_e_0m;
-    const float64 omega_e_1m = POLE_PAIRS * omega_1m;
-    const float64 emf_step_1m = GAIN_E * omega_e_1m;
-    const float64 omega_e_2m = POLE_PAIRS * omega_2m;
-    const float64 emf_step_2m = GAIN_E * omega_e_2m;
-    const pmsm_pair_f64 sincos_theta_0p = sin_cos(theta_0p);
-    const float64 sin_theta_0p = sincos_theta_0p.sine;
-    const float64 cos_theta_0p = sincos_theta_0p.cosine;
-    const float64 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_0p + drive_alpha_0p;
-    const float64 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const pmsm_pair_f64 sincos_theta_1p = sin_cos(theta_1p);
-    const float64 sin_theta_1p = sincos_theta_1p.sine;
-    const float64 cos_theta_1p = sincos_theta_1p.cosine;
-    const float64 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_1p + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_2p = sin_cos(theta_2p);
-    const float64 sin_theta_2p = sincos_theta_2p.sine;
-    const float64 cos_theta_2p = sincos_theta_2p.cosine;
-    const float64 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_2p + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_3p = sin_cos(theta_3p);
-    const float64 sin_theta_3p = sincos_theta_3p.sine;
-    const float64 cos_theta_3p = sincos_theta_3p.cosine;
-    const float64 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_3p + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_0m = sin_cos(theta_0m);
-    const float64 sin_theta_0m = sincos_theta_0m.sine;
-    const float64 cos_theta_0m = sincos_theta_0m.cosine;
-    const float64 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_0m + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_1m = sin_cos(theta_1m);
-    const float64 sin_theta_1m = sincos_theta_1m.sine;
-    const float64 cos_theta_1m = sincos_theta_1m.cosine;
-    const float64 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_1m + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_2m = sin_cos(theta_2m);
-    const float64 sin_theta_2m = sincos_theta_2m.sine;
-    const float64 cos_theta_2m = sincos_theta_2m.cosine;
-    const float64 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_2m + drive_alpha_0p;
-    const pmsm_pair_f64 sincos_theta_3m = sin_cos(theta_3m);
-    const float64 sin_theta_3m = sincos_theta_3m.sine;
-    const float64 cos_theta_3m = sincos_theta_3m.cosine;
-    const float64 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_3m + drive_alpha_0p;
-    const float64 i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_0p + drive_beta_0p;
-    const float64 i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_1p + drive_beta_0p;
-    const float64 decay_i_times_i_beta = DECAY_I * i_beta;
-    const float64 i_beta_next_2p = decay_i_times_i_beta - emf_step_2p * cos_theta_2p + drive_beta_0p;
-    const float64 i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_3p + drive_beta_0p;
-    const float64 i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_0m + drive_beta_0p;
-    const float64 i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_1m + drive_beta_0p;
-    const float64 i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_2m + drive_beta_0p;
-    const float64 i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_3m + drive_beta_0p;
-    const float64 omega_next_0p = DECAY_OMEGA * omega_0p;
-    const float64 omega_next_1p = DECAY_OMEGA * omega_1p;
-    const float64 omega_next_2p = DECAY_OMEGA * omega_2p;
-    const float64 omega_next_3p = DECAY_OMEGA * omega;
-    const float64 omega_next_0m = DECAY_OMEGA * omega_0m;
-    const float64 omega_next_1m = DECAY_OMEGA * omega_1m;
-    const float64 omega_next_2m = DECAY_OMEGA * omega_2m;
-    const float64 theta_next_0p = theta_0p + SAMPLE_TIME * omega_e_0p;
-    const float64 theta_next_1p = theta_1p + SAMPLE_TIME * omega_e_1p;
-    const float64 theta_next_2p = theta_2p + SAMPLE_TIME * omega_e_2p;
-    const float64 sample_time_times_omega_e_3p = SAMPLE_TIME * omega_e_3p;
-    const float64 theta_next_3p = theta_3p + sample_time_times_omega_e_3p;
-    const float64 theta_next_0m = theta_0m + SAMPLE_TIME * omega_e_0m;
-    const float64 theta_next_1m = theta_1m + SAMPLE_TIME * omega_e_1m;
-    const float64 theta_next_2m = theta_2m + SAMPLE_TIME * omega_e_2m;
-    const float64 theta_next_3m = theta_3m + sample_time_times_omega_e_3p;
-
-    /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 offset_i_alpha = 0.125 * (i_alpha_next_1p - i_alpha_next_0p +
-        (i_alpha_next_2p - i_alpha_next_0p) + (i_alpha_next_3p - i_alpha_next_0p) +
-        (i_alpha_next_0m - i_alpha_next_0p) + (i_alpha_next_1m - i_alpha_next_0p) +
-        (i_alpha_next_2m - i_alpha_next_0p) + (i_alpha_next_3m - i_alpha_next_0p));
-    const float64 offset_i_beta = 0.125 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p)
-        + (i_beta_next_3p - i_beta_next_0p) + (i_beta_next_0m - i_beta_next_0p) +
-        (i_beta_next_1m - i_beta_next_0p) + (i_beta_next_2m - i_beta_next_0p) +
-        (i_beta_next_3m - i_beta_next_0p));
-    const float64 omega_next_3p_minus_omega_next_0p = omega_next_3p - omega_next_0p;
-    const float64 offset_omega = 0.125 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
-        omega_next_3p_minus_omega_next_0p + (omega_next_0m - omega_next_0p) + (omega_next_1m - omega_next_0p)
-        + (omega_next_2m - omega_next_0p) + omega_next_3p_minus_omega_next_0p);
-    const float64 offset_theta = 0.125 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_0m - theta_next_0p) + (theta_next_1m - theta_next_0p) +
-        (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p));
-    const float64 i_alpha_pred = i_alpha_next_0p + offset_i_alpha;
-    const float64 i_beta_pred = i_beta_next_0p + offset_i_beta;
-    const float64 omega_pred = omega_next_0p + offset_omega;
-    const float64 theta_pred = theta_next_0p + offset_theta;
+    /* --- eq. 16: x_pred = mean X_i' */
+    const float64 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
+        even_i_alpha_next_3) * 0.25;
+    const float64 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred + drive_alpha + offset_i_alpha;
+    const float64 gain_e_pole_pairs_x4_times_sin_theta = GAIN_E_POLE_PAIRS_X4 * sin_theta;
+    const float64 part_of_i_beta_pred_2 = cosm1_theta_0 * part_of_i_beta_pred -
+        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_0;
+    const float64 part_of_i_beta_pred_3 = part_of_i_beta_pred * cosm1_theta_1 -
+        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_1;
+    const float64 part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_2 -
+        sin_theta * part_of_even_i_alpha_next_2;
+    const float64 part_of_i_beta_pred_times_cosm1_theta_3 = part_of_i_beta_pred * cosm1_theta_3;
+    const float64 part_of_i_beta_pred_5 = 0.25 * (part_of_i_beta_pred_2 + part_of_i_beta_pred_3 +
+        part_of_i_beta_pred_4 + part_of_i_beta_pred_times_cosm1_theta_3);
+    const float64 i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_5;
+    const float64 omega_pred = omega * DECAY_OMEGA;
+    const float64 theta_pred = theta + POLE_PAIRS_SAMPLE_TIME * omega;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float64 dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred;
-    const float64 dev_i_beta_1p = i_beta_next_1p - i_beta_pred;
-    const float64 dev_omega_1p = omega_next_1p - omega_pred;
-    const float64 dev_theta_1p = theta_next_1p - theta_pred;
-    const float64 dev_i_alpha_2p = i_alpha_next_2p - i_alpha_pred;
-    const float64 dev_i_beta_2p = i_beta_next_2p - i_beta_pred;
-    const float64 dev_omega_2p = omega_next_2p - omega_pred;
-    const float64 dev_theta_2p = theta_next_2p - theta_pred;
-    const float64 dev_i_alpha_3p = i_alpha_next_3p - i_alpha_pred;
-    const float64 dev_i_beta_3p = i_beta_next_3p - i_beta_pred;
-    const float64 dev_omega_3p = omega_next_3p - omega_pred;
-    const float64 dev_theta_3p = theta_next_3p - theta_pred;
-    const float64 dev_i_alpha_0m = i_alpha_next_0m - i_alpha_pred;
-    const float64 dev_i_beta_0m = i_beta_next_0m - i_beta_pred;
-    const float64 dev_omega_0m = omega_next_0m - omega_pred;
-    const float64 dev_theta_0m = theta_next_0m - theta_pred;
-    const float64 dev_i_alpha_1m = i_alpha_next_1m - i_alpha_pred;
-    const float64 dev_i_beta_1m = i_beta_next_1m - i_beta_pred;
-    const float64 dev_omega_1m = omega_next_1m - omega_pred;
-    const float64 dev_theta_1m = theta_next_1m - theta_pred;
-    const float64 dev_i_alpha_2m = i_alpha_next_2m - i_alpha_pred;
-    const float64 dev_i_beta_2m = i_beta_next_2m - i_beta_pred;
-    const float64 dev_omega_2m = omega_next_2m - omega_pred;
-    const float64 dev_theta_2m = theta_next_2m - theta_pred;
-    const float64 dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred;
-    const float64 dev_i_beta_3m = i_beta_next_3m - i_beta_pred;
-    const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 P_pred_00 = 0.125 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
-        dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_0m * dev_i_alpha_0m +
-        dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m + dev_i_alpha_3m * dev_i_alpha_3m) +
-        Q_0;
-    const float64 P_pred_10 = 0.125 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
-        dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_0m * dev_i_alpha_0m +
-        dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m + dev_i_beta_3m * dev_i_alpha_3m);
-    const float64 P_pred_11 = 0.125 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
-        dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_0m * dev_i_beta_0m +
-        dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m + dev_i_beta_3m * dev_i_beta_3m) + Q_1;
-    const float64 P_pred_20 = 0.125 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
-        dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_0m * dev_i_alpha_0m +
-        dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m + dev_omega_3p * dev_i_alpha_3m);
-    const float64 P_pred_21 = 0.125 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
-        dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_0m * dev_i_beta_0m +
-        dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m + dev_omega_3p * dev_i_beta_3m);
-    const float64 dev_omega_3p_sq = dev_omega_3p * dev_omega_3p;
-    const float64 P_pred_22 = 0.125 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p_sq + dev_omega_0m * dev_omega_0m +
-        dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m + dev_omega_3p_sq) + Q_2;
-    const float64 P_pred_30 = 0.125 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
-        dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_0m * dev_i_alpha_0m +
-        dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m + dev_theta_3m * dev_i_alpha_3m);
-    const float64 P_pred_31 = 0.125 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
-        dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_0m * dev_i_beta_0m +
-        dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m + dev_theta_3m * dev_i_beta_3m);
-    const float64 P_pred_32 = 0.125 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_0m * dev_omega_0m +
-        dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m + dev_theta_3m * dev_omega_3p);
-    const float64 P_pred_33 = 0.125 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_0m * dev_theta_0m +
-        dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m + dev_theta_3m * dev_theta_3m) + Q_3;
+    const float64 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
+    const float64 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
+    const float64 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
+    const float64 dev_i_alpha_3 = even_i_alpha_next_3 - offset_i_alpha;
+    const float64 dev_i_beta_0 = part_of_i_beta_pred_5 - part_of_i_beta_pred_2;
+    const float64 dev_i_beta_1 = part_of_i_beta_pred_5 - part_of_i_beta_pred_3;
+    const float64 dev_i_beta_2 = part_of_i_beta_pred_5 - part_of_i_beta_pred_4;
+    const float64 dev_i_beta_3 = part_of_i_beta_pred_5 - part_of_i_beta_pred_times_cosm1_theta_3;
+    const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
+    const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+    const float64 D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2;
+    const float64 D_3_times_sinc_theta_3 = D_3 * sinc_theta_3;
+    const float64 part_of_P_pred_00 =
+        D_3_times_sinc_theta_3 * (omega * (GAIN_E_SQ_POLE_PAIRS_SQ * omega) * sinc_theta_3);
+    const float64 P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2
+        + cos_theta * cos_theta * part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_alpha_0 +
+        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + dev_i_alpha_3 * dev_i_alpha_3) + Q_0;
+    const float64 part_of_P_pred_10 = cos_theta * part_of_odd_i_alpha_next_2 -
+        part_of_i_alpha_pred * L_32_times_sinc_theta_2;
+    const float64 sin_theta_times_part_of_P_pred_00 = sin_theta * part_of_P_pred_00;
+    const float64 P_pred_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - D_2_times_odd_i_alpha_next_2 * part_of_P_pred_10 +
+        cos_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 +
+        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3);
+    const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
+    const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
+    const float64 D_2_times_part_of_P_pred_10 = D_2 * part_of_P_pred_10;
+    const float64 P_pred_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_10 * D_2_times_part_of_P_pred_10 +
+        sin_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 +
+        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1;
+    const float64 D_0_times_L_20_times_decay_omega = D_0_times_L_20 * DECAY_OMEGA;
+    const float64 D_1_times_L_21_times_decay_omega = D_1_times_L_21 * DECAY_OMEGA;
+    const float64 P_pred_20 = D_0_times_L_20_times_decay_omega * odd_i_alpha_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2;
+    const float64 P_pred_21 = D_0_times_L_20_times_decay_omega * odd_i_beta_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_i_beta_next_1 - DECAY_OMEGA * D_2_times_part_of_P_pred_10;
+    const float64 P_pred_22 = DECAY_OMEGA_SQ * L_20 * D_0_times_L_20 + DECAY_OMEGA_SQ * L_21 * D_1_times_L_21
+        + DECAY_OMEGA_SQ * D_2 + Q_2;
+    const float64 P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_i_alpha_next_2 * odd_theta_next_2 +
+        part_of_i_beta_pred * D_3_times_sinc_theta_3;
+    const float64 P_pred_31 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_pred_10 * odd_theta_next_2 +
+        part_of_i_alpha_pred * D_3_times_sinc_theta_3;
+    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+    const float64 P_pred_32 = D_0_times_L_20_times_decay_omega * odd_theta_next_0 +
+        D_1_times_L_21_times_decay_omega * odd_theta_next_1 + DECAY_OMEGA * D_2_times_odd_theta_next_2;
+    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
+        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
+
+    /* --- eq. 18: L D L^T = P_pred */
+    const float64 part_of_L_pred_10 = 1.0 / P_pred_00;
+    const float64 L_pred_10 = P_pred_10 * part_of_L_pred_10;
+    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 L_pred_20 = part_of_L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21_2 = 1.0 / D_pred_1;
+    const float64 L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2;
+    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float64 L_pred_30 = part_of_L_pred_10 * P_pred_30;
+    const float64 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float64 L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31;
+    const float64 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+    const float64 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3);
 
     x_pred_out[0] = i_alpha_pred;
     x_pred_out[1] = i_beta_pred;
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
-    P_pred_out[0] = P_pred_00;
-    P_pred_out[1] = P_pred_10;
-    P_pred_out[2] = P_pred_11;
-    P_pred_out[3] = P_pred_20;
-    P_pred_out[4] = P_pred_21;
-    P_pred_out[5] = P_pred_22;
-    P_pred_out[6] = P_pred_30;
-    P_pred_out[7] = P_pred_31;
-    P_pred_out[8] = P_pred_32;
-    P_pred_out[9] = P_pred_33;
+    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[1] = L_pred_10;
+    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[3] = L_pred_20;
+    LD_pred_out[4] = L_pred_21;
+    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[6] = L_pred_30;
+    LD_pred_out[7] = L_pred_31;
+    LD_pred_out[8] = L_pred_32;
+    LD_pred_out[9] = D_pred_3;
 }
 
 /* Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact) */
-static void ickf_measurement_update(const float64 x_pred[4], const float64 P_pred[10], const float64 R[2],
-    const float64 y[2], float64 x_out[4], float64 P_out[10])
+static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pred[10], const float64 R[2],
+    const float64 y[2], float64 x_out[4], float64 LD_out[10])
 {
     const float64 i_alpha_pred = x_pred[0];
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
-    /* --- eq. 18: S = chol(P_pred) */
-    const float64 S_pred_00 = sqrt(P_pred_00);
-    const float64 S_pred_10 = P_pred_10 / S_pred_00;
-    const float64 S_pred_11 = sqrt(P_pred_11 - S_pred_10 * S_pred_10);
-    const float64 S_pred_20 = P_pred_20 / S_pred_00;
-    const float64 S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11;
-    const float64 S_pred_22 = sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21));
-    const float64 S_pred_30 = P_pred_30 / S_pred_00;
-    const float64 S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11;
-    const float64 S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22;
-    const float64 S_pred_33 = sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 +
-        S_pred_32 * S_pred_32));
-
-    /* --- eq. 19: sqrt(n) S; X_i = x^j +- sqrt(n) S_i */
-    const float64 d_j_i_alpha_0 = 2.0 * S_pred_00;
-    const float64 d_j_i_beta_0 = 2.0 * S_pred_10;
-    const float64 d_j_i_beta_1 = 2.0 * S_pred_11;
-    const float64 d_j_omega_0 = 2.0 * S_pred_20;
-    const float64 d_j_omega_1 = 2.0 * S_pred_21;
-    const float64 d_j_omega_2 = 2.0 * S_pred_22;
-    const float64 d_j_theta_0 = 2.0 * S_pred_30;
-    const float64 d_j_theta_1 = 2.0 * S_pred_31;
-    const float64 d_j_theta_2 = 2.0 * S_pred_32;
-    const float64 d_j_theta_3 = 2.0 * S_pred_33;
-    const float64 i_alpha_j_0p = i_alpha_pred + d_j_i_alpha_0;
-    const float64 i_alpha_j_0m = i_alpha_pred - d_j_i_alpha_0;
-    const float64 i_beta_j_0p = i_beta_pred + d_j_i_beta_0;
-    const float64 i_beta_j_1p = i_beta_pred + d_j_i_beta_1;
-    const float64 i_beta_j_0m = i_beta_pred - d_j_i_beta_0;
-    const float64 i_beta_j_1m = i_beta_pred - d_j_i_beta_1;
-    const float64 omega_j_0m = omega_pred - d_j_omega_0;
-    const float64 omega_j_1m = omega_pred - d_j_omega_1;
-    const float64 omega_j_2m = omega_pred - d_j_omega_2;
-    const float64 theta_j_0m = theta_pred - d_j_theta_0;
-    const float64 theta_j_1m = theta_pred - d_j_theta_1;
-    const float64 theta_j_2m = theta_pred - d_j_theta_2;
-    const float64 theta_j_3m = theta_pred - d_j_theta_3;
-
-    /* --- eq. 21: mean Y_i, about the first point */
-    const float64 offset_y_i_alpha = 0.125 * (i_alpha_j_0m - i_alpha_j_0p - (4.0 * S_pred_00 + d_j_i_alpha_0)
-        - d_j_i_alpha_0 - d_j_i_alpha_0 - d_j_i_alpha_0);
-    const float64 offset_y_i_beta = 0.125 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 +
-        (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0);
-    const float64 y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha;
-    const float64 y_i_beta_mean = i_beta_j_0p + offset_y_i_beta;
-
-    /* --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R */
-    const float64 dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean;
-    const float64 dev_y_i_beta_1p = i_beta_j_1p - y_i_beta_mean;
-    const float64 dev_y_i_beta_2p = i_beta_pred - y_i_beta_mean;
-    const float64 dev_y_i_alpha_0m = i_alpha_j_0m - y_i_alpha_mean;
-    const float64 dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean;
-    const float64 dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean;
-    const float64 dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p;
-    const float64 Pyy_00 = 0.125 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m + dev_y_i_alpha_1p_sq
-        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0;
-    const float64 dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p;
-    const float64 Pyy_10 = 0.125 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_0m * dev_y_i_alpha_0m + dev_y_i_beta_1m * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p);
-    const float64 dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p;
-    const float64 Pyy_11 = 0.125 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) + R_1;
-
-    /* --- eq. 23: Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T */
-    const float64 dev_i_alpha_j_0m = i_alpha_j_0m - i_alpha_pred;
-    const float64 dev_i_beta_j_0m = i_beta_j_0m - i_beta_pred;
-    const float64 dev_omega_j_0m = omega_j_0m - omega_pred;
-    const float64 dev_theta_j_0m = theta_j_0m - theta_pred;
-    const float64 dev_i_beta_j_1m = i_beta_j_1m - i_beta_pred;
-    const float64 dev_omega_j_1m = omega_j_1m - omega_pred;
-    const float64 dev_theta_j_1m = theta_j_1m - theta_pred;
-    const float64 dev_omega_j_2m = omega_j_2m - omega_pred;
-    const float64 dev_theta_j_2m = theta_j_2m - theta_pred;
-    const float64 dev_theta_j_3m = theta_j_3m - theta_pred;
-    const float64 Pxy_00 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha);
-    const float64 Pxy_01 = 0.125 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta);
-    const float64 Pxy_10 = 0.125 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p);
-    const float64 Pxy_11 = 0.125 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m);
-    const float64 Pxy_20 = 0.125 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
-        d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
-        + dev_omega_j_2m * dev_y_i_alpha_1p);
-    const float64 Pxy_21 = 0.125 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
-        d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
-        dev_omega_j_2m * dev_y_i_beta_2p);
-    const float64 Pxy_30 = 0.125 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
-        d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
-        dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
-        dev_theta_j_3m * dev_y_i_alpha_1p);
-    const float64 Pxy_31 = 0.125 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
-        d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
-        dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
-        dev_theta_j_3m * dev_y_i_beta_2p);
-
-    /* --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1 */
-    const float64 det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10;
-    const float64 Pyy_inv_00 = Pyy_11 / det_Pyy;
-    const float64 Pyy_inv_11 = Pyy_00 / det_Pyy;
-    const float64 Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy;
-    const float64 K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy;
-    const float64 K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy;
-    const float64 K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy;
-    const float64 K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy;
-    const float64 K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy;
-    const float64 K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy;
-    const float64 K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy;
-    const float64 K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy;
-
-    /* --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1} */
+    /* --- eq. 31: y - y_pred; x^{j+1} */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
     const float64 innovation_i_beta = i_beta_meas - i_beta_pred;
-    const float64 i_alpha_after = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta);
-    const float64 i_beta_after = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta);
-    const float64 omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta);
-    const float64 theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta);
+    const float64 span_first = R_0 + D_pred_0;
+    const float64 D_pred_0_per_span_first = D_pred_0 / span_first;
+    const float64 part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first;
+    const float64 part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10;
+    const float64 innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10;
+    const float64 R_1_plus_D_pred_1 = R_1 + D_pred_1;
+    const float64 R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first;
+    const float64 part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10;
+    const float64 L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second;
+    const float64 span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second;
+    const float64 part_of_i_alpha_after_2 = 1.0 / span_second;
+    const float64 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
+    const float64 i_alpha_after = i_alpha_pred + part_of_i_alpha_after +
+        part_of_span_second * part_of_i_alpha_after_3;
+    const float64 i_beta_after = i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
+        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second);
+    const float64 omega_after = omega_pred + part_of_i_alpha_after * L_pred_20 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20);
+    const float64 theta_after = theta_pred + part_of_i_alpha_after * L_pred_30 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30);
 
-    /* --- eq. 34: x = x^N, theta wrapped */
+    /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_after);
 
-    /* --- eq. 32: K Pyy; P = P_pred - K Pyy K^T */
-    const float64 KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10;
-    const float64 KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11;
-    const float64 KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10;
-    const float64 KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11;
-    const float64 KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10;
-    const float64 KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11;
-    const float64 KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10;
-    const float64 KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11;
-    const float64 P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01);
-    const float64 P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01);
-    const float64 P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11);
-    const float64 P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01);
-    const float64 P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11);
-    const float64 P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21);
-    const float64 P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01);
-    const float64 P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11);
-    const float64 P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21);
-    const float64 P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31);
+    /* --- eq. 32: L D L^T = P_new */
+    const float64 D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
+    const float64 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
+    const float64 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
+    const float64 L_new_10 = L_pred_10 - part_of_L_new_10;
+    const float64 D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1;
+    const float64 L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10;
+    const float64 L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10;
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
     x_out[3] = theta_new;
-    P_out[0] = P_00;
-    P_out[1] = P_10;
-    P_out[2] = P_11;
-    P_out[3] = P_20;
-    P_out[4] = P_21;
-    P_out[5] = P_22;
-    P_out[6] = P_30;
-    P_out[7] = P_31;
-    P_out[8] = P_32;
-    P_out[9] = P_33;
+    LD_out[0] = D_new_0;
+    LD_out[1] = L_new_10;
+    LD_out[2] = D_new_1;
+    LD_out[3] = L_new_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_new_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
 }
 
 /* No measurement: the prediction is the estimate */
-static void coast(const float64 x_pred[4], const float64 P_pred[10], float64 x_out[4], float64 P_out[10])
+static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_out[4], float64 LD_out[10])
 {
     const float64 i_alpha_pred = x_pred[0];
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
 
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    P_out[0] = P_pred_00;
-    P_out[1] = P_pred_10;
-    P_out[2] = P_pred_11;
-    P_out[3] = P_pred_20;
-    P_out[4] = P_pred_21;
-    P_out[5] = P_pred_22;
-    P_out[6] = P_pred_30;
-    P_out[7] = P_pred_31;
-    P_out[8] = P_pred_32;
-    P_out[9] = P_pred_33;
+    LD_out[0] = D_pred_0;
+    LD_out[1] = L_pred_10;
+    LD_out[2] = D_pred_1;
+    LD_out[3] = L_pred_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_pred_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
 }
 
 void paper_spmsm_ickf_f64_init(paper_spmsm_ickf_f64_t *f)
@@ -558,7 +487,7 @@ void paper_spmsm_ickf_f64_reset(paper_spmsm_ickf_f64_t *f)
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
-            f->P[k] = (i == j) ? f->P_0[i] : 0.0;
+            f->LD[k] = (i == j) ? f->P_0[i] : 0.0;
             k++;
         }
     }
@@ -569,8 +498,10 @@ void paper_spmsm_ickf_f64_reset(paper_spmsm_ickf_f64_t *f)
 
 int paper_spmsm_ickf_f64_step(paper_spmsm_ickf_f64_t *f, const float64 u[2], const float64 y[2])
 {
+    float64 z[4];
+    float64 turn[8];
     float64 x_pred[4];
-    float64 P_pred[10];
+    float64 LD_pred[10];
     const int u_good = within(u, f->u_max);
     const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
@@ -580,11 +511,12 @@ int paper_spmsm_ickf_f64_step(paper_spmsm_ickf_f64_t *f, const float64 u[2], con
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
-    time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
+    time_update_turns(f->LD, z, turn);
+    time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred);
     if (accepted != 0) {
-        ickf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
+        ickf_measurement_update(x_pred, LD_pred, f->R, y, f->x, f->LD);
     } else {
-        coast(x_pred, P_pred, f->x, f->P);
+        coast(x_pred, LD_pred, f->x, f->LD);
     }
     f->iterations = iterations;
     return status;

@@ -21,7 +21,7 @@ extern "C" {
 typedef struct {
     /* estimate */
     float64 x[4]; /* i_alpha A, i_beta A, omega rad/s, theta rad */
-    float64 P[10]; /* covariance of x: lower triangle, row by row: P00, P10, P11, P20, ... */
+    float64 LD[10]; /* covariance of x as L D L^T, L with unit diagonal: D0, L10, D1, L20, L21, D2, ... */
     /* tuning: change it at any time, nothing has to be rebuilt */
     float64 Q[4]; /* process noise variances per step, each positive */
     float64 R[2]; /* measurement noise variances, A^2, each positive */

@@ -24,6 +24,8 @@
 #define GAIN_OMEGA 0.01249984375195311 /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
 #define HALF_P_T 0.0002 /* p T / 2, s */
 #define GAIN_TORQUE 1.0499999999999998 /* 1.5 p psi_m, N m/A */
+#define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
+#define GAIN_OMEGA_GAIN_TORQUE 0.013124835939550763 /* GAIN_OMEGA * GAIN_TORQUE */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -42,6 +44,42 @@ static pmsm_pair_f64 sin_cos(float64 x)
     result.sine = sin(x);
     result.cosine = cos(x);
     return result;
+}
+
+/* How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
+ * for d up to 0.71 rad. */
+#define SINC_1 -0.16666666666666666
+#define SINC_2 0.008333333333333333
+#define SINC_3 -0.0001984126984126984
+#define SINC_4 2.7557319223985893e-06
+#define SINC_5 -2.505210838544172e-08
+#define SINC_6 1.6059043836821613e-10
+#define SINC_7 -7.647163731819816e-13
+#define SINC_8 2.8114572543455206e-15
+#define SINC_9 -8.22063524662433e-18
+#define COSM1_1 -0.5
+#define COSM1_2 0.041666666666666664
+#define COSM1_3 -0.001388888888888889
+#define COSM1_4 2.48015873015873e-05
+#define COSM1_5 -2.755731922398589e-07
+#define COSM1_6 2.08767569878681e-09
+#define COSM1_7 -1.1470745597729725e-11
+#define COSM1_8 4.779477332387385e-14
+#define COSM1_9 -1.5619206968586225e-16
+#define SMALL_TURN 0.5 /* rad^2 */
+
+/* Turns that are not small, far from a settled filter: by sine and cosine. */
+static void widen(const float64 z[], float64 turn[], int count)
+{
+    int k;
+    for (k = 0; k < count; k++) {
+        if (!(z[k] <= SMALL_TURN)) {
+            const float64 d = sqrt(z[k]);
+            const pmsm_pair_f64 side = sin_cos(d);
+            turn[2 * k] = side.sine / d;
+            turn[(2 * k) + 1] = side.cosine - 1.0;
+        }
+    }
 }
 
 static float64 smaller(float64 a, float64 b)
@@ -70,30 +108,102 @@ static int within(const float64 value[2], float64 limit)
     return ((value[0] >= -limit) && (value[0] <= limit) && (value[1] >= -limit) && (value[1] <= limit)) ? 1 : 0;
 }
 
-/* Time update, eq. 13-17 */
-static void time_update(const float64 x[5], const float64 P[15], const float64 Q[5], const float64 u[2],
-    float64 x_pred_out[5], float64 P_pred_out[15])
+/* Small angles of time_update: sin(d) / d and cos(d) - 1 */
+static void time_update_turns(const float64 LD[15], float64 z_out[4], float64 turn_out[8])
+{
+    const float64 D_0 = LD[0];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
+
+    /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 d_theta_mid_sq_0 = D_0 * 5.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
+    const float64 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 d_theta_mid_sq_1 = 5.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
+    const float64 part_of_d_theta_mid_sq_2 = L_32 + 0.0002;
+    const float64 d_theta_mid_sq_2 = 5.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
+    const float64 d_theta_mid_sq_3 = 5.0 * D_3;
+    const float64 sinc_theta_mid_0 = ((((((((SINC_9 * d_theta_mid_sq_0 + SINC_8) * d_theta_mid_sq_0 +
+        SINC_7) * d_theta_mid_sq_0 + SINC_6) * d_theta_mid_sq_0 + SINC_5) * d_theta_mid_sq_0 +
+        SINC_4) * d_theta_mid_sq_0 + SINC_3) * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
+        SINC_1) * d_theta_mid_sq_0 + 1.0;
+    const float64 cosm1_theta_mid_0 = ((((((((COSM1_9 * d_theta_mid_sq_0 + COSM1_8) * d_theta_mid_sq_0 +
+        COSM1_7) * d_theta_mid_sq_0 + COSM1_6) * d_theta_mid_sq_0 + COSM1_5) * d_theta_mid_sq_0 +
+        COSM1_4) * d_theta_mid_sq_0 + COSM1_3) * d_theta_mid_sq_0 + COSM1_2) * d_theta_mid_sq_0 +
+        COSM1_1) * d_theta_mid_sq_0;
+    const float64 sinc_theta_mid_1 = ((((((((SINC_9 * d_theta_mid_sq_1 + SINC_8) * d_theta_mid_sq_1 +
+        SINC_7) * d_theta_mid_sq_1 + SINC_6) * d_theta_mid_sq_1 + SINC_5) * d_theta_mid_sq_1 +
+        SINC_4) * d_theta_mid_sq_1 + SINC_3) * d_theta_mid_sq_1 + SINC_2) * d_theta_mid_sq_1 +
+        SINC_1) * d_theta_mid_sq_1 + 1.0;
+    const float64 cosm1_theta_mid_1 = ((((((((COSM1_9 * d_theta_mid_sq_1 + COSM1_8) * d_theta_mid_sq_1 +
+        COSM1_7) * d_theta_mid_sq_1 + COSM1_6) * d_theta_mid_sq_1 + COSM1_5) * d_theta_mid_sq_1 +
+        COSM1_4) * d_theta_mid_sq_1 + COSM1_3) * d_theta_mid_sq_1 + COSM1_2) * d_theta_mid_sq_1 +
+        COSM1_1) * d_theta_mid_sq_1;
+    const float64 sinc_theta_mid_2 = ((((((((SINC_9 * d_theta_mid_sq_2 + SINC_8) * d_theta_mid_sq_2 +
+        SINC_7) * d_theta_mid_sq_2 + SINC_6) * d_theta_mid_sq_2 + SINC_5) * d_theta_mid_sq_2 +
+        SINC_4) * d_theta_mid_sq_2 + SINC_3) * d_theta_mid_sq_2 + SINC_2) * d_theta_mid_sq_2 +
+        SINC_1) * d_theta_mid_sq_2 + 1.0;
+    const float64 cosm1_theta_mid_2 = ((((((((COSM1_9 * d_theta_mid_sq_2 + COSM1_8) * d_theta_mid_sq_2 +
+        COSM1_7) * d_theta_mid_sq_2 + COSM1_6) * d_theta_mid_sq_2 + COSM1_5) * d_theta_mid_sq_2 +
+        COSM1_4) * d_theta_mid_sq_2 + COSM1_3) * d_theta_mid_sq_2 + COSM1_2) * d_theta_mid_sq_2 +
+        COSM1_1) * d_theta_mid_sq_2;
+    const float64 sinc_theta_mid_3 = ((((((((SINC_9 * d_theta_mid_sq_3 + SINC_8) * d_theta_mid_sq_3 +
+        SINC_7) * d_theta_mid_sq_3 + SINC_6) * d_theta_mid_sq_3 + SINC_5) * d_theta_mid_sq_3 +
+        SINC_4) * d_theta_mid_sq_3 + SINC_3) * d_theta_mid_sq_3 + SINC_2) * d_theta_mid_sq_3 +
+        SINC_1) * d_theta_mid_sq_3 + 1.0;
+    const float64 cosm1_theta_mid_3 = ((((((((COSM1_9 * d_theta_mid_sq_3 + COSM1_8) * d_theta_mid_sq_3 +
+        COSM1_7) * d_theta_mid_sq_3 + COSM1_6) * d_theta_mid_sq_3 + COSM1_5) * d_theta_mid_sq_3 +
+        COSM1_4) * d_theta_mid_sq_3 + COSM1_3) * d_theta_mid_sq_3 + COSM1_2) * d_theta_mid_sq_3 +
+        COSM1_1) * d_theta_mid_sq_3;
+
+    z_out[0] = d_theta_mid_sq_0;
+    z_out[1] = d_theta_mid_sq_1;
+    z_out[2] = d_theta_mid_sq_2;
+    z_out[3] = d_theta_mid_sq_3;
+    turn_out[0] = sinc_theta_mid_0;
+    turn_out[1] = cosm1_theta_mid_0;
+    turn_out[2] = sinc_theta_mid_1;
+    turn_out[3] = cosm1_theta_mid_1;
+    turn_out[4] = sinc_theta_mid_2;
+    turn_out[5] = cosm1_theta_mid_2;
+    turn_out[6] = sinc_theta_mid_3;
+    turn_out[7] = cosm1_theta_mid_3;
+    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
+        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+        widen(z_out, turn_out, 4);
+    }
+}
+
+/* Time update, eq. 13-18 */
+static void time_update(const float64 x[5], const float64 LD[15], const float64 Q[5], const float64 u[2],
+    const float64 turn[8], float64 x_pred_out[5], float64 LD_pred_out[15])
 {
     const float64 i_alpha = x[0];
     const float64 i_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
     const float64 load_torque = x[4];
-    const float64 P_00 = P[0];
-    const float64 P_10 = P[1];
-    const float64 P_11 = P[2];
-    const float64 P_20 = P[3];
-    const float64 P_21 = P[4];
-    const float64 P_22 = P[5];
-    const float64 P_30 = P[6];
-    const float64 P_31 = P[7];
-    const float64 P_32 = P[8];
-    const float64 P_33 = P[9];
-    const float64 P_40 = P[10];
-    const float64 P_41 = P[11];
-    const float64 P_42 = P[12];
-    const float64 P_43 = P[13];
-    const float64 P_44 = P[14];
+    const float64 D_0 = LD[0];
+    const float64 L_10 = LD[1];
+    const float64 D_1 = LD[2];
+    const float64 L_20 = LD[3];
+    const float64 L_21 = LD[4];
+    const float64 D_2 = LD[5];
+    const float64 L_30 = LD[6];
+    const float64 L_31 = LD[7];
+    const float64 L_32 = LD[8];
+    const float64 D_3 = LD[9];
+    const float64 L_40 = LD[10];
+    const float64 L_41 = LD[11];
+    const float64 L_42 = LD[12];
+    const float64 L_43 = LD[13];
+    const float64 D_4 = LD[14];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
@@ -101,657 +211,416 @@ static void time_update(const float64 x[5], const float64 P[15], const float64 Q
     const float64 Q_4 = Q[4];
     const float64 v_alpha = u[0];
     const float64 v_beta = u[1];
+    const float64 sinc_theta_mid_0 = turn[0];
+    const float64 cosm1_theta_mid_0 = turn[1];
+    const float64 sinc_theta_mid_1 = turn[2];
+    const float64 cosm1_theta_mid_1 = turn[3];
+    const float64 sinc_theta_mid_2 = turn[4];
+    const float64 cosm1_theta_mid_2 = turn[5];
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 cosm1_theta_mid_3 = turn[7];
 
-    /* --- eq. 13: S = chol(P) */
-    const float64 S_00 = sqrt(P_00);
-    const float64 S_10 = P_10 / S_00;
-    const float64 S_11 = sqrt(P_11 - S_10 * S_10);
-    const float64 S_20 = P_20 / S_00;
-    const float64 S_21 = (P_21 - S_20 * S_10) / S_11;
-    const float64 S_22 = sqrt(P_22 - (S_20 * S_20 + S_21 * S_21));
-    const float64 S_30 = P_30 / S_00;
-    const float64 S_31 = (P_31 - S_30 * S_10) / S_11;
-    const float64 S_32 = (P_32 - (S_30 * S_20 + S_31 * S_21)) / S_22;
-    const float64 S_33 = sqrt(P_33 - (S_30 * S_30 + S_31 * S_31 + S_32 * S_32));
-    const float64 S_40 = P_40 / S_00;
-    const float64 S_41 = (P_41 - S_40 * S_10) / S_11;
-    const float64 S_42 = (P_42 - (S_40 * S_20 + S_41 * S_21)) / S_22;
-    const float64 S_43 = (P_43 - (S_40 * S_30 + S_41 * S_31 + S_42 * S_32)) / S_33;
-    const float64 S_44 = sqrt(P_44 - (S_40 * S_40 + S_41 * S_41 + S_42 * S_42 + S_43 * S_43));
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 omega_e = POLE_PAIRS * omega;
+    const float64 theta_mid = theta + omega_e * HALF_T;
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 odd_i_alpha_1 = sincos_theta_mid.sine;
+    const float64 odd_i_beta_1 = sincos_theta_mid.cosine;
+    const float64 i_alpha_2 = i_alpha * odd_i_beta_1 + odd_i_alpha_1 * i_beta;
+    const float64 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
+    const float64 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
+    const float64 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
+    const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
+    const float64 odd_theta_mid_0 = L_30 + HALF_T * odd_omega_e_0;
+    const float64 emf_step = GAIN_E * omega_e;
+    const float64 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
+    const float64 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
+    const float64 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
+    const float64 i_alpha_mid = 0.5 * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha));
+    const float64 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 part_of_even_i_alpha_next_0 = D_0 * 5.0 * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0;
+    const float64 even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5;
+    const float64 i_beta_mid = 0.5 * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta));
+    const float64 part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0;
+    const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0;
+    const float64 odd_torque_0 =
+        GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
+        odd_theta_mid_0_times_sinc_theta_mid_0 * (i_alpha_mid + even_i_alpha_mid_0));
+    const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
+    const float64 odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1;
+    const float64 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
+    const float64 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 part_of_even_i_alpha_next_1 = 5.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1;
+    const float64 even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5;
+    const float64 part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0;
+    const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1;
+    const float64 odd_torque_1 =
+        GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
+        odd_theta_mid_1_times_sinc_theta_mid_1 * (i_alpha_mid + even_i_alpha_mid_1));
+    const float64 odd_theta_mid_2 = L_32 + 0.0002;
+    const float64 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 part_of_even_i_alpha_next_2 = 5.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2;
+    const float64 even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5;
+    const float64 emf_step_times_cosm1_theta_mid_0 = emf_step * cosm1_theta_mid_0;
+    const float64 part_of_even_omega_next_0 = emf_step_times_cosm1_theta_mid_0 * 0.5;
+    const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 +
+        emf_step * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float64 even_omega_next_0 =
+        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0) -
+        part_of_even_omega_next_0 - part_of_even_i_alpha_next_0 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0));
+    const float64 emf_step_times_cosm1_theta_mid_1 = emf_step * cosm1_theta_mid_1;
+    const float64 part_of_even_omega_next_1 = emf_step_times_cosm1_theta_mid_1 * 0.5;
+    const float64 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 +
+        emf_step * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float64 even_omega_next_1 =
+        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1) -
+        part_of_even_omega_next_1 - part_of_even_i_alpha_next_1 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1));
+    const float64 emf_step_times_cosm1_theta_mid_2 = emf_step * cosm1_theta_mid_2;
+    const float64 part_of_even_omega_next_2 = emf_step_times_cosm1_theta_mid_2 * 0.5;
+    const float64 odd_i_alpha_next_2 = emf_step * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float64 even_omega_next_2 =
+        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2) -
+        part_of_even_omega_next_2 - part_of_even_i_alpha_next_2 * 0.5 * odd_i_alpha_next_2);
+    const float64 emf_step_times_cosm1_theta_mid_3 = emf_step * cosm1_theta_mid_3;
+    const float64 part_of_even_omega_next_3 = emf_step_times_cosm1_theta_mid_3 * 0.5;
+    const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3;
+    const float64 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
+    const float64 even_omega_next_3 =
+        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * (i_beta_mid - part_of_even_omega_next_3) -
+        part_of_even_omega_next_3 - 2.5 * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3);
+    const float64 even_theta_next_0 = even_omega_next_0 * HALF_P_T;
+    const float64 even_theta_next_1 = even_omega_next_1 * HALF_P_T;
+    const float64 even_theta_next_2 = even_omega_next_2 * HALF_P_T;
+    const float64 even_theta_next_3 = even_omega_next_3 * HALF_P_T;
+    const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40);
+    const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41);
+    const float64 part_of_P_pred_00_2 = cosm1_theta_mid_2 + 1.0;
+    const float64 part_of_P_pred_00_3 = 0.07092321646834308 * part_of_P_pred_00_2;
+    const float64 odd_omega_next_2 = DECAY_OMEGA -
+        GAIN_OMEGA * (GAIN_TORQUE * (0.5 * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
+        odd_theta_mid_2_times_sinc_theta_mid_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42);
+    const float64 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
+    const float64 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
+    const float64 odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2);
+    const float64 part_of_P_pred_20 = GAIN_OMEGA * (GAIN_TORQUE * sinc_theta_mid_3 * i_alpha_mid + L_43);
+    const float64 odd_theta_next_3 = 1.0 - HALF_P_T * part_of_P_pred_20;
 
-    /* --- eq. 14: sqrt(n) S; X_i = x +- sqrt(n) S_i */
-    const float64 d_i_alpha_0 = 2.23606797749979 * S_00;
-    const float64 d_i_beta_0 = 2.23606797749979 * S_10;
-    const float64 d_i_beta_1 = 2.23606797749979 * S_11;
-    const float64 d_omega_0 = 2.23606797749979 * S_20;
-    const float64 d_omega_1 = 2.23606797749979 * S_21;
-    const float64 d_omega_2 = 2.23606797749979 * S_22;
-    const float64 d_theta_0 = 2.23606797749979 * S_30;
-    const float64 d_theta_1 = 2.23606797749979 * S_31;
-    const float64 d_theta_2 = 2.23606797749979 * S_32;
-    const float64 d_theta_3 = 2.23606797749979 * S_33;
-    const float64 d_load_torque_0 = 2.23606797749979 * S_40;
-    const float64 d_load_torque_1 = 2.23606797749979 * S_41;
-    const float64 d_load_torque_2 = 2.23606797749979 * S_42;
-    const float64 d_load_torque_3 = 2.23606797749979 * S_43;
-    const float64 d_load_torque_4 = 2.23606797749979 * S_44;
-    const float64 i_alpha_0p = i_alpha + d_i_alpha_0;
-    const float64 i_alpha_0m = i_alpha - d_i_alpha_0;
-    const float64 i_beta_0p = i_beta + d_i_beta_0;
-    const float64 i_beta_1p = i_beta + d_i_beta_1;
-    const float64 i_beta_0m = i_beta - d_i_beta_0;
-    const float64 i_beta_1m = i_beta - d_i_beta_1;
-    const float64 omega_0p = omega + d_omega_0;
-    const float64 omega_1p = omega + d_omega_1;
-    const float64 omega_2p = omega + d_omega_2;
-    const float64 omega_0m = omega - d_omega_0;
-    const float64 omega_1m = omega - d_omega_1;
-    const float64 omega_2m = omega - d_omega_2;
-    const float64 theta_0p = theta + d_theta_0;
-    const float64 theta_1p = theta + d_theta_1;
-    const float64 theta_2p = theta + d_theta_2;
-    const float64 theta_3p = theta + d_theta_3;
-    const float64 theta_0m = theta - d_theta_0;
-    const float64 theta_1m = theta - d_theta_1;
-    const float64 theta_2m = theta - d_theta_2;
-    const float64 theta_3m = theta - d_theta_3;
-    const float64 load_torque_0p = load_torque + d_load_torque_0;
-    const float64 load_torque_1p = load_torque + d_load_torque_1;
-    const float64 load_torque_2p = load_torque + d_load_torque_2;
-    const float64 load_torque_3p = load_torque + d_load_torque_3;
-    const float64 load_torque_4p = load_torque + d_load_torque_4;
-    const float64 load_torque_0m = load_torque - d_load_torque_0;
-    const float64 load_torque_1m = load_torque - d_load_torque_1;
-    const float64 load_torque_2m = load_torque - d_load_torque_2;
-    const float64 load_torque_3m = load_torque - d_load_torque_3;
-    const float64 load_torque_4m = load_torque - d_load_torque_4;
-
-    /* --- eq. 15: X_i' = f(X_i, u) */
-    const float64 omega_e_0p = POLE_PAIRS * omega_0p;
-    const float64 theta_mid_0p = theta_0p + HALF_T * omega_e_0p;
-    const float64 emf_step_0p = GAIN_E * omega_e_0p;
-    const float64 drive_alpha_0p = GAIN_V * v_alpha;
-    const float64 drive_beta_0p = GAIN_V * v_beta;
-    const pmsm_pair_f64 sincos_theta_mid_0p = sin_cos(theta_mid_0p);
-    const float64 sin_theta_mid_0p = sincos_theta_mid_0p.sine;
-    const float64 cos_theta_mid_0p = sincos_theta_mid_0p.cosine;
-    const float64 i_alpha_next_0p = DECAY_I * i_alpha_0p + emf_step_0p * sin_theta_mid_0p + drive_alpha_0p;
-    const float64 i_alpha_mid_0p = 0.5 * (i_alpha_0p + i_alpha_next_0p);
-    const float64 i_beta_next_0p = DECAY_I * i_beta_0p - emf_step_0p * cos_theta_mid_0p + drive_beta_0p;
-    const float64 i_beta_mid_0p = 0.5 * (i_beta_0p + i_beta_next_0p);
-    const float64 torque_0p = GAIN_TORQUE * (cos_theta_mid_0p * i_beta_mid_0p -
-        sin_theta_mid_0p * i_alpha_mid_0p);
-    const float64 omega_e_1p = POLE_PAIRS * omega_1p;
-    const float64 theta_mid_1p = theta_1p + HALF_T * omega_e_1p;
-    const float64 emf_step_1p = GAIN_E * omega_e_1p;
-    const float64 decay_i_times_i_alpha = DECAY_I * i_alpha;
-    const pmsm_pair_f64 sincos_theta_mid_1p = sin_cos(theta_mid_1p);
-    const float64 sin_theta_mid_1p = sincos_theta_mid_1p.sine;
-    const float64 cos_theta_mid_1p = sincos_theta_mid_1p.cosine;
-    const float64 i_alpha_next_1p = decay_i_times_i_alpha + emf_step_1p * sin_theta_mid_1p + drive_alpha_0p;
-    const float64 i_alpha_mid_1p = 0.5 * (i_alpha + i_alpha_next_1p);
-    const float64 i_beta_next_1p = DECAY_I * i_beta_1p - emf_step_1p * cos_theta_mid_1p + drive_beta_0p;
-    const float64 i_beta_mid_1p = 0.5 * (i_beta_1p + i_beta_next_1p);
-    const float64 torque_1p = GAIN_TORQUE * (cos_theta_mid_1p * i_beta_mid_1p -
-        sin_theta_mid_1p * i_alpha_mid_1p);
-    const float64 omega_e_2p = POLE_PAIRS * omega_2p;
-    const float64 theta_mid_2p = theta_2p + HALF_T * omega_e_2p;
-    const float64 emf_step_2p = GAIN_E * omega_e_2p;
-    const pmsm_pair_f64 sincos_theta_mid_2p = sin_cos(theta_mid_2p);
-    const float64 sin_theta_mid_2p = sincos_theta_mid_2p.sine;
-    const float64 cos_theta_mid_2p = sincos_theta_mid_2p.cosine;
-    const float64 i_alpha_next_2p = decay_i_times_i_alpha + emf_step_2p * sin_theta_mid_2p + drive_alpha_0p;
-    const float64 i_alpha_mid_2p = 0.5 * (i_alpha + i_alpha_next_2p);
-    const float64 decay_i_times_i_beta = DECAY_I * i_beta;
-    const float64 i_beta_next_2p = decay_i_times_i_beta - emf_step_2p * cos_theta_mid_2p + drive_beta_0p;
-    const float64 i_beta_mid_2p = 0.5 * (i_beta + i_beta_next_2p);
-    const float64 torque_2p = GAIN_TORQUE * (cos_theta_mid_2p * i_beta_mid_2p -
-        sin_theta_mid_2p * i_alpha_mid_2p);
-    const float64 omega_e_3p = POLE_PAIRS * omega;
-    const float64 half_t_times_omega_e_3p = HALF_T * omega_e_3p;
-    const float64 theta_mid_3p = theta_3p + half_t_times_omega_e_3p;
-    const float64 emf_step_3p = GAIN_E * omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3p = sin_cos(theta_mid_3p);
-    const float64 sin_theta_mid_3p = sincos_theta_mid_3p.sine;
-    const float64 cos_theta_mid_3p = sincos_theta_mid_3p.cosine;
-    const float64 i_alpha_next_3p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3p + drive_alpha_0p;
-    const float64 i_alpha_mid_3p = 0.5 * (i_alpha + i_alpha_next_3p);
-    const float64 i_beta_next_3p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3p + drive_beta_0p;
-    const float64 i_beta_mid_3p = 0.5 * (i_beta + i_beta_next_3p);
-    const float64 torque_3p = GAIN_TORQUE * (cos_theta_mid_3p * i_beta_mid_3p -
-        sin_theta_mid_3p * i_alpha_mid_3p);
-    const float64 theta_mid_4p = theta + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_4p = sin_cos(theta_mid_4p);
-    const float64 sin_theta_mid_4p = sincos_theta_mid_4p.sine;
-    const float64 cos_theta_mid_4p = sincos_theta_mid_4p.cosine;
-    const float64 i_alpha_next_4p = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_4p + drive_alpha_0p;
-    const float64 i_alpha_mid_4p = 0.5 * (i_alpha + i_alpha_next_4p);
-    const float64 i_beta_next_4p = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_4p + drive_beta_0p;
-    const float64 i_beta_mid_4p = 0.5 * (i_beta + i_beta_next_4p);
-    const float64 torque_4p = GAIN_TORQUE * (cos_theta_mid_4p * i_beta_mid_4p -
-        sin_theta_mid_4p * i_alpha_mid_4p);
-    const float64 omega_e_0m = POLE_PAIRS * omega_0m;
-    const float64 theta_mid_0m = theta_0m + HALF_T * omega_e_0m;
-    const float64 emf_step_0m = GAIN_E * omega_e_0m;
-    const pmsm_pair_f64 sincos_theta_mid_0m = sin_cos(theta_mid_0m);
-    const float64 sin_theta_mid_0m = sincos_theta_mid_0m.sine;
-    const float64 cos_theta_mid_0m = sincos_theta_mid_0m.cosine;
-    const float64 i_alpha_next_0m = DECAY_I * i_alpha_0m + emf_step_0m * sin_theta_mid_0m + drive_alpha_0p;
-    const float64 i_alpha_mid_0m = 0.5 * (i_alpha_0m + i_alpha_next_0m);
-    const float64 i_beta_next_0m = DECAY_I * i_beta_0m - emf_step_0m * cos_theta_mid_0m + drive_beta_0p;
-    const float64 i_beta_mid_0m = 0.5 * (i_beta_0m + i_beta_next_0m);
-    const float64 torque_0m = GAIN_TORQUE * (cos_theta_mid_0m * i_beta_mid_0m -
-        sin_theta_mid_0m * i_alpha_mid_0m);
-    const float64 omega_e_1m = POLE_PAIRS * omega_1m;
-    const float64 theta_mid_1m = theta_1m + HALF_T * omega_e_1m;
-    const float64 emf_step_1m = GAIN_E * omega_e_1m;
-    const pmsm_pair_f64 sincos_theta_mid_1m = sin_cos(theta_mid_1m);
-    const float64 sin_theta_mid_1m = sincos_theta_mid_1m.sine;
-    const float64 cos_theta_mid_1m = sincos_theta_mid_1m.cosine;
-    const float64 i_alpha_next_1m = decay_i_times_i_alpha + emf_step_1m * sin_theta_mid_1m + drive_alpha_0p;
-    const float64 i_alpha_mid_1m = 0.5 * (i_alpha + i_alpha_next_1m);
-    const float64 i_beta_next_1m = DECAY_I * i_beta_1m - emf_step_1m * cos_theta_mid_1m + drive_beta_0p;
-    const float64 i_beta_mid_1m = 0.5 * (i_beta_1m + i_beta_next_1m);
-    const float64 torque_1m = GAIN_TORQUE * (cos_theta_mid_1m * i_beta_mid_1m -
-        sin_theta_mid_1m * i_alpha_mid_1m);
-    const float64 omega_e_2m = POLE_PAIRS * omega_2m;
-    const float64 theta_mid_2m = theta_2m + HALF_T * omega_e_2m;
-    const float64 emf_step_2m = GAIN_E * omega_e_2m;
-    const pmsm_pair_f64 sincos_theta_mid_2m = sin_cos(theta_mid_2m);
-    const float64 sin_theta_mid_2m = sincos_theta_mid_2m.sine;
-    const float64 cos_theta_mid_2m = sincos_theta_mid_2m.cosine;
-    const float64 i_alpha_next_2m = decay_i_times_i_alpha + emf_step_2m * sin_theta_mid_2m + drive_alpha_0p;
-    const float64 i_alpha_mid_2m = 0.5 * (i_alpha + i_alpha_next_2m);
-    const float64 i_beta_next_2m = decay_i_times_i_beta - emf_step_2m * cos_theta_mid_2m + drive_beta_0p;
-    const float64 i_beta_mid_2m = 0.5 * (i_beta + i_beta_next_2m);
-    const float64 torque_2m = GAIN_TORQUE * (cos_theta_mid_2m * i_beta_mid_2m -
-        sin_theta_mid_2m * i_alpha_mid_2m);
-    const float64 theta_mid_3m = theta_3m + half_t_times_omega_e_3p;
-    const pmsm_pair_f64 sincos_theta_mid_3m = sin_cos(theta_mid_3m);
-    const float64 sin_theta_mid_3m = sincos_theta_mid_3m.sine;
-    const float64 cos_theta_mid_3m = sincos_theta_mid_3m.cosine;
-    const float64 i_alpha_next_3m = decay_i_times_i_alpha + emf_step_3p * sin_theta_mid_3m + drive_alpha_0p;
-    const float64 i_alpha_mid_3m = 0.5 * (i_alpha + i_alpha_next_3m);
-    const float64 i_beta_next_3m = decay_i_times_i_beta - emf_step_3p * cos_theta_mid_3m + drive_beta_0p;
-    const float64 i_beta_mid_3m = 0.5 * (i_beta + i_beta_next_3m);
-    const float64 torque_3m = GAIN_TORQUE * (cos_theta_mid_3m * i_beta_mid_3m -
-        sin_theta_mid_3m * i_alpha_mid_3m);
-    const float64 omega_next_0p = DECAY_OMEGA * omega_0p + GAIN_OMEGA * (torque_0p - load_torque_0p);
-    const float64 omega_next_1p = DECAY_OMEGA * omega_1p + GAIN_OMEGA * (torque_1p - load_torque_1p);
-    const float64 omega_next_2p = DECAY_OMEGA * omega_2p + GAIN_OMEGA * (torque_2p - load_torque_2p);
-    const float64 decay_omega_times_omega = DECAY_OMEGA * omega;
-    const float64 omega_next_3p = decay_omega_times_omega + GAIN_OMEGA * (torque_3p - load_torque_3p);
-    const float64 omega_next_4p = decay_omega_times_omega + GAIN_OMEGA * (torque_4p - load_torque_4p);
-    const float64 omega_next_0m = DECAY_OMEGA * omega_0m + GAIN_OMEGA * (torque_0m - load_torque_0m);
-    const float64 omega_next_1m = DECAY_OMEGA * omega_1m + GAIN_OMEGA * (torque_1m - load_torque_1m);
-    const float64 omega_next_2m = DECAY_OMEGA * omega_2m + GAIN_OMEGA * (torque_2m - load_torque_2m);
-    const float64 omega_next_3m = decay_omega_times_omega + GAIN_OMEGA * (torque_3m - load_torque_3m);
-    const float64 omega_next_4m = decay_omega_times_omega + GAIN_OMEGA * (torque_4p - load_torque_4m);
-    const float64 theta_next_0p = theta_0p + HALF_P_T * (omega_0p + omega_next_0p);
-    const float64 theta_next_1p = theta_1p + HALF_P_T * (omega_1p + omega_next_1p);
-    const float64 theta_next_2p = theta_2p + HALF_P_T * (omega_2p + omega_next_2p);
-    const float64 theta_next_3p = theta_3p + HALF_P_T * (omega + omega_next_3p);
-    const float64 theta_next_4p = theta + HALF_P_T * (omega + omega_next_4p);
-    const float64 theta_next_0m = theta_0m + HALF_P_T * (omega_0m + omega_next_0m);
-    const float64 theta_next_1m = theta_1m + HALF_P_T * (omega_1m + omega_next_1m);
-    const float64 theta_next_2m = theta_2m + HALF_P_T * (omega_2m + omega_next_2m);
-    const float64 theta_next_3m = theta_3m + HALF_P_T * (omega + omega_next_3m);
-    const float64 theta_next_4m = theta + HALF_P_T * (omega + omega_next_4m);
-
-    /* --- eq. 16: x_pred = mean X_i', about the first point */
-    const float64 i_alpha_next_4p_minus_i_alpha_next_0p = i_alpha_next_4p - i_alpha_next_0p;
-    const float64 offset_i_alpha = 0.1 * (i_alpha_next_1p - i_alpha_next_0p +
-        (i_alpha_next_2p - i_alpha_next_0p) + (i_alpha_next_3p - i_alpha_next_0p) +
-        i_alpha_next_4p_minus_i_alpha_next_0p + (i_alpha_next_0m - i_alpha_next_0p) +
-        (i_alpha_next_1m - i_alpha_next_0p) + (i_alpha_next_2m - i_alpha_next_0p) +
-        (i_alpha_next_3m - i_alpha_next_0p) + i_alpha_next_4p_minus_i_alpha_next_0p);
-    const float64 i_beta_next_4p_minus_i_beta_next_0p = i_beta_next_4p - i_beta_next_0p;
-    const float64 offset_i_beta = 0.1 * (i_beta_next_1p - i_beta_next_0p + (i_beta_next_2p - i_beta_next_0p) +
-        (i_beta_next_3p - i_beta_next_0p) + i_beta_next_4p_minus_i_beta_next_0p +
-        (i_beta_next_0m - i_beta_next_0p) + (i_beta_next_1m - i_beta_next_0p) +
-        (i_beta_next_2m - i_beta_next_0p) + (i_beta_next_3m - i_beta_next_0p) +
-        i_beta_next_4p_minus_i_beta_next_0p);
-    const float64 offset_omega = 0.1 * (omega_next_1p - omega_next_0p + (omega_next_2p - omega_next_0p) +
-        (omega_next_3p - omega_next_0p) + (omega_next_4p - omega_next_0p) + (omega_next_0m - omega_next_0p) +
-        (omega_next_1m - omega_next_0p) + (omega_next_2m - omega_next_0p) + (omega_next_3m - omega_next_0p) +
-        (omega_next_4m - omega_next_0p));
-    const float64 offset_theta = 0.1 * (theta_next_1p - theta_next_0p + (theta_next_2p - theta_next_0p) +
-        (theta_next_3p - theta_next_0p) + (theta_next_4p - theta_next_0p) + (theta_next_0m - theta_next_0p) +
-        (theta_next_1m - theta_next_0p) + (theta_next_2m - theta_next_0p) + (theta_next_3m - theta_next_0p) +
-        (theta_next_4m - theta_next_0p));
-    const float64 offset_load_torque = 0.1 * (load_torque_1p - load_torque_0p +
-        (load_torque_2p - load_torque_0p) + (load_torque_3p - load_torque_0p) +
-        (load_torque_4p - load_torque_0p) + (load_torque_0m - load_torque_0p) +
-        (load_torque_1m - load_torque_0p) + (load_torque_2m - load_torque_0p) +
-        (load_torque_3m - load_torque_0p) + (load_torque_4m - load_torque_0p));
-    const float64 i_alpha_pred = i_alpha_next_0p + offset_i_alpha;
-    const float64 i_beta_pred = i_beta_next_0p + offset_i_beta;
-    const float64 omega_pred = omega_next_0p + offset_omega;
-    const float64 theta_pred = theta_next_0p + offset_theta;
-    const float64 load_torque_pred = load_torque_0p + offset_load_torque;
+    /* --- eq. 16: x_pred = mean X_i' */
+    const float64 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2) * 0.2;
+    const float64 offset_omega = 0.2 * (even_omega_next_0 + even_omega_next_1 + even_omega_next_2 +
+        even_omega_next_3);
+    const float64 offset_theta = 0.2 * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 +
+        even_theta_next_3);
+    const float64 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
+    const float64 dev_i_beta_4 = 0.2 * (emf_step_times_cosm1_theta_mid_0 + emf_step_times_cosm1_theta_mid_1 +
+        emf_step_times_cosm1_theta_mid_2 + emf_step_times_cosm1_theta_mid_3);
+    const float64 i_alpha_pred = part_of_i_alpha_pred +
+        (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4);
+    const float64 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
+    const float64 i_beta_pred = part_of_i_beta_pred +
+        (odd_i_alpha_1 * offset_i_alpha - odd_i_beta_1 * dev_i_beta_4);
+    const float64 part_of_omega_pred = omega * DECAY_OMEGA +
+        GAIN_OMEGA * (GAIN_TORQUE * (odd_i_beta_1 * 0.5 * (i_beta + part_of_i_beta_pred) -
+        odd_i_alpha_1 * 0.5 * (i_alpha + part_of_i_alpha_pred)) - load_torque);
+    const float64 omega_pred = part_of_omega_pred + offset_omega;
+    const float64 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float64 dev_i_alpha_1p = i_alpha_next_1p - i_alpha_pred;
-    const float64 dev_i_beta_1p = i_beta_next_1p - i_beta_pred;
-    const float64 dev_omega_1p = omega_next_1p - omega_pred;
-    const float64 dev_theta_1p = theta_next_1p - theta_pred;
-    const float64 dev_load_torque_1p = load_torque_1p - load_torque_pred;
-    const float64 dev_i_alpha_2p = i_alpha_next_2p - i_alpha_pred;
-    const float64 dev_i_beta_2p = i_beta_next_2p - i_beta_pred;
-    const float64 dev_omega_2p = omega_next_2p - omega_pred;
-    const float64 dev_theta_2p = theta_next_2p - theta_pred;
-    const float64 dev_load_torque_2p = load_torque_2p - load_torque_pred;
-    const float64 dev_i_alpha_3p = i_alpha_next_3p - i_alpha_pred;
-    const float64 dev_i_beta_3p = i_beta_next_3p - i_beta_pred;
-    const float64 dev_omega_3p = omega_next_3p - omega_pred;
-    const float64 dev_theta_3p = theta_next_3p - theta_pred;
-    const float64 dev_load_torque_3p = load_torque_3p - load_torque_pred;
-    const float64 dev_i_alpha_4p = i_alpha_next_4p - i_alpha_pred;
-    const float64 dev_i_beta_4p = i_beta_next_4p - i_beta_pred;
-    const float64 dev_omega_4p = omega_next_4p - omega_pred;
-    const float64 dev_theta_4p = theta_next_4p - theta_pred;
-    const float64 dev_load_torque_4p = load_torque_4p - load_torque_pred;
-    const float64 dev_i_alpha_0m = i_alpha_next_0m - i_alpha_pred;
-    const float64 dev_i_beta_0m = i_beta_next_0m - i_beta_pred;
-    const float64 dev_omega_0m = omega_next_0m - omega_pred;
-    const float64 dev_theta_0m = theta_next_0m - theta_pred;
-    const float64 dev_load_torque_0m = load_torque_0m - load_torque_pred;
-    const float64 dev_i_alpha_1m = i_alpha_next_1m - i_alpha_pred;
-    const float64 dev_i_beta_1m = i_beta_next_1m - i_beta_pred;
-    const float64 dev_omega_1m = omega_next_1m - omega_pred;
-    const float64 dev_theta_1m = theta_next_1m - theta_pred;
-    const float64 dev_load_torque_1m = load_torque_1m - load_torque_pred;
-    const float64 dev_i_alpha_2m = i_alpha_next_2m - i_alpha_pred;
-    const float64 dev_i_beta_2m = i_beta_next_2m - i_beta_pred;
-    const float64 dev_omega_2m = omega_next_2m - omega_pred;
-    const float64 dev_theta_2m = theta_next_2m - theta_pred;
-    const float64 dev_load_torque_2m = load_torque_2m - load_torque_pred;
-    const float64 dev_i_alpha_3m = i_alpha_next_3m - i_alpha_pred;
-    const float64 dev_i_beta_3m = i_beta_next_3m - i_beta_pred;
-    const float64 dev_omega_3m = omega_next_3m - omega_pred;
-    const float64 dev_theta_3m = theta_next_3m - theta_pred;
-    const float64 dev_load_torque_3m = load_torque_3m - load_torque_pred;
-    const float64 dev_omega_4m = omega_next_4m - omega_pred;
-    const float64 dev_theta_4m = theta_next_4m - theta_pred;
-    const float64 dev_load_torque_4m = load_torque_4m - load_torque_pred;
-    const float64 dev_i_alpha_4p_sq = dev_i_alpha_4p * dev_i_alpha_4p;
-    const float64 P_pred_00 = 0.1 * (offset_i_alpha * offset_i_alpha + dev_i_alpha_1p * dev_i_alpha_1p +
-        dev_i_alpha_2p * dev_i_alpha_2p + dev_i_alpha_3p * dev_i_alpha_3p + dev_i_alpha_4p_sq +
-        dev_i_alpha_0m * dev_i_alpha_0m + dev_i_alpha_1m * dev_i_alpha_1m + dev_i_alpha_2m * dev_i_alpha_2m +
-        dev_i_alpha_3m * dev_i_alpha_3m + dev_i_alpha_4p_sq) + Q_0;
-    const float64 dev_i_beta_4p_times_dev_i_alpha_4p = dev_i_beta_4p * dev_i_alpha_4p;
-    const float64 P_pred_10 = 0.1 * (offset_i_beta * offset_i_alpha + dev_i_beta_1p * dev_i_alpha_1p +
-        dev_i_beta_2p * dev_i_alpha_2p + dev_i_beta_3p * dev_i_alpha_3p + dev_i_beta_4p_times_dev_i_alpha_4p +
-        dev_i_beta_0m * dev_i_alpha_0m + dev_i_beta_1m * dev_i_alpha_1m + dev_i_beta_2m * dev_i_alpha_2m +
-        dev_i_beta_3m * dev_i_alpha_3m + dev_i_beta_4p_times_dev_i_alpha_4p);
-    const float64 dev_i_beta_4p_sq = dev_i_beta_4p * dev_i_beta_4p;
-    const float64 P_pred_11 = 0.1 * (offset_i_beta * offset_i_beta + dev_i_beta_1p * dev_i_beta_1p +
-        dev_i_beta_2p * dev_i_beta_2p + dev_i_beta_3p * dev_i_beta_3p + dev_i_beta_4p_sq +
-        dev_i_beta_0m * dev_i_beta_0m + dev_i_beta_1m * dev_i_beta_1m + dev_i_beta_2m * dev_i_beta_2m +
-        dev_i_beta_3m * dev_i_beta_3m + dev_i_beta_4p_sq) + Q_1;
-    const float64 P_pred_20 = 0.1 * (offset_omega * offset_i_alpha + dev_omega_1p * dev_i_alpha_1p +
-        dev_omega_2p * dev_i_alpha_2p + dev_omega_3p * dev_i_alpha_3p + dev_omega_4p * dev_i_alpha_4p +
-        dev_omega_0m * dev_i_alpha_0m + dev_omega_1m * dev_i_alpha_1m + dev_omega_2m * dev_i_alpha_2m +
-        dev_omega_3m * dev_i_alpha_3m + dev_omega_4m * dev_i_alpha_4p);
-    const float64 P_pred_21 = 0.1 * (offset_omega * offset_i_beta + dev_omega_1p * dev_i_beta_1p +
-        dev_omega_2p * dev_i_beta_2p + dev_omega_3p * dev_i_beta_3p + dev_omega_4p * dev_i_beta_4p +
-        dev_omega_0m * dev_i_beta_0m + dev_omega_1m * dev_i_beta_1m + dev_omega_2m * dev_i_beta_2m +
-        dev_omega_3m * dev_i_beta_3m + dev_omega_4m * dev_i_beta_4p);
-    const float64 P_pred_22 = 0.1 * (offset_omega * offset_omega + dev_omega_1p * dev_omega_1p +
-        dev_omega_2p * dev_omega_2p + dev_omega_3p * dev_omega_3p + dev_omega_4p * dev_omega_4p +
-        dev_omega_0m * dev_omega_0m + dev_omega_1m * dev_omega_1m + dev_omega_2m * dev_omega_2m +
-        dev_omega_3m * dev_omega_3m + dev_omega_4m * dev_omega_4m) + Q_2;
-    const float64 P_pred_30 = 0.1 * (offset_theta * offset_i_alpha + dev_theta_1p * dev_i_alpha_1p +
-        dev_theta_2p * dev_i_alpha_2p + dev_theta_3p * dev_i_alpha_3p + dev_theta_4p * dev_i_alpha_4p +
-        dev_theta_0m * dev_i_alpha_0m + dev_theta_1m * dev_i_alpha_1m + dev_theta_2m * dev_i_alpha_2m +
-        dev_theta_3m * dev_i_alpha_3m + dev_theta_4m * dev_i_alpha_4p);
-    const float64 P_pred_31 = 0.1 * (offset_theta * offset_i_beta + dev_theta_1p * dev_i_beta_1p +
-        dev_theta_2p * dev_i_beta_2p + dev_theta_3p * dev_i_beta_3p + dev_theta_4p * dev_i_beta_4p +
-        dev_theta_0m * dev_i_beta_0m + dev_theta_1m * dev_i_beta_1m + dev_theta_2m * dev_i_beta_2m +
-        dev_theta_3m * dev_i_beta_3m + dev_theta_4m * dev_i_beta_4p);
-    const float64 P_pred_32 = 0.1 * (offset_theta * offset_omega + dev_theta_1p * dev_omega_1p +
-        dev_theta_2p * dev_omega_2p + dev_theta_3p * dev_omega_3p + dev_theta_4p * dev_omega_4p +
-        dev_theta_0m * dev_omega_0m + dev_theta_1m * dev_omega_1m + dev_theta_2m * dev_omega_2m +
-        dev_theta_3m * dev_omega_3m + dev_theta_4m * dev_omega_4m);
-    const float64 P_pred_33 = 0.1 * (offset_theta * offset_theta + dev_theta_1p * dev_theta_1p +
-        dev_theta_2p * dev_theta_2p + dev_theta_3p * dev_theta_3p + dev_theta_4p * dev_theta_4p +
-        dev_theta_0m * dev_theta_0m + dev_theta_1m * dev_theta_1m + dev_theta_2m * dev_theta_2m +
-        dev_theta_3m * dev_theta_3m + dev_theta_4m * dev_theta_4m) + Q_3;
-    const float64 P_pred_40 = 0.1 * (offset_load_torque * offset_i_alpha + dev_load_torque_1p * dev_i_alpha_1p
-        + dev_load_torque_2p * dev_i_alpha_2p + dev_load_torque_3p * dev_i_alpha_3p +
-        dev_load_torque_4p * dev_i_alpha_4p + dev_load_torque_0m * dev_i_alpha_0m +
-        dev_load_torque_1m * dev_i_alpha_1m + dev_load_torque_2m * dev_i_alpha_2m +
-        dev_load_torque_3m * dev_i_alpha_3m + dev_load_torque_4m * dev_i_alpha_4p);
-    const float64 P_pred_41 = 0.1 * (offset_load_torque * offset_i_beta + dev_load_torque_1p * dev_i_beta_1p +
-        dev_load_torque_2p * dev_i_beta_2p + dev_load_torque_3p * dev_i_beta_3p +
-        dev_load_torque_4p * dev_i_beta_4p + dev_load_torque_0m * dev_i_beta_0m +
-        dev_load_torque_1m * dev_i_beta_1m + dev_load_torque_2m * dev_i_beta_2m +
-        dev_load_torque_3m * dev_i_beta_3m + dev_load_torque_4m * dev_i_beta_4p);
-    const float64 P_pred_42 = 0.1 * (offset_load_torque * offset_omega + dev_load_torque_1p * dev_omega_1p +
-        dev_load_torque_2p * dev_omega_2p + dev_load_torque_3p * dev_omega_3p +
-        dev_load_torque_4p * dev_omega_4p + dev_load_torque_0m * dev_omega_0m +
-        dev_load_torque_1m * dev_omega_1m + dev_load_torque_2m * dev_omega_2m +
-        dev_load_torque_3m * dev_omega_3m + dev_load_torque_4m * dev_omega_4m);
-    const float64 P_pred_43 = 0.1 * (offset_load_torque * offset_theta + dev_load_torque_1p * dev_theta_1p +
-        dev_load_torque_2p * dev_theta_2p + dev_load_torque_3p * dev_theta_3p +
-        dev_load_torque_4p * dev_theta_4p + dev_load_torque_0m * dev_theta_0m +
-        dev_load_torque_1m * dev_theta_1m + dev_load_torque_2m * dev_theta_2m +
-        dev_load_torque_3m * dev_theta_3m + dev_load_torque_4m * dev_theta_4m);
-    const float64 P_pred_44 = 0.1 * (offset_load_torque * offset_load_torque +
-        dev_load_torque_1p * dev_load_torque_1p + dev_load_torque_2p * dev_load_torque_2p +
-        dev_load_torque_3p * dev_load_torque_3p + dev_load_torque_4p * dev_load_torque_4p +
-        dev_load_torque_0m * dev_load_torque_0m + dev_load_torque_1m * dev_load_torque_1m +
-        dev_load_torque_2m * dev_load_torque_2m + dev_load_torque_3m * dev_load_torque_3m +
-        dev_load_torque_4m * dev_load_torque_4m) + Q_4;
+    const float64 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
+    const float64 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
+    const float64 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
+    const float64 dev_i_beta_0 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_0;
+    const float64 dev_i_beta_1 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_1;
+    const float64 dev_i_beta_2 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_2;
+    const float64 dev_i_beta_3 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_3;
+    const float64 dev_omega_0 = even_omega_next_0 - offset_omega;
+    const float64 dev_omega_1 = even_omega_next_1 - offset_omega;
+    const float64 dev_omega_2 = even_omega_next_2 - offset_omega;
+    const float64 dev_omega_3 = even_omega_next_3 - offset_omega;
+    const float64 dev_theta_0 = even_theta_next_0 - offset_theta;
+    const float64 dev_theta_1 = even_theta_next_1 - offset_theta;
+    const float64 dev_theta_2 = even_theta_next_2 - offset_theta;
+    const float64 dev_theta_3 = even_theta_next_3 - offset_theta;
+    const float64 offset_i_alpha_sq = offset_i_alpha * offset_i_alpha;
+    const float64 part_of_P_pred_00 = D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
+        D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + D_2 * odd_i_alpha_next_2 * odd_i_alpha_next_2 +
+        odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2 * (dev_i_alpha_0 * dev_i_alpha_0 +
+        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + offset_i_alpha_sq +
+        offset_i_alpha_sq);
+    const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
+    const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
+    const float64 D_2_times_part_of_P_pred_00_3 = D_2 * part_of_P_pred_00_3;
+    const float64 part_of_P_pred_00_4 = odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
+        + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
+        offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4);
+    const float64 odd_i_alpha_1_times_part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_4;
+    const float64 odd_i_beta_1_times_part_of_P_pred_00_4 = odd_i_beta_1 * part_of_P_pred_00_4;
+    const float64 part_of_P_pred_00_5 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
+        + 0.2 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
+        dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4);
+    const float64 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 -
+        odd_i_alpha_1_times_part_of_P_pred_00_4) - odd_i_alpha_1 * (odd_i_beta_1_times_part_of_P_pred_00_4 -
+        odd_i_alpha_1 * part_of_P_pred_00_5) + Q_0;
+    const float64 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 +
+        odd_i_beta_1_times_part_of_P_pred_00_4;
+    const float64 part_of_P_pred_10_2 = odd_i_alpha_1_times_part_of_P_pred_00_4 +
+        odd_i_beta_1 * part_of_P_pred_00_5;
+    const float64 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
+    const float64 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+    const float64 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
+    const float64 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
+    const float64 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
+    const float64 D_3_times_part_of_P_pred_20 = D_3 * part_of_P_pred_20;
+    const float64 part_of_P_pred_20_2 = odd_i_alpha_next_0 * D_0_times_odd_omega_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_omega_next_1 + odd_i_alpha_next_2 * D_2_times_odd_omega_next_2 -
+        odd_i_alpha_next_3 * D_3_times_part_of_P_pred_20 + 0.2 * (dev_i_alpha_0 * dev_omega_0 +
+        dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2 - offset_i_alpha * dev_omega_3 +
+        offset_i_alpha * offset_omega);
+    const float64 part_of_P_pred_20_3 = odd_i_beta_next_0 * D_0_times_odd_omega_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_3 * D_2_times_odd_omega_next_2 +
+        0.2 * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 + dev_i_beta_2 * dev_omega_2 +
+        dev_i_beta_3 * dev_omega_3 - dev_i_beta_4 * offset_omega);
+    const float64 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_2 - odd_i_alpha_1 * part_of_P_pred_20_3;
+    const float64 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_2 + odd_i_beta_1 * part_of_P_pred_20_3;
+    const float64 part_of_P_pred_22 = D_4 * 0.01249984375195311;
+    const float64 P_pred_22 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
+        odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
+        part_of_P_pred_20 * D_3_times_part_of_P_pred_20 + 0.01249984375195311 * part_of_P_pred_22 +
+        0.2 * (dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1 + dev_omega_2 * dev_omega_2 +
+        dev_omega_3 * dev_omega_3 + offset_omega * offset_omega) + Q_2;
+    const float64 D_0_times_odd_theta_next_0 = D_0 * odd_theta_next_0;
+    const float64 D_1_times_odd_theta_next_1 = D_1 * odd_theta_next_1;
+    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+    const float64 D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3;
+    const float64 part_of_P_pred_30 = odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
+        odd_i_alpha_next_3 * D_3_times_odd_theta_next_3 + 0.2 * (dev_i_alpha_0 * dev_theta_0 +
+        dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2 - offset_i_alpha * dev_theta_3 +
+        offset_i_alpha * offset_theta);
+    const float64 part_of_P_pred_30_2 = odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
+        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_3 * D_2_times_odd_theta_next_2 +
+        0.2 * (dev_i_beta_0 * dev_theta_0 + dev_i_beta_1 * dev_theta_1 + dev_i_beta_2 * dev_theta_2 +
+        dev_i_beta_3 * dev_theta_3 - dev_i_beta_4 * offset_theta);
+    const float64 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
+    const float64 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2;
+    const float64 part_of_P_pred_32 = D_4 * 2.499968750390622e-06;
+    const float64 P_pred_32 = odd_omega_next_0 * D_0_times_odd_theta_next_0 +
+        odd_omega_next_1 * D_1_times_odd_theta_next_1 + odd_omega_next_2 * D_2_times_odd_theta_next_2 -
+        part_of_P_pred_20 * D_3_times_odd_theta_next_3 + 0.01249984375195311 * part_of_P_pred_32 +
+        0.2 * (dev_omega_0 * dev_theta_0 + dev_omega_1 * dev_theta_1 + dev_omega_2 * dev_theta_2 +
+        dev_omega_3 * dev_theta_3 + offset_omega * offset_theta);
+    const float64 P_pred_33 = odd_theta_next_0 * D_0_times_odd_theta_next_0 +
+        odd_theta_next_1 * D_1_times_odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 +
+        odd_theta_next_3 * D_3_times_odd_theta_next_3 + 2.499968750390622e-06 * part_of_P_pred_32 +
+        0.2 * (dev_theta_0 * dev_theta_0 + dev_theta_1 * dev_theta_1 + dev_theta_2 * dev_theta_2 +
+        dev_theta_3 * dev_theta_3 + offset_theta * offset_theta) + Q_3;
+    const float64 D_0_times_L_40 = D_0 * L_40;
+    const float64 D_1_times_L_41 = D_1 * L_41;
+    const float64 D_2_times_L_42 = D_2 * L_42;
+    const float64 D_3_times_L_43 = D_3 * L_43;
+    const float64 part_of_P_pred_40 = odd_i_alpha_next_0 * D_0_times_L_40 +
+        odd_i_alpha_next_1 * D_1_times_L_41 + odd_i_alpha_next_2 * D_2_times_L_42 +
+        odd_i_alpha_next_3 * D_3_times_L_43;
+    const float64 part_of_P_pred_40_2 = odd_i_beta_next_0 * D_0_times_L_40 +
+        odd_i_beta_next_1 * D_1_times_L_41 - part_of_P_pred_00_3 * D_2_times_L_42;
+    const float64 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
+    const float64 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
+    const float64 P_pred_42 = odd_omega_next_0 * D_0_times_L_40 + odd_omega_next_1 * D_1_times_L_41 +
+        odd_omega_next_2 * D_2_times_L_42 - part_of_P_pred_20 * D_3_times_L_43 - part_of_P_pred_22;
+    const float64 P_pred_43 = odd_theta_next_0 * D_0_times_L_40 + odd_theta_next_1 * D_1_times_L_41 +
+        odd_theta_next_2 * D_2_times_L_42 + odd_theta_next_3 * D_3_times_L_43 - part_of_P_pred_32;
+    const float64 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
+        L_43 * D_3_times_L_43 + D_4 + Q_4;
+
+    /* --- eq. 18: L D L^T = P_pred */
+    const float64 part_of_L_pred_10 = 1.0 / P_pred_00;
+    const float64 L_pred_10 = P_pred_10 * part_of_L_pred_10;
+    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 L_pred_20 = part_of_L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float64 part_of_L_pred_21_2 = 1.0 / D_pred_1;
+    const float64 L_pred_21 = part_of_L_pred_21 * part_of_L_pred_21_2;
+    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float64 L_pred_30 = part_of_L_pred_10 * P_pred_30;
+    const float64 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float64 L_pred_31 = part_of_L_pred_21_2 * part_of_L_pred_31;
+    const float64 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+    const float64 part_of_L_pred_32_2 = 1.0 / D_pred_2;
+    const float64 L_pred_32 = part_of_L_pred_32 * part_of_L_pred_32_2;
+    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
+        part_of_L_pred_32 * L_pred_32, Q_3);
+    const float64 L_pred_40 = part_of_L_pred_10 * P_pred_40;
+    const float64 part_of_L_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
+    const float64 L_pred_41 = part_of_L_pred_21_2 * part_of_L_pred_41;
+    const float64 part_of_L_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * part_of_L_pred_41;
+    const float64 L_pred_42 = part_of_L_pred_32_2 * part_of_L_pred_42;
+    const float64 part_of_L_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * part_of_L_pred_41 -
+        L_pred_32 * part_of_L_pred_42;
+    const float64 L_pred_43 = part_of_L_pred_43 / D_pred_3;
+    const float64 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
+        part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_4);
 
     x_pred_out[0] = i_alpha_pred;
     x_pred_out[1] = i_beta_pred;
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
-    x_pred_out[4] = load_torque_pred;
-    P_pred_out[0] = P_pred_00;
-    P_pred_out[1] = P_pred_10;
-    P_pred_out[2] = P_pred_11;
-    P_pred_out[3] = P_pred_20;
-    P_pred_out[4] = P_pred_21;
-    P_pred_out[5] = P_pred_22;
-    P_pred_out[6] = P_pred_30;
-    P_pred_out[7] = P_pred_31;
-    P_pred_out[8] = P_pred_32;
-    P_pred_out[9] = P_pred_33;
-    P_pred_out[10] = P_pred_40;
-    P_pred_out[11] = P_pred_41;
-    P_pred_out[12] = P_pred_42;
-    P_pred_out[13] = P_pred_43;
-    P_pred_out[14] = P_pred_44;
+    x_pred_out[4] = load_torque;
+    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[1] = L_pred_10;
+    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[3] = L_pred_20;
+    LD_pred_out[4] = L_pred_21;
+    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[6] = L_pred_30;
+    LD_pred_out[7] = L_pred_31;
+    LD_pred_out[8] = L_pred_32;
+    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[10] = L_pred_40;
+    LD_pred_out[11] = L_pred_41;
+    LD_pred_out[12] = L_pred_42;
+    LD_pred_out[13] = L_pred_43;
+    LD_pred_out[14] = D_pred_4;
 }
 
 /* Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact) */
-static void ickf_measurement_update(const float64 x_pred[5], const float64 P_pred[15], const float64 R[2],
-    const float64 y[2], float64 x_out[5], float64 P_out[15])
+static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pred[15], const float64 R[2],
+    const float64 y[2], float64 x_out[5], float64 LD_out[15])
 {
     const float64 i_alpha_pred = x_pred[0];
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
     const float64 load_torque_pred = x_pred[4];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
-    const float64 P_pred_40 = P_pred[10];
-    const float64 P_pred_41 = P_pred[11];
-    const float64 P_pred_42 = P_pred[12];
-    const float64 P_pred_43 = P_pred[13];
-    const float64 P_pred_44 = P_pred[14];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_4 = LD_pred[14];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
-    /* --- eq. 18: S = chol(P_pred) */
-    const float64 S_pred_00 = sqrt(P_pred_00);
-    const float64 S_pred_10 = P_pred_10 / S_pred_00;
-    const float64 S_pred_11 = sqrt(P_pred_11 - S_pred_10 * S_pred_10);
-    const float64 S_pred_20 = P_pred_20 / S_pred_00;
-    const float64 S_pred_21 = (P_pred_21 - S_pred_20 * S_pred_10) / S_pred_11;
-    const float64 S_pred_22 = sqrt(P_pred_22 - (S_pred_20 * S_pred_20 + S_pred_21 * S_pred_21));
-    const float64 S_pred_30 = P_pred_30 / S_pred_00;
-    const float64 S_pred_31 = (P_pred_31 - S_pred_30 * S_pred_10) / S_pred_11;
-    const float64 S_pred_32 = (P_pred_32 - (S_pred_30 * S_pred_20 + S_pred_31 * S_pred_21)) / S_pred_22;
-    const float64 S_pred_33 = sqrt(P_pred_33 - (S_pred_30 * S_pred_30 + S_pred_31 * S_pred_31 +
-        S_pred_32 * S_pred_32));
-    const float64 S_pred_40 = P_pred_40 / S_pred_00;
-    const float64 S_pred_41 = (P_pred_41 - S_pred_40 * S_pred_10) / S_pred_11;
-    const float64 S_pred_42 = (P_pred_42 - (S_pred_40 * S_pred_20 + S_pred_41 * S_pred_21)) / S_pred_22;
-    const float64 S_pred_43 = (P_pred_43 - (S_pred_40 * S_pred_30 + S_pred_41 * S_pred_31 +
-        S_pred_42 * S_pred_32)) / S_pred_33;
-    const float64 S_pred_44 = sqrt(P_pred_44 - (S_pred_40 * S_pred_40 + S_pred_41 * S_pred_41 +
-        S_pred_42 * S_pred_42 + S_pred_43 * S_pred_43));
-
-    /* --- eq. 19: sqrt(n) S; X_i = x^j +- sqrt(n) S_i */
-    const float64 d_j_i_alpha_0 = 2.23606797749979 * S_pred_00;
-    const float64 d_j_i_beta_0 = 2.23606797749979 * S_pred_10;
-    const float64 d_j_i_beta_1 = 2.23606797749979 * S_pred_11;
-    const float64 d_j_omega_0 = 2.23606797749979 * S_pred_20;
-    const float64 d_j_omega_1 = 2.23606797749979 * S_pred_21;
-    const float64 d_j_omega_2 = 2.23606797749979 * S_pred_22;
-    const float64 d_j_theta_0 = 2.23606797749979 * S_pred_30;
-    const float64 d_j_theta_1 = 2.23606797749979 * S_pred_31;
-    const float64 d_j_theta_2 = 2.23606797749979 * S_pred_32;
-    const float64 d_j_theta_3 = 2.23606797749979 * S_pred_33;
-    const float64 d_j_load_torque_0 = 2.23606797749979 * S_pred_40;
-    const float64 d_j_load_torque_1 = 2.23606797749979 * S_pred_41;
-    const float64 d_j_load_torque_2 = 2.23606797749979 * S_pred_42;
-    const float64 d_j_load_torque_3 = 2.23606797749979 * S_pred_43;
-    const float64 d_j_load_torque_4 = 2.23606797749979 * S_pred_44;
-    const float64 i_alpha_j_0p = i_alpha_pred + d_j_i_alpha_0;
-    const float64 i_alpha_j_0m = i_alpha_pred - d_j_i_alpha_0;
-    const float64 i_beta_j_0p = i_beta_pred + d_j_i_beta_0;
-    const float64 i_beta_j_1p = i_beta_pred + d_j_i_beta_1;
-    const float64 i_beta_j_0m = i_beta_pred - d_j_i_beta_0;
-    const float64 i_beta_j_1m = i_beta_pred - d_j_i_beta_1;
-    const float64 omega_j_0m = omega_pred - d_j_omega_0;
-    const float64 omega_j_1m = omega_pred - d_j_omega_1;
-    const float64 omega_j_2m = omega_pred - d_j_omega_2;
-    const float64 theta_j_0m = theta_pred - d_j_theta_0;
-    const float64 theta_j_1m = theta_pred - d_j_theta_1;
-    const float64 theta_j_2m = theta_pred - d_j_theta_2;
-    const float64 theta_j_3m = theta_pred - d_j_theta_3;
-    const float64 load_torque_j_0m = load_torque_pred - d_j_load_torque_0;
-    const float64 load_torque_j_1m = load_torque_pred - d_j_load_torque_1;
-    const float64 load_torque_j_2m = load_torque_pred - d_j_load_torque_2;
-    const float64 load_torque_j_3m = load_torque_pred - d_j_load_torque_3;
-    const float64 load_torque_j_4m = load_torque_pred - d_j_load_torque_4;
-
-    /* --- eq. 21: mean Y_i, about the first point */
-    const float64 offset_y_i_alpha = 0.1 * (i_alpha_j_0m - i_alpha_j_0p -
-        (4.47213595499958 * S_pred_00 + d_j_i_alpha_0 + d_j_i_alpha_0) - d_j_i_alpha_0 - d_j_i_alpha_0 -
-        d_j_i_alpha_0 - d_j_i_alpha_0);
-    const float64 offset_y_i_beta = 0.1 * (i_beta_j_1p - i_beta_j_0p - d_j_i_beta_0 - d_j_i_beta_0 -
-        d_j_i_beta_0 + (i_beta_j_0m - i_beta_j_0p) + (i_beta_j_1m - i_beta_j_0p) - d_j_i_beta_0 - d_j_i_beta_0
-        - d_j_i_beta_0);
-    const float64 y_i_alpha_mean = i_alpha_j_0p + offset_y_i_alpha;
-    const float64 y_i_beta_mean = i_beta_j_0p + offset_y_i_beta;
-
-    /* --- eq. 22: Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R */
-    const float64 dev_y_i_alpha_1p = i_alpha_pred - y_i_alpha_mean;
-    const float64 dev_y_i_beta_1p = i_beta_j_1p - y_i_beta_mean;
-    const float64 dev_y_i_beta_2p = i_beta_pred - y_i_beta_mean;
-    const float64 dev_y_i_alpha_0m = i_alpha_j_0m - y_i_alpha_mean;
-    const float64 dev_y_i_beta_0m = i_beta_j_0m - y_i_beta_mean;
-    const float64 dev_y_i_beta_1m = i_beta_j_1m - y_i_beta_mean;
-    const float64 dev_y_i_alpha_1p_sq = dev_y_i_alpha_1p * dev_y_i_alpha_1p;
-    const float64 Pyy_00 = 0.1 * (offset_y_i_alpha * offset_y_i_alpha + dev_y_i_alpha_1p_sq +
-        dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_0m * dev_y_i_alpha_0m
-        + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq + dev_y_i_alpha_1p_sq) + R_0;
-    const float64 dev_y_i_beta_2p_times_dev_y_i_alpha_1p = dev_y_i_beta_2p * dev_y_i_alpha_1p;
-    const float64 Pyy_10 = 0.1 * (offset_y_i_beta * offset_y_i_alpha + dev_y_i_beta_1p * dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_0m * dev_y_i_alpha_0m +
-        dev_y_i_beta_1m * dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p +
-        dev_y_i_beta_2p_times_dev_y_i_alpha_1p + dev_y_i_beta_2p_times_dev_y_i_alpha_1p);
-    const float64 dev_y_i_beta_2p_sq = dev_y_i_beta_2p * dev_y_i_beta_2p;
-    const float64 Pyy_11 = 0.1 * (offset_y_i_beta * offset_y_i_beta + dev_y_i_beta_1p * dev_y_i_beta_1p +
-        dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_0m * dev_y_i_beta_0m +
-        dev_y_i_beta_1m * dev_y_i_beta_1m + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq + dev_y_i_beta_2p_sq) +
-        R_1;
-
-    /* --- eq. 23: Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T */
-    const float64 dev_i_alpha_j_0m = i_alpha_j_0m - i_alpha_pred;
-    const float64 dev_i_beta_j_0m = i_beta_j_0m - i_beta_pred;
-    const float64 dev_omega_j_0m = omega_j_0m - omega_pred;
-    const float64 dev_theta_j_0m = theta_j_0m - theta_pred;
-    const float64 dev_load_torque_j_0m = load_torque_j_0m - load_torque_pred;
-    const float64 dev_i_beta_j_1m = i_beta_j_1m - i_beta_pred;
-    const float64 dev_omega_j_1m = omega_j_1m - omega_pred;
-    const float64 dev_theta_j_1m = theta_j_1m - theta_pred;
-    const float64 dev_load_torque_j_1m = load_torque_j_1m - load_torque_pred;
-    const float64 dev_omega_j_2m = omega_j_2m - omega_pred;
-    const float64 dev_theta_j_2m = theta_j_2m - theta_pred;
-    const float64 dev_load_torque_j_2m = load_torque_j_2m - load_torque_pred;
-    const float64 dev_theta_j_3m = theta_j_3m - theta_pred;
-    const float64 dev_load_torque_j_3m = load_torque_j_3m - load_torque_pred;
-    const float64 dev_load_torque_j_4m = load_torque_j_4m - load_torque_pred;
-    const float64 Pxy_00 = 0.1 * (dev_i_alpha_j_0m * dev_y_i_alpha_0m - d_j_i_alpha_0 * offset_y_i_alpha);
-    const float64 Pxy_01 = 0.1 * (dev_i_alpha_j_0m * dev_y_i_beta_0m - d_j_i_alpha_0 * offset_y_i_beta);
-    const float64 Pxy_10 = 0.1 * (d_j_i_beta_1 * dev_y_i_alpha_1p - d_j_i_beta_0 * offset_y_i_alpha +
-        dev_i_beta_j_0m * dev_y_i_alpha_0m + dev_i_beta_j_1m * dev_y_i_alpha_1p);
-    const float64 Pxy_11 = 0.1 * (d_j_i_beta_1 * dev_y_i_beta_1p - d_j_i_beta_0 * offset_y_i_beta +
-        dev_i_beta_j_0m * dev_y_i_beta_0m + dev_i_beta_j_1m * dev_y_i_beta_1m);
-    const float64 Pxy_20 = 0.1 * (d_j_omega_1 * dev_y_i_alpha_1p - d_j_omega_0 * offset_y_i_alpha +
-        d_j_omega_2 * dev_y_i_alpha_1p + dev_omega_j_0m * dev_y_i_alpha_0m + dev_omega_j_1m * dev_y_i_alpha_1p
-        + dev_omega_j_2m * dev_y_i_alpha_1p);
-    const float64 Pxy_21 = 0.1 * (d_j_omega_1 * dev_y_i_beta_1p - d_j_omega_0 * offset_y_i_beta +
-        d_j_omega_2 * dev_y_i_beta_2p + dev_omega_j_0m * dev_y_i_beta_0m + dev_omega_j_1m * dev_y_i_beta_1m +
-        dev_omega_j_2m * dev_y_i_beta_2p);
-    const float64 Pxy_30 = 0.1 * (d_j_theta_1 * dev_y_i_alpha_1p - d_j_theta_0 * offset_y_i_alpha +
-        d_j_theta_2 * dev_y_i_alpha_1p + d_j_theta_3 * dev_y_i_alpha_1p + dev_theta_j_0m * dev_y_i_alpha_0m +
-        dev_theta_j_1m * dev_y_i_alpha_1p + dev_theta_j_2m * dev_y_i_alpha_1p +
-        dev_theta_j_3m * dev_y_i_alpha_1p);
-    const float64 Pxy_31 = 0.1 * (d_j_theta_1 * dev_y_i_beta_1p - d_j_theta_0 * offset_y_i_beta +
-        d_j_theta_2 * dev_y_i_beta_2p + d_j_theta_3 * dev_y_i_beta_2p + dev_theta_j_0m * dev_y_i_beta_0m +
-        dev_theta_j_1m * dev_y_i_beta_1m + dev_theta_j_2m * dev_y_i_beta_2p +
-        dev_theta_j_3m * dev_y_i_beta_2p);
-    const float64 Pxy_40 = 0.1 * (d_j_load_torque_1 * dev_y_i_alpha_1p - d_j_load_torque_0 * offset_y_i_alpha
-        + d_j_load_torque_2 * dev_y_i_alpha_1p + d_j_load_torque_3 * dev_y_i_alpha_1p +
-        d_j_load_torque_4 * dev_y_i_alpha_1p + dev_load_torque_j_0m * dev_y_i_alpha_0m +
-        dev_load_torque_j_1m * dev_y_i_alpha_1p + dev_load_torque_j_2m * dev_y_i_alpha_1p +
-        dev_load_torque_j_3m * dev_y_i_alpha_1p + dev_load_torque_j_4m * dev_y_i_alpha_1p);
-    const float64 Pxy_41 = 0.1 * (d_j_load_torque_1 * dev_y_i_beta_1p - d_j_load_torque_0 * offset_y_i_beta +
-        d_j_load_torque_2 * dev_y_i_beta_2p + d_j_load_torque_3 * dev_y_i_beta_2p +
-        d_j_load_torque_4 * dev_y_i_beta_2p + dev_load_torque_j_0m * dev_y_i_beta_0m +
-        dev_load_torque_j_1m * dev_y_i_beta_1m + dev_load_torque_j_2m * dev_y_i_beta_2p +
-        dev_load_torque_j_3m * dev_y_i_beta_2p + dev_load_torque_j_4m * dev_y_i_beta_2p);
-
-    /* --- eq. 28: det Pyy; Pyy^-1; K = Pxy Pyy^-1 */
-    const float64 det_Pyy = Pyy_00 * Pyy_11 - Pyy_10 * Pyy_10;
-    const float64 Pyy_inv_00 = Pyy_11 / det_Pyy;
-    const float64 Pyy_inv_11 = Pyy_00 / det_Pyy;
-    const float64 Pyy_10_per_det_Pyy = Pyy_10 / det_Pyy;
-    const float64 K_00 = Pxy_00 * Pyy_inv_00 - Pxy_01 * Pyy_10_per_det_Pyy;
-    const float64 K_01 = Pxy_01 * Pyy_inv_11 - Pxy_00 * Pyy_10_per_det_Pyy;
-    const float64 K_10 = Pxy_10 * Pyy_inv_00 - Pxy_11 * Pyy_10_per_det_Pyy;
-    const float64 K_11 = Pxy_11 * Pyy_inv_11 - Pxy_10 * Pyy_10_per_det_Pyy;
-    const float64 K_20 = Pxy_20 * Pyy_inv_00 - Pxy_21 * Pyy_10_per_det_Pyy;
-    const float64 K_21 = Pxy_21 * Pyy_inv_11 - Pxy_20 * Pyy_10_per_det_Pyy;
-    const float64 K_30 = Pxy_30 * Pyy_inv_00 - Pxy_31 * Pyy_10_per_det_Pyy;
-    const float64 K_31 = Pxy_31 * Pyy_inv_11 - Pxy_30 * Pyy_10_per_det_Pyy;
-    const float64 K_40 = Pxy_40 * Pyy_inv_00 - Pxy_41 * Pyy_10_per_det_Pyy;
-    const float64 K_41 = Pxy_41 * Pyy_inv_11 - Pxy_40 * Pyy_10_per_det_Pyy;
-
-    /* --- eq. 31: x_pred - x^j; y - h(x^j) - H^j (x_pred - x^j); x^{j+1} */
+    /* --- eq. 31: y - y_pred; x^{j+1} */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
     const float64 innovation_i_beta = i_beta_meas - i_beta_pred;
-    const float64 i_alpha_after = i_alpha_pred + (K_00 * innovation_i_alpha + K_01 * innovation_i_beta);
-    const float64 i_beta_after = i_beta_pred + (K_10 * innovation_i_alpha + K_11 * innovation_i_beta);
-    const float64 omega_after = omega_pred + (K_20 * innovation_i_alpha + K_21 * innovation_i_beta);
-    const float64 theta_after = theta_pred + (K_30 * innovation_i_alpha + K_31 * innovation_i_beta);
-    const float64 load_torque_after = load_torque_pred +
-        (K_40 * innovation_i_alpha + K_41 * innovation_i_beta);
+    const float64 span_first = R_0 + D_pred_0;
+    const float64 D_pred_0_per_span_first = D_pred_0 / span_first;
+    const float64 part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first;
+    const float64 part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10;
+    const float64 innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10;
+    const float64 R_1_plus_D_pred_1 = R_1 + D_pred_1;
+    const float64 R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first;
+    const float64 part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10;
+    const float64 L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second;
+    const float64 span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second;
+    const float64 part_of_i_alpha_after_2 = 1.0 / span_second;
+    const float64 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
+    const float64 i_alpha_after = i_alpha_pred + part_of_i_alpha_after +
+        part_of_span_second * part_of_i_alpha_after_3;
+    const float64 i_beta_after = i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
+        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second);
+    const float64 omega_after = omega_pred + part_of_i_alpha_after * L_pred_20 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20);
+    const float64 theta_after = theta_pred + part_of_i_alpha_after * L_pred_30 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30);
+    const float64 load_torque_after = load_torque_pred + part_of_i_alpha_after * L_pred_40 +
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40);
 
-    /* --- eq. 34: x = x^N, theta wrapped */
+    /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_after);
 
-    /* --- eq. 32: K Pyy; P = P_pred - K Pyy K^T */
-    const float64 KPyy_00 = K_00 * Pyy_00 + K_01 * Pyy_10;
-    const float64 KPyy_01 = K_00 * Pyy_10 + K_01 * Pyy_11;
-    const float64 KPyy_10 = K_10 * Pyy_00 + K_11 * Pyy_10;
-    const float64 KPyy_11 = K_10 * Pyy_10 + K_11 * Pyy_11;
-    const float64 KPyy_20 = K_20 * Pyy_00 + K_21 * Pyy_10;
-    const float64 KPyy_21 = K_20 * Pyy_10 + K_21 * Pyy_11;
-    const float64 KPyy_30 = K_30 * Pyy_00 + K_31 * Pyy_10;
-    const float64 KPyy_31 = K_30 * Pyy_10 + K_31 * Pyy_11;
-    const float64 KPyy_40 = K_40 * Pyy_00 + K_41 * Pyy_10;
-    const float64 KPyy_41 = K_40 * Pyy_10 + K_41 * Pyy_11;
-    const float64 P_00 = P_pred_00 - (KPyy_00 * K_00 + KPyy_01 * K_01);
-    const float64 P_10 = P_pred_10 - (KPyy_10 * K_00 + KPyy_11 * K_01);
-    const float64 P_11 = P_pred_11 - (KPyy_10 * K_10 + KPyy_11 * K_11);
-    const float64 P_20 = P_pred_20 - (KPyy_20 * K_00 + KPyy_21 * K_01);
-    const float64 P_21 = P_pred_21 - (KPyy_20 * K_10 + KPyy_21 * K_11);
-    const float64 P_22 = P_pred_22 - (KPyy_20 * K_20 + KPyy_21 * K_21);
-    const float64 P_30 = P_pred_30 - (KPyy_30 * K_00 + KPyy_31 * K_01);
-    const float64 P_31 = P_pred_31 - (KPyy_30 * K_10 + KPyy_31 * K_11);
-    const float64 P_32 = P_pred_32 - (KPyy_30 * K_20 + KPyy_31 * K_21);
-    const float64 P_33 = P_pred_33 - (KPyy_30 * K_30 + KPyy_31 * K_31);
-    const float64 P_40 = P_pred_40 - (KPyy_40 * K_00 + KPyy_41 * K_01);
-    const float64 P_41 = P_pred_41 - (KPyy_40 * K_10 + KPyy_41 * K_11);
-    const float64 P_42 = P_pred_42 - (KPyy_40 * K_20 + KPyy_41 * K_21);
-    const float64 P_43 = P_pred_43 - (KPyy_40 * K_30 + KPyy_41 * K_31);
-    const float64 P_44 = P_pred_44 - (KPyy_40 * K_40 + KPyy_41 * K_41);
+    /* --- eq. 32: L D L^T = P_new */
+    const float64 D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
+    const float64 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
+    const float64 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
+    const float64 L_new_10 = L_pred_10 - part_of_L_new_10;
+    const float64 D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1;
+    const float64 L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10;
+    const float64 L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10;
+    const float64 L_new_40 = L_pred_40 - L_pred_41 * part_of_L_new_10;
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
     x_out[3] = theta_new;
     x_out[4] = load_torque_after;
-    P_out[0] = P_00;
-    P_out[1] = P_10;
-    P_out[2] = P_11;
-    P_out[3] = P_20;
-    P_out[4] = P_21;
-    P_out[5] = P_22;
-    P_out[6] = P_30;
-    P_out[7] = P_31;
-    P_out[8] = P_32;
-    P_out[9] = P_33;
-    P_out[10] = P_40;
-    P_out[11] = P_41;
-    P_out[12] = P_42;
-    P_out[13] = P_43;
-    P_out[14] = P_44;
+    LD_out[0] = D_new_0;
+    LD_out[1] = L_new_10;
+    LD_out[2] = D_new_1;
+    LD_out[3] = L_new_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_new_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
+    LD_out[10] = L_new_40;
+    LD_out[11] = L_pred_41;
+    LD_out[12] = L_pred_42;
+    LD_out[13] = L_pred_43;
+    LD_out[14] = D_pred_4;
 }
 
 /* No measurement: the prediction is the estimate */
-static void coast(const float64 x_pred[5], const float64 P_pred[15], float64 x_out[5], float64 P_out[15])
+static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_out[5], float64 LD_out[15])
 {
     const float64 i_alpha_pred = x_pred[0];
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
     const float64 load_torque_pred = x_pred[4];
-    const float64 P_pred_00 = P_pred[0];
-    const float64 P_pred_10 = P_pred[1];
-    const float64 P_pred_11 = P_pred[2];
-    const float64 P_pred_20 = P_pred[3];
-    const float64 P_pred_21 = P_pred[4];
-    const float64 P_pred_22 = P_pred[5];
-    const float64 P_pred_30 = P_pred[6];
-    const float64 P_pred_31 = P_pred[7];
-    const float64 P_pred_32 = P_pred[8];
-    const float64 P_pred_33 = P_pred[9];
-    const float64 P_pred_40 = P_pred[10];
-    const float64 P_pred_41 = P_pred[11];
-    const float64 P_pred_42 = P_pred[12];
-    const float64 P_pred_43 = P_pred[13];
-    const float64 P_pred_44 = P_pred[14];
+    const float64 D_pred_0 = LD_pred[0];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 D_pred_1 = LD_pred[2];
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 D_pred_2 = LD_pred[5];
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_3 = LD_pred[9];
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_4 = LD_pred[14];
 
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
-    P_out[0] = P_pred_00;
-    P_out[1] = P_pred_10;
-    P_out[2] = P_pred_11;
-    P_out[3] = P_pred_20;
-    P_out[4] = P_pred_21;
-    P_out[5] = P_pred_22;
-    P_out[6] = P_pred_30;
-    P_out[7] = P_pred_31;
-    P_out[8] = P_pred_32;
-    P_out[9] = P_pred_33;
-    P_out[10] = P_pred_40;
-    P_out[11] = P_pred_41;
-    P_out[12] = P_pred_42;
-    P_out[13] = P_pred_43;
-    P_out[14] = P_pred_44;
+    LD_out[0] = D_pred_0;
+    LD_out[1] = L_pred_10;
+    LD_out[2] = D_pred_1;
+    LD_out[3] = L_pred_20;
+    LD_out[4] = L_pred_21;
+    LD_out[5] = D_pred_2;
+    LD_out[6] = L_pred_30;
+    LD_out[7] = L_pred_31;
+    LD_out[8] = L_pred_32;
+    LD_out[9] = D_pred_3;
+    LD_out[10] = L_pred_40;
+    LD_out[11] = L_pred_41;
+    LD_out[12] = L_pred_42;
+    LD_out[13] = L_pred_43;
+    LD_out[14] = D_pred_4;
 }
 
 void spmsm_load_torque_ickf_f64_init(spmsm_load_torque_ickf_f64_t *f)
@@ -788,7 +657,7 @@ void spmsm_load_torque_ickf_f64_reset(spmsm_load_torque_ickf_f64_t *f)
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         for (j = 0; j <= i; j++) {
-            f->P[k] = (i == j) ? f->P_0[i] : 0.0;
+            f->LD[k] = (i == j) ? f->P_0[i] : 0.0;
             k++;
         }
     }
@@ -799,8 +668,10 @@ void spmsm_load_torque_ickf_f64_reset(spmsm_load_torque_ickf_f64_t *f)
 
 int spmsm_load_torque_ickf_f64_step(spmsm_load_torque_ickf_f64_t *f, const float64 u[2], const float64 y[2])
 {
+    float64 z[4];
+    float64 turn[8];
     float64 x_pred[5];
-    float64 P_pred[15];
+    float64 LD_pred[15];
     const int u_good = within(u, f->u_max);
     const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
     int iterations = accepted;
@@ -810,11 +681,12 @@ int spmsm_load_torque_ickf_f64_step(spmsm_load_torque_ickf_f64_t *f, const float
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
     }
-    time_update(f->x, f->P, f->Q, f->u_held, x_pred, P_pred);
+    time_update_turns(f->LD, z, turn);
+    time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred);
     if (accepted != 0) {
-        ickf_measurement_update(x_pred, P_pred, f->R, y, f->x, f->P);
+        ickf_measurement_update(x_pred, LD_pred, f->R, y, f->x, f->LD);
     } else {
-        coast(x_pred, P_pred, f->x, f->P);
+        coast(x_pred, LD_pred, f->x, f->LD);
     }
     f->iterations = iterations;
     return status;

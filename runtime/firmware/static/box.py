@@ -46,17 +46,16 @@ class Box:
         return Box({**self.places, **changes})
 
 
-def filter_box(manifest: dict[str, Any], form: Form, field: str = "P") -> Box:
+def filter_box(manifest: dict[str, Any], form: Form) -> Box:
     """The box of a generated folder's drive, from what its manifest says of the drive.
 
-    ``field`` is the struct's covariance field. States: the operating box.
-    Variances: up to :data:`MARGIN` times P_0. Inputs: :data:`BEYOND` what is accepted.
+    States: the operating box. Variances: up to :data:`MARGIN` times P_0. Inputs: :data:`BEYOND` what is accepted.
     """
     parameters = manifest["parameters"]
     names = [state["name"] for state in manifest["states"]]
     box = parameters["operating_box"]
     places = {f"f.x[{k}]": _state(name, parameters) for k, name in enumerate(names)}
-    places |= {f"f.{field}[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, form))}
+    places |= {f"f.P[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, form))}
     for k in range(2):
         places[f"f.u_held[{k}]"] = Interval.within(box["voltage"])
         places[f"u[{k}]"] = Interval.within(BEYOND * box["voltage"])

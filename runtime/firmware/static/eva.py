@@ -21,7 +21,6 @@ import numpy as np
 
 from codegen.folder import read_manifest
 from codegen.trig import sin_cos_bound
-from runtime.errors import UserError
 from runtime.firmware.check import Check
 from runtime.firmware.static.bans import parse
 from runtime.firmware.static.box import Box, Form, filter_box
@@ -66,13 +65,11 @@ class Verdict:
         return not self.alarms and not self.failure
 
 
-def covariance_field(folder: Path, prefix: str) -> tuple[str, Form]:
-    """The struct's field that carries the covariance, and whether that is P itself or its factors: its header says."""
+def covariance_form(folder: Path, prefix: str) -> Form:
+    """Whether the struct carries P itself or its factors, as its header's comment on P says."""
     header = (folder / f"{prefix}.h").read_text(encoding="utf-8")
-    match = re.search(r"(\w+)\[\d+\];\s*/\* covariance of x(.*?)\*/", header, re.S)
-    if match is None:
-        raise UserError(f"'{folder / prefix}.h' names no field as 'covariance of x'.")
-    return match[1], "factors" if "L D L" in match[2] else "packed"
+    comment = re.search(r"\bP\[\d+\];\s*/\*(.*?)\*/", header, re.DOTALL)
+    return "factors" if comment and re.search(r"L D L|factor", comment[1]) else "packed"
 
 
 def eva_checks(folder: Path) -> list[Check]:
@@ -91,8 +88,8 @@ def eva_check(folder: Path, kind: str, box: Box | None = None) -> Check:
         return absent
     manifest = read_manifest(folder)
     prefix = f"{manifest['drive']}_{kind}"
-    field, form = covariance_field(folder, prefix)
-    verdict = analyse_step(folder, prefix, box or filter_box(manifest, form, field))
+    form = covariance_form(folder, prefix)
+    verdict = analyse_step(folder, prefix, box or filter_box(manifest, form))
     figure = (
         f"{len(verdict.alarms)} alarms, {verdict.reached} of {verdict.statements} statements, {verdict.seconds:.1f} s"
     )

@@ -1,4 +1,4 @@
-"""Link B-D: float64 against float32 over a long run at speed, through the compiled C of both."""
+"""Link C-D: float64 against float32 over a long run at speed, through the compiled C of both."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def drift(single: Estimator, double: Estimator, u: Array, y: Array) -> Drift:
     return Drift(dx, dP.max(axis=(1, 2)), b)
 
 
-def link_bd(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array, settled: int) -> tuple[Link, Drift]:
+def link_cd(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array, settled: int) -> tuple[Link, Drift]:
     """Judge the run from step ``settled`` on; before it the covariance still falls from P_0."""
     single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
     result = drift(single, double, u, y)
     rows = drift_rows(double, result, settled)
     data = f"{len(u) - settled} steps at speed"
-    return Link("B-D", "float64 = float32, within a bound", folder.drive, kind, gain, data, rows), result
+    return Link("C-D", "float64 = float32, within a bound", folder.drive, kind, gain, data, rows), result
 
 
 def drift_rows(estimator: Estimator, result: Drift, settled: int) -> tuple[Row, ...]:

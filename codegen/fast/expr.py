@@ -1,0 +1,127 @@
+"""Arithmetic on graph nodes, with zeros and ones left out as it goes, and blocks made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from codegen.graph import Graph
+from model.filters.program import BlockBuilder
+from model.quantities import Block, Port, Stage
+
+
+@dataclass(frozen=True)
+class Expr:
+    """A node of a graph that can be calculated with.
+
+    >>> g = Graph()
+    >>> x = Expr(g, g.input("x"))
+    >>> (0.0 * x).is_zero(), (x + 0.0) == x, (x - x * 1.0).is_zero()
+    (True, True, True)
+    """
+
+    graph: Graph
+    node: int
+
+    @property
+    def value(self) -> float | None:
+        """The number, if this is one."""
+        item = self.graph[self.node]
+        return item.value if item.op == "const" else None
+
+    def is_zero(self) -> bool:
+        """Structurally zero."""
+        return self.value == 0.0
+
+    def _coerce(self, other: Expr | float) -> Expr:
+        return other if isinstance(other, Expr) else Expr(self.graph, self.graph.const(float(other)))
+
+    def apply(self, op: str, *others: Expr) -> Expr:
+        """An operation as it stands, without simplification."""
+        return Expr(self.graph, self.graph.op(op, self.node, *(other.node for other in others)))
+
+    def __add__(self, other: Expr | float) -> Expr:
+        b = self._coerce(other)
+        if self.is_zero():
+            return b
+        return self if b.is_zero() else self.apply("add", b)
+
+    def __sub__(self, other: Expr | float) -> Expr:
+        b = self._coerce(other)
+        if b.is_zero():
+            return self
+        if self.node == b.node:
+            return self._coerce(0.0)
+        return -b if self.is_zero() else self.apply("sub", b)
+
+    def __neg__(self) -> Expr:
+        item = self.graph[self.node]
+        if item.op == "neg":
+            return Expr(self.graph, item.args[0])
+        return self.apply("neg")
+
+    def __mul__(self, other: Expr | float) -> Expr:
+        b = self._coerce(other)
+        if self.is_zero() or b.is_zero():
+            return self._coerce(0.0)
+        for one, rest in ((self, b), (b, self)):
+            if one.value in (1.0, -1.0):
+                return rest if one.value == 1.0 else -rest
+        return self.apply("mul", b)
+
+    def __truediv__(self, other: Expr | float) -> Expr:
+        b = self._coerce(other)
+        if self.is_zero() or b.value == 1.0:
+            return self
+        return self.apply("div", b)
+
+    def __radd__(self, other: float) -> Expr:
+        return self + other
+
+    def __rsub__(self, other: float) -> Expr:
+        return self._coerce(other) - self
+
+    def __rmul__(self, other: float) -> Expr:
+        return self * other
+
+    def __rtruediv__(self, other: float) -> Expr:
+        return self._coerce(other) / self
+
+
+@dataclass(frozen=True)
+class GraphBlock(Block):
+    """A block whose entries are nodes of ``graph`` already, not symbols of a tape."""
+
+    graph: Graph
+
+
+class GraphBuilder(BlockBuilder):
+    """Collects a block like its parent, with :class:`Expr` for CasADi's scalars."""
+
+    def __init__(self, name: str, title: str) -> None:
+        super().__init__(name, title)
+        self.graph = Graph()
+
+    def const(self, value: float, name: str = "", formula: str = "") -> Expr:
+        """A number; one with a name keeps it in print."""
+        return Expr(self.graph, self.graph.const(value, name, formula))
+
+    def input(self, name: str, names: list[str]) -> list[Any]:
+        entries = tuple(Expr(self.graph, self.graph.input(scalar)) for scalar in names)
+        self._inputs.append(Port(name, entries, tuple(names)))
+        return list(entries)
+
+    def suggest(self, equation: str, named: dict[str, Expr]) -> None:
+        """Names for whatever of these survives the passes as a value of its own."""
+        kept = {name: value for name, value in named.items() if value.value is None}
+        rows = (0,) * len(kept)
+        label = f"working_{equation}_{len(self._stages)}"
+        self._stages.append(Stage(label, equation, "", tuple(kept.values()), tuple(kept), rows, "none"))
+
+    def build(self) -> GraphBlock:
+        """The block, without input arrays that no output depends on."""
+        block = super().build()
+        roots = [entry.node for port in block.outputs for entry in port.entries]
+        needed = {self.graph[index].name for index in self.graph.reachable(roots)}
+        inputs = tuple(port for port in block.inputs if needed & set(port.names))
+        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph)

@@ -1,0 +1,107 @@
+"""P = L D L^T: factoring it, and taking a measurement in it.
+
+L has a unit diagonal, D is diagonal. P is then symmetric and positive definite by construction, whatever
+float32 does, and a measurement touches only the columns it sees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from codegen.fast.expr import Expr
+
+Matrix = list[list[Expr]]
+
+
+def from_packed(packed: list[Expr], n: int) -> tuple[Matrix, list[Expr]]:
+    """L (its upper part and diagonal structural) and D from the n (n + 1) / 2 words of a filter's state."""
+    zero = packed[0] * 0.0
+    at = {(i, j): packed[i * (i + 1) // 2 + j] for i in range(n) for j in range(i + 1)}
+    L = [[at[i, j] if i > j else zero + float(i == j) for j in range(n)] for i in range(n)]
+    return L, [at[i, i] for i in range(n)]
+
+
+def to_packed(L: Matrix, D: list[Expr]) -> list[Expr]:
+    """Row by row, D in the place of the unit diagonal."""
+    return [D[i] if i == j else L[i][j] for i in range(len(D)) for j in range(i + 1)]
+
+
+def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
+    """L D L^T = P, of which the lower triangle is read.
+
+    ``floor`` bounds D from below. For P = A + diag(floor) with A positive semidefinite no pivot of P is
+    smaller, so in exact arithmetic the bound changes nothing; in float it keeps rounding from making a
+    pivot zero or negative. The first pivot needs none: it is a sum of squares and its floor.
+    """
+    n = len(P)
+    L = [[P[0][0] * 0.0 + float(i == j) for j in range(n)] for i in range(n)]
+    D: list[Expr] = []
+    scaled = [[P[0][0] * 0.0] * n for _ in range(n)]  # L D
+    for j in range(n):
+        pivot = P[j][j]
+        for k in range(j):
+            pivot = pivot - scaled[j][k] * L[j][k]
+        D.append(pivot.apply("max", floor[j]) if j else pivot)
+        for i in range(j + 1, n):
+            entry = P[i][j]
+            for k in range(j):
+                entry = entry - scaled[i][k] * L[j][k]
+            scaled[i][j] = entry
+            L[i][j] = entry / D[j]
+    return L, D
+
+
+@dataclass
+class Measured:
+    """A covariance and an estimate while scalar measurements are taken from them, one after another.
+
+    ``rows``: measurements still to come, as rows of H L; they turn with the columns of L.
+    """
+
+    L: Matrix
+    D: list[Expr]
+    x: list[Expr]
+    rows: Matrix
+    innovations: list[Expr]
+    variances: list[Expr]
+    spans: list[Expr] = field(default_factory=list)
+
+    def take(self) -> None:
+        """The next scalar measurement: Bierman's update of an L D L^T, last column first.
+
+        For the row f = H L: a_n = r, a_j = a_{j+1} + f_j g_j with g = D f; D_j becomes D_j a_{j+1} / a_j and
+        column j of L gains -f_j / a_{j+1} times what K has gathered from the columns behind it (G. J. Bierman,
+        Factorization Methods for Discrete Sequential Estimation, 1977, V.3, mirrored). Columns with f_j = 0 drop out.
+        """
+        n = len(self.D)
+        row, nu, a = self.rows.pop(0), self.innovations.pop(0), self.variances.pop(0)
+        stacked = [*self.L, *self.rows]
+        gathered = [a * 0.0] * len(stacked)
+        for j in reversed(range(n)):
+            f = row[j]
+            if f.is_zero():
+                continue
+            g = self.D[j] * f
+            grown = a + f * g
+            for i, line in enumerate(stacked):
+                before = line[j]
+                line[j] = before - f * gathered[i] / a
+                gathered[i] = gathered[i] + before * g
+            self.D[j] = self.D[j] * a / grown
+            a = grown
+        share = nu / a
+        self.x = [value + k * share for value, k in zip(self.x, gathered[:n], strict=True)]
+        self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
+        self.spans.append(a)
+
+
+def decorrelated(
+    rows: Matrix, innovations: list[Expr], R: Matrix, floor: Expr
+) -> tuple[Matrix, list[Expr], list[Expr]]:
+    """Two measurements with a full 2x2 noise R as two with independent noise: the second less m times the first."""
+    if R[1][0].is_zero():
+        return rows, innovations, [R[0][0], R[1][1]]
+    m = R[1][0] / R[0][0]
+    rest = (R[1][1] - m * R[1][0]).apply("max", floor)
+    second = [b - m * a for a, b in zip(rows[0], rows[1], strict=True)]
+    return [rows[0], second], [innovations[0], innovations[1] - m * innovations[0]], [R[0][0], rest]

@@ -1,0 +1,113 @@
+"""The stator frame may be turned: a symmetry of f and h that is tested for, then used.
+
+Turn a motor's stator frame by an angle and nothing changes but the numbers of its vectors: the first two
+states, the voltages and the currents turn, the electrical angle shifts. Where a model has this symmetry its
+even and odd parts may be taken in the frame in which the angle's base is zero, and turned back once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from codegen.fast.expr import Expr
+from codegen.graph import Graph
+from model.state_space import StateSpaceModel
+
+Pair = tuple[Expr, Expr]
+
+#: Draws of the test, and the largest deviation rounding explains, relative to the largest value (float64).
+DRAWS, ROUNDING = 20, 1e-12
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame turned by ``angle``."""
+
+    angle: Expr
+    sine: Expr
+    cosine: Expr
+
+    @classmethod
+    def at(cls, angle: Expr) -> Frame:
+        return cls(angle, angle.apply("sin"), angle.apply("cos"))
+
+    def into(self, vector: list[Expr]) -> list[Expr]:
+        """Components in the turned frame; further entries stay."""
+        a, b, *rest = vector
+        return [self.cosine * a + self.sine * b, self.cosine * b - self.sine * a, *rest]
+
+    def out(self, vector: list[Expr]) -> list[Expr]:
+        """Back to the stator frame."""
+        a, b, *rest = vector
+        return [self.cosine * a - self.sine * b, self.sine * a + self.cosine * b, *rest]
+
+    def out_matrix(self, P: list[list[Expr]]) -> list[list[Expr]]:
+        """A symmetric matrix back to the stator frame, rows and columns."""
+        rows = [list(row) for row in zip(*(self.out(list(column)) for column in zip(*P, strict=True)), strict=True)]
+        half = [self.out(row) for row in rows]
+        return [[half[max(i, j)][min(i, j)] for j in range(len(P))] for i in range(len(P))]
+
+    def into_diagonal(self, R: list[Expr]) -> list[list[Expr]]:
+        """A diagonal 2x2 matrix, turned into the frame."""
+        zero = R[0] * 0.0
+        difference = self.cosine * self.sine * (R[1] - R[0])
+        first = R[0] * (self.cosine * self.cosine) + R[1] * (self.sine * self.sine)
+        return [[first, zero + difference], [difference, R[0] + R[1] - first]]
+
+
+class AngleFinder:
+    """Replays a tape in a graph and remembers what sines and cosines were taken of."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.angles: list[int] = []
+
+    def const(self, value: float) -> int:
+        return self.graph.const(value)
+
+    def is_two_pi(self, value: int) -> bool:
+        return self.graph.is_two_pi(value)
+
+    def op(self, op: str, *args: int) -> int:
+        if op in {"sin", "cos"}:
+            self.angles.append(args[0])
+        return self.graph.op(op, *args)
+
+
+@cache
+def turns_freely(model: StateSpaceModel) -> bool:
+    """Whether f and h are equivariant under a turn of the stator frame, at random points to rounding.
+
+    f and h are analytic, so an identity that holds at random points holds everywhere.
+    """
+    n = len(model.states)
+    f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
+    h = ca.Function("h", [model.x], [model.numeric(model.h)])
+    rng = np.random.default_rng(1)
+    for _ in range(DRAWS):
+        x, u, angle = rng.normal(size=n), rng.normal(size=2), float(rng.uniform(-3, 3))
+        moved, image = _turned(x, angle, model.angle), _call(f, x, u)
+        pairs = [(_turned(image, angle, model.angle), _call(f, moved, _turned(u, angle)))]
+        pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
+        for expected, found in pairs:
+            if np.max(np.abs(expected - found)) > ROUNDING * max(1.0, float(np.max(np.abs(expected)))):
+                return False
+    return True
+
+
+def _turned(vector: Any, angle: float, shifted: int | None = None) -> Any:
+    c, s = np.cos(angle), np.sin(angle)
+    result = np.array(vector, dtype=float)
+    result[:2] = c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
+    if shifted is not None:
+        result[shifted] += angle
+    return result
+
+
+def _call(function: Any, *args: Any) -> Any:
+    return np.array(function(*args), dtype=float).ravel()

@@ -1,0 +1,520 @@
+"""The filters in their fast form: x, L D L^T in; x, L D L^T out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from codegen.fast.expr import Expr, GraphBlock, GraphBuilder
+from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
+from codegen.fast.frame import AngleFinder, Frame, turns_freely
+from codegen.fast.split import Split, SplitAlgebra
+from codegen.fast.turns import split_turns
+from codegen.graph import read_tape
+from codegen.passes import run_passes, weight
+from model.filters import build_filter
+from model.filters.cubature import CUBATURE, Rule
+from model.filters.program import Call, Copy, FilterStep, IfAccepted, Node, Repeat
+from model.filters.ukf import UNSCENTED
+from model.quantities import Constant
+from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
+
+Vector = list[Expr]
+
+#: How a kind spreads its points; None: it does not, it takes derivatives.
+RULES: dict[str, Rule | None] = {"ckf": CUBATURE, "ickf": CUBATURE, "ukf": UNSCENTED, "ekf": None}
+
+
+def build_fast_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
+    """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
+    literal = build_filter(model, kind, gain)
+    frames = (False, True) if turns_freely(model) else (False,)
+    shapes = [Shape(model, kind, literal.gain, RULES[kind], turning) for turning in frames]
+    looped = kind == "ickf" and literal.iteration_proof is None
+    (time_update,) = _cheapest([[shape.time_update()] for shape in shapes])
+    if looped:
+        iterate, finish = _cheapest([[shape.iterate(), shape.finish()] for shape in shapes])
+        *turns, iterate = split_turns(iterate, "_pred")
+        head = tuple(Call(block) for block in turns)
+        assert not any(port.name == "x_j" for block in turns for port in block.inputs), "a turn that moves with x^j"
+        update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(finish))
+    else:
+        (measurement,) = _cheapest([[shape.measurement_update()] for shape in shapes])
+        update = tuple(Call(block) for block in split_turns(measurement, "_pred"))
+    before = tuple(Call(block) for block in split_turns(time_update, ""))
+    body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(shapes[0].coast()),)))
+    return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
+
+
+def _cheapest(forms: list[list[GraphBlock]]) -> list[GraphBlock]:
+    """The form that computes its outputs with the least work."""
+
+    def work(blocks: list[GraphBlock]) -> int:
+        total = 0
+        for block in blocks:
+            roots = [entry.node for port in block.outputs for entry in port.entries]
+            graph, moved = run_passes(block.graph, roots)
+            total += weight(graph, [moved[root] for root in roots])
+        return total
+
+    return min(forms, key=work)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A function along the columns of L: base (m), and its even and odd parts (m rows, n columns).
+
+    ``jacobian`` (m rows, n columns) where the odd parts are derivatives.
+    """
+
+    base: Vector
+    even: Matrix
+    odd: Matrix
+    jacobian: Matrix | None = None
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A measurement as the filter takes it: rows of H L (2, n), noise (2, 2), innovation (2,).
+
+    ``floor`` bounds the variance of the second from below once the first is known; ``where`` tells the frame.
+    """
+
+    rows: Matrix
+    noise: Matrix
+    innovation: Vector
+    floor: Expr
+    where: str
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Builds the blocks of one filter of one model."""
+
+    model: StateSpaceModel
+    kind: str
+    gain: str
+    rule: Rule | None
+    turning: bool = False
+
+    # --- blocks
+
+    def time_update(self) -> GraphBlock:
+        """Eq. 13-17 along the columns of L, and L D L^T of P_pred."""
+        name = {"ckf": "time_update", "ickf": "time_update"}.get(self.kind, f"{self.kind}_time_update")
+        number = self._equation
+        b = GraphBuilder(name, f"Time update{', eq. 13-18' if self._is_paper else ' of the ' + self.kind.upper()}")
+        x, L, D = self._inputs(b, "x", "LD", "", "")
+        Q = b.input("Q", [f"Q_{i}" for i in range(self.n)])
+        u = b.input("u", [quantity.name for quantity in INPUTS])
+        f, named = self.model.propagate(ca.vertsplit(self.model.x), ca.vertsplit(self.model.u))
+        tape = _Tape(self.model, [self.model.x, self.model.u], f, named)
+        here, frame = tape.at(b, [x, u]), None
+        if self.turning:
+            frame = tape.frame(b, [x, u])
+        run = self._along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
+        offset = self._offset(b, run, number("16"), self.states)
+        shift = frame.out(offset) if frame else offset
+        x_pred = [base + d for base, d in zip(here, shift, strict=True)]
+        labels = [f"{s}_pred" for s in self.states]
+        b.stage("x_pred", number("16"), "x_pred = mean X_i'", x_pred, labels, scale="state")
+        P = self._covariance(b, run, offset, D, number("17"), self.states)
+        P = frame.out_matrix(P) if frame else P
+        for i in range(self.n):
+            P[i][i] = P[i][i] + Q[i]
+        b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P)
+        L_pred, D_pred = factor(P, Q)
+        self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
+        b.output("x_pred", x_pred)
+        b.output("LD_pred", to_packed(L_pred, D_pred))
+        return b.build()
+
+    def measurement_update(self) -> GraphBlock:
+        """Eq. 18-26, or for the ICKF eq. 28-34 where one pass is exact: scalar measurements in L D L^T."""
+        title = "Measurement update of the " + self.kind.upper()
+        if self.kind == "ckf":
+            title = "Measurement update, eq. 18-26"
+        elif self.kind == "ickf":
+            title = "Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)"
+        b = GraphBuilder(f"{self.kind}_measurement_update", title)
+        x_pred, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
+        R, y = self._measured(b)
+        seen = self._seen(b, x_pred, L, D, R, y)
+        one_pass = self.kind == "ickf"
+        number = self._equation("31" if one_pass else "25")
+        b.stage("innovation", number, f"y - y_pred{seen.where}", seen.innovation, _innovation_names(), scale="none")
+        state = self._take(b, number, x_pred, (L, D), seen)
+        if one_pass:
+            b.stage("x_next", "31", "x^{j+1}", state.x, [f"{s}_after" for s in self.states], scale="state")
+        self._close(b, state, ("34", "32") if one_pass else (self._equation("25"), self._equation("26")))
+        return b.build()
+
+    def iterate(self) -> GraphBlock:
+        """One iterate, eq. 28-33; the covariance waits for the last one."""
+        b = GraphBuilder("ickf_iterate", "One iterate, eq. 28-33")
+        x_j = b.input("x_j", [f"{s}_j" for s in self.states])
+        x_pred, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
+        R, y = self._measured(b)
+        back = [before - now for before, now in zip(x_pred, x_j, strict=True)]
+        b.stage("back", "31", "x_pred - x^j", back, [f"back_{s}" for s in self.states], scale="none")
+        seen = self._seen(b, x_j, L, D, R, y, back)
+        meaning = f"y - h(x^j) - H^j (x_pred - x^j){seen.where}"
+        b.stage("innovation", "31", meaning, seen.innovation, _innovation_names(), scale="none")
+        rows = seen.rows
+        weighted = [[d * f for d, f in zip(D, row, strict=True)] for row in rows]
+        Pyy = [[_dot(weighted[i], rows[j]) + seen.noise[i][j] for j in range(i + 1)] for i in range(2)]
+        entries = [Pyy[0][0], Pyy[1][0], Pyy[1][1]]
+        b.stage("Pyy", "22", f"Pyy^j{seen.where}", entries, ["Pyy_00", "Pyy_10", "Pyy_11"], scale="none")
+        share = _solved(Pyy, seen.innovation, seen.floor)
+        b.stage("share", "28", "Pyy^-1 innovation", share, ["share_0", "share_1"], scale="none")
+        along = [weighted[0][c] * share[0] + weighted[1][c] * share[1] for c in range(self.n)]
+        b.stage("along", "31", "K innovation = L along", along, [f"along_{c}" for c in range(self.n)], scale="none")
+        x_next = [x_pred[i] + _dot(L[i], along) for i in range(self.n)]
+        b.stage("x_next", "31", "x^{j+1}", x_next, [f"{s}_after" for s in self.states], scale="state")
+        moved = [after - before for after, before in zip(x_next, x_j, strict=True)]
+        b.stage("moved", "33", "x^{j+1} - x^j", moved, [f"moved_{s}" for s in self.states], scale="none")
+        change = _dot(moved, moved)
+        b.stage("change", "33", "|x^{j+1} - x^j|^2", [change], ["change"], scale="none")
+        b.output("x_j", x_next)
+        b.output("HL", [*rows[0], *rows[1]])
+        b.output("noise", [seen.noise[0][0], seen.noise[1][0], seen.noise[1][1]])
+        b.output("change", [change])
+        return b.build()
+
+    def finish(self) -> GraphBlock:
+        """Eq. 32 and 34: the covariance of the last iterate."""
+        b = GraphBuilder("ickf_finish", "Result of the last iterate, eq. 32 and 34")
+        x = b.input("x_j", [f"{s}_j" for s in self.states])
+        L, D = from_packed(b.input("LD_pred", _factor_names("_pred", self.n)), self.n)
+        HL = b.input("HL", [f"HL_{k}{c}" for k in range(2) for c in range(self.n)])
+        noise = b.input("noise", ["noise_00", "noise_10", "noise_11"])
+        R = b.input("R", ["R_0", "R_1"])
+        zero = x[0] * 0.0
+        off = zero if self.gain == "jacobian" and not self.turning else noise[1]
+        rows = [HL[: self.n], HL[self.n :]]
+        seen = Seen(rows, [[noise[0], off], [off, noise[2]]], [zero, zero], self._floor(R), "")
+        state = self._take(b, "32", x, (L, D), seen)
+        self._close(b, state, ("34", "32"))
+        return b.build()
+
+    def coast(self) -> GraphBlock:
+        """A rejected measurement: the prediction becomes the estimate."""
+        b = GraphBuilder("coast", "No measurement: the prediction is the estimate")
+        x, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
+        b.output("x", self._wrapped(x))
+        b.output("LD", to_packed(L, D))
+        return b.build()
+
+    # --- pieces
+
+    @property
+    def n(self) -> int:
+        return len(self.model.states)
+
+    @property
+    def states(self) -> list[str]:
+        return [state.name for state in self.model.states]
+
+    @property
+    def _is_paper(self) -> bool:
+        return self.kind in {"ckf", "ickf"}
+
+    def _equation(self, number: str) -> str:
+        return number if self._is_paper else self.kind.upper()
+
+    def _inputs(
+        self, b: GraphBuilder, state: str, factors: str, tag: str, suffix: str
+    ) -> tuple[Vector, Matrix, Vector]:
+        x = b.input(state, [f"{s}{suffix}" for s in self.states])
+        L, D = from_packed(b.input(factors, _factor_names(tag, self.n)), self.n)
+        return x, L, D
+
+    @staticmethod
+    def _measured(b: GraphBuilder) -> tuple[Vector, Vector]:
+        return b.input("R", ["R_0", "R_1"]), b.input("y", [f"{quantity.name}_meas" for quantity in OUTPUTS])
+
+    def _along(
+        self,
+        b: GraphBuilder,
+        tape: _Tape,
+        x: Vector,
+        L: Matrix,
+        D: Vector,
+        others: list[Vector],
+        equation: str,
+        names: list[str],
+        frame: Frame | None = None,
+    ) -> Spread:
+        """A function's base, even and odd parts along every column, the working quantities named."""
+        if self.rule is None or (self.kind == "ickf" and self.gain == "jacobian" and not others):
+            return self._derived(b, tape, x, L, others, equation, names, frame)
+        parts = []
+        for c in range(self.n):
+            column = [L[i][c] for i in range(self.n)]
+            algebra = SplitAlgebra(D[c] * (self.n + self.rule.kappa), frame.angle if frame else None)
+            values, named = self._replay(b, tape, algebra, x, column, others, frame)
+            _suggest_parts(b, equation, named, algebra, c)
+            parts.append(values)
+        even, odd = (
+            [[getattr(part[i], side) for part in parts] for i in range(len(names))] for side in ("even", "odd")
+        )
+        for label, rows, meaning in (("even", even, ""), ("odd", odd, _PARTS)):
+            labels = [f"{label}_{name}_{c}" for name in names for c in range(self.n)]
+            entries = [entry for row in rows for entry in row]
+            b.stage(f"{label}_{names[0]}", equation, meaning, entries, labels, scale="none")
+        return Spread([value.base for value in parts[0]], even, odd)
+
+    def _derived(
+        self,
+        b: GraphBuilder,
+        tape: _Tape,
+        x: Vector,
+        L: Matrix,
+        others: list[Vector],
+        equation: str,
+        names: list[str],
+        frame: Frame | None,
+    ) -> Spread:
+        """The same to first order: the Jacobian by dual numbers, then its product with L."""
+        zero = x[0] * 0.0
+        columns = []
+        for k in range(self.n):
+            unit = [zero + float(i == k) for i in range(self.n)]
+            algebra = SplitAlgebra(zero, frame.angle if frame else None)
+            values, named = self._replay(b, tape, algebra, x, unit, others, frame, unit)
+            b.suggest(equation, {name: part.base for name, part in named.items()})
+            columns.append(values)
+        jacobian = [[column[i].odd for column in columns] for i in range(len(names))]
+        labels = [f"slope_{name}_{k}" for name in names for k in range(self.n)]
+        entries = [entry for row in jacobian for entry in row]
+        meaning = "Jacobian" + (", in the turned frame" if frame else "")
+        b.stage(f"jacobian_{names[0]}", equation, meaning, entries, labels, scale="none")
+        turned = [
+            frame.into([L[i][c] for i in range(self.n)]) if frame else [L[i][c] for i in range(self.n)]
+            for c in range(self.n)
+        ]
+        odd = [[_dot(row, column) for column in turned] for row in jacobian]
+        return Spread([value.base for value in columns[0]], [[zero] * self.n for _ in names], odd, jacobian)
+
+    def _replay(
+        self,
+        b: GraphBuilder,
+        tape: _Tape,
+        algebra: SplitAlgebra,
+        x: Vector,
+        direction: Vector,
+        others: list[Vector],
+        frame: Frame | None,
+        turned: Vector | None = None,
+    ) -> tuple[list[Split], dict[str, Split]]:
+        """A tape along a direction of the stator frame (or, ``turned``, of the turned one), by name."""
+        if frame:
+            x, others = frame.into(x), [frame.into(vector) for vector in others]
+            direction = turned if turned is not None else frame.into(direction)
+        point = [algebra.along(value, slope) for value, slope in zip(x, direction, strict=True)]
+        constants = [algebra.constant(b.const(k.value, k.name, k.formula)) for k in self.model.constants]
+        inputs = [point, *([algebra.constant(value) for value in vector] for vector in others)]
+        values, named = tape.replay(algebra, inputs, constants)
+        return values, {**dict(zip(tape.inputs, point, strict=True)), **named}
+
+    def _weight(self) -> float:
+        """Of a pair of points."""
+        return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
+
+    def _offset(self, b: GraphBuilder, run: Spread, equation: str, names: list[str]) -> Vector:
+        """Mean of the even parts: what the mean of the points' images lies off the image of the mean."""
+        offset = [_sum(row) * self._weight() for row in run.even]
+        b.stage(f"offset_{names[0]}", equation, "", offset, [f"offset_{name}" for name in names], scale="none")
+        return offset
+
+    def _covariance(
+        self, b: GraphBuilder, run: Spread, offset: Vector, D: Vector, equation: str, names: list[str]
+    ) -> Matrix:
+        """Weighted mean of the outer products of the deviations, odd and even parts apart; lower triangle."""
+        dev = [[e - m if not m.is_zero() else e for e in row] for row, m in zip(run.even, offset, strict=True)]
+        labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
+        b.stage(f"dev_{names[0]}", equation, "", [e for row in dev for e in row], labels, scale="none")
+        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in run.odd]
+        centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
+        m = len(run.base)
+        P = [[D[0] * 0.0] * m for _ in range(m)]
+        for i in range(m):
+            for j in range(i + 1):
+                bend = _dot(dev[i], dev[j]) * self._weight() + offset[i] * offset[j] * centre
+                P[i][j] = P[j][i] = _dot(weighted[i], run.odd[j]) + bend
+        return P
+
+    def _seen(
+        self,
+        b: GraphBuilder,
+        x: Vector,
+        L: Matrix,
+        D: Vector,
+        R: Vector,
+        y: Vector,
+        back: Vector | None = None,
+    ) -> Seen:
+        """What the measurement is to the filter about ``x``: rows of (effective H) L, noise, innovation.
+
+        ``back``: x_pred - x, for an iterate; then the innovation is eq. 31's, with H by the dual numbers.
+        """
+        h, named = self.model.measure(ca.vertsplit(self.model.x))
+        tag = "pred" if back is None else "j"
+        tape = _Tape(self.model, [self.model.x], h, {f"{name}_{tag}": value for name, value in named.items()})
+        frame = tape.frame(b, [x]) if self.turning else None
+        measured = [f"y_{quantity.name}" for quantity in OUTPUTS]
+        run = self._along(b, tape, x, L, D, [], self._equation("20"), measured, frame)
+        offset = self._offset(b, run, self._equation("21"), measured)
+        zero = D[0] * 0.0
+        bend = self._covariance(
+            b, Spread(run.base, run.even, [[zero] * self.n] * 2), offset, D, self._equation("22"), measured
+        )
+        noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
+        noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
+        entries = [noise[0][0], noise[1][0], noise[1][1]]
+        b.stage("noise", self._equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")
+        turned = frame.into(y) if frame else y
+        where = ", in the rotor's frame" if frame else ""
+        if back is None:
+            # The mean of the points' images; the Jacobian filters take the image of the mean.
+            mean = [base + d for base, d in zip(run.base, offset, strict=True)]
+            innovation = [turned[k] - mean[k] for k in range(2)]
+        else:
+            slopes = self._slope(b, tape, x, back, frame, run)
+            innovation = [turned[k] - run.base[k] - slopes[k] for k in range(2)]
+        return Seen(run.odd, noise, innovation, self._floor(R), where)
+
+    def _slope(
+        self, b: GraphBuilder, tape: _Tape, x: Vector, direction: Vector, frame: Frame | None, run: Spread
+    ) -> Vector:
+        """H at x times a direction."""
+        if run.jacobian is not None:
+            turned = frame.into(direction) if frame else direction
+            return [_dot(row, turned) for row in run.jacobian]
+        algebra = SplitAlgebra(x[0] * 0.0, frame.angle if frame else None)
+        return [part.odd for part in self._replay(b, tape, algebra, x, direction, [], frame)[0]]
+
+    def _floor(self, R: Vector) -> Expr:
+        """What no variance of a measurement, however turned, is below."""
+        return R[0].apply("min", R[1]) if self.turning else R[1]
+
+    def _take(self, b: GraphBuilder, equation: str, x: Vector, factors: tuple[Matrix, Vector], seen: Seen) -> Measured:
+        """Both measurements, one after the other."""
+        L, D = factors
+        rows, innovation, variances = decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)
+        state = Measured(
+            [list(row) for row in L], list(D), list(x), [list(row) for row in rows], list(innovation), variances
+        )
+        state.take()
+        if not innovation[1].is_zero():
+            b.stage("second", equation, "", state.innovations, ["innovation_after_first"], scale="none")
+        state.take()
+        b.stage("spans", equation, "", state.spans, ["span_first", "span_second"], scale="none")
+        return state
+
+    def _close(self, b: GraphBuilder, state: Measured, equations: tuple[str, str]) -> None:
+        x = self._wrapped(state.x)
+        b.stage("x", equations[0], "theta wrapped", x, [f"{s}_new" for s in self.states], scale="state")
+        self._name_factors(b, equations[1], "_new", state.L, state.D)
+        b.output("x", x)
+        b.output("LD", to_packed(state.L, state.D))
+
+    def _wrapped(self, x: Vector) -> Vector:
+        return [value.apply("wrap") if i == self.model.angle else value for i, value in enumerate(x)]
+
+    def _name_factors(self, b: GraphBuilder, equation: str, tag: str, L: Matrix, D: Vector) -> None:
+        entries, names = to_packed(L, D), _factor_names(tag, self.n)
+        b.stage(f"LD{tag}", equation, f"L D L^T = P{tag}", entries, names, scale="none")
+
+
+#: What eq. 22 adds to the odd parts.
+_NOISE = "R, and what the bend of h adds to it"
+#: What the lines under eq. 15 and 20 are.
+_PARTS = "along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c"
+
+
+@dataclass(frozen=True)
+class _Tape:
+    """f or h with its named intermediates, ready to be replayed."""
+
+    model: StateSpaceModel
+    arguments: list[Any]
+    values: list[Any]
+    named: dict[str, Any]
+
+    @property
+    def constants(self) -> list[Constant]:
+        return self.model.constants
+
+    @property
+    def inputs(self) -> list[str]:
+        return [state.name for state in self.model.states]
+
+    def at(self, b: GraphBuilder, inputs: list[Vector]) -> Vector:
+        """The function at a point."""
+        return [Expr(b.graph, node) for node in read_tape(b.graph, self.function, self._nodes(b, inputs))[0]]
+
+    def frame(self, b: GraphBuilder, inputs: list[Vector]) -> Frame | None:
+        """The frame that follows the first angle the function takes a sine of."""
+        finder = AngleFinder(b.graph)
+        read_tape(finder, self.function, self._nodes(b, inputs))
+        return Frame.at(Expr(b.graph, finder.angles[0])) if finder.angles else None
+
+    def _nodes(self, b: GraphBuilder, inputs: list[Vector]) -> list[list[int]]:
+        constants = [b.graph.const(k.value, k.name, k.formula) for k in self.constants]
+        return [*([value.node for value in vector] for vector in inputs), constants]
+
+    @property
+    def function(self) -> Any:
+        symbols = ca.vertcat(*(constant.symbol for constant in self.constants))
+        named = ca.vertcat(*self.named.values()) if self.named else ca.SX(0, 1)
+        return ca.Function(
+            "tape", [*self.arguments, symbols], [ca.densify(ca.vertcat(*self.values)), ca.densify(named)]
+        )
+
+    def replay(
+        self, algebra: SplitAlgebra, inputs: list[list[Split]], constants: list[Split]
+    ) -> tuple[list[Split], dict[str, Split]]:
+        values, named = read_tape(algebra, self.function, [*inputs, constants])
+        return values, dict(zip(self.named, named, strict=True))
+
+
+def _suggest_parts(b: GraphBuilder, equation: str, named: dict[str, Split], algebra: SplitAlgebra, column: int) -> None:
+    """Names for the parts of named quantities, and for how far the column turns an angle."""
+    known = {part.base.node: name for name, part in reversed(named.items())}
+    for angle, z in algebra.turns:
+        name = known.get(angle.base.node, "angle")
+        halves = {f"sinc_{name}_{column}": z.apply("sinc"), f"cosm1_{name}_{column}": z.apply("cosm1")}
+        b.suggest(equation, {f"d_{name}_sq_{column}": z, **halves})
+    for name, part in named.items():
+        b.suggest(equation, {name: part.base, f"even_{name}_{column}": part.even, f"odd_{name}_{column}": part.odd})
+
+
+def _factor_names(tag: str, n: int) -> list[str]:
+    """L_10, D_1, ... in the places of a packed lower triangle."""
+    return [f"D{tag}_{i}" if i == j else f"L{tag}_{i}{j}" for i in range(n) for j in range(i + 1)]
+
+
+def _innovation_names() -> list[str]:
+    return [f"innovation_{quantity.name}" for quantity in OUTPUTS]
+
+
+def _sum(terms: Vector) -> Expr:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _dot(a: Vector, b: Vector) -> Expr:
+    return _sum([p * q for p, q in zip(a, b, strict=True)])
+
+
+def _solved(Pyy: Matrix, nu: Vector, floor: Expr) -> Vector:
+    """Pyy^-1 nu for a 2x2 Pyy by L D L^T; its second pivot is at least the second measurement's variance."""
+    m = Pyy[1][0] / Pyy[0][0]
+    pivot = (Pyy[1][1] - m * Pyy[1][0]).apply("max", floor)
+    second = (nu[1] - m * nu[0]) / pivot
+    return [nu[0] / Pyy[0][0] - m * second, second]

@@ -1,0 +1,60 @@
+"""Rewriting passes: small, each with its identity, each on any graph.
+
+A pass takes a graph and the nodes that must survive as values (roots: outputs and compared stages), and
+returns a new graph with the map from old nodes to new ones. It changes no value beyond rounding;
+``tests/codegen/test_passes.py`` shows that on random graphs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from codegen.graph import Graph
+from codegen.passes.products import share_products
+from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
+from codegen.passes.signs import pull_signs
+
+Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
+
+#: In the order they run. Sharing products is greedy: of its two ways, and of leaving them, the cheapest is kept.
+PIPELINES: tuple[tuple[Pass, ...], ...] = (
+    (share_reciprocals, pull_signs, share_products, spend_reciprocals),
+    (share_reciprocals, pull_signs, partial(share_products, whole=False), spend_reciprocals),
+    (share_reciprocals, pull_signs, spend_reciprocals),
+)
+
+#: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
+WEIGHTS = {"input": 0, "const": 0, "div": 10, "sqrt": 12, "sin": 18, "cos": 0, "sinc": 6, "cosm1": 5}
+
+
+def weight(graph: Graph, roots: Iterable[int]) -> int:
+    """Cost of computing the roots, in additions."""
+    return sum(WEIGHTS.get(graph[index].op, 1) for index in graph.reachable(roots))
+
+
+def run_passes(graph: Graph, roots: Iterable[int]) -> tuple[Graph, dict[int, int]]:
+    """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes."""
+    roots = list(dict.fromkeys(roots))
+    results = [run_pipeline(graph, roots, pipeline) for pipeline in PIPELINES]
+    return min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
+
+
+def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tuple[Graph, dict[int, int]]:
+    """Passes one after another."""
+    whole = {node: node for node in graph.reachable(roots)}
+    for step in passes:
+        graph, moved = step(graph, [whole[root] for root in roots])
+        whole = {old: moved[new] for old, new in whole.items() if new in moved}
+    return graph, whole
+
+
+__all__ = [
+    "PIPELINES",
+    "pull_signs",
+    "run_passes",
+    "share_products",
+    "share_reciprocals",
+    "spend_reciprocals",
+    "weight",
+]
