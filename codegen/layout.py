@@ -159,8 +159,8 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
     return names
 
 
-#: Longer descriptions say less than the name of what they serve.
-_LONGEST_NAME = 40
+#: Characters of an identifier that C89 promises to tell apart (MISRA C:2012, 5.2).
+SIGNIFICANT = 31
 _WORDS = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
 
 
@@ -171,7 +171,7 @@ def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[
     if all(parts):
         square = node.op == "mul" and parts[0] == parts[1]
         text = f"{parts[0]}_sq" if square else f"_{_WORDS.get(node.op, node.op)}_".join(parts)
-        if len(text) <= _LONGEST_NAME:
+        if len(text) <= SIGNIFICANT:
             return text
     user = first_user.get(index)
     while user is not None and user not in names:
@@ -180,9 +180,11 @@ def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[
 
 
 def _fresh(name: str, taken: set[str]) -> str:
-    unique, k = name, 2
+    """A name of its own, told from all others by what C89 compilers look at."""
+    unique, k = name[:SIGNIFICANT], 2
     while unique in taken:
-        unique, k = f"{name}_{k}", k + 1
+        suffix = f"_{k}"
+        unique, k = name[: SIGNIFICANT - len(suffix)] + suffix, k + 1
     taken.add(unique)
     return unique
 

@@ -31,7 +31,7 @@ def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
 
     ``floor`` bounds D from below. For P = A + diag(floor) with A positive semidefinite no pivot of P is
     smaller, so in exact arithmetic the bound changes nothing; in float it keeps rounding from making a
-    pivot zero or negative. The first pivot needs none: it is a sum of squares and its floor.
+    pivot zero or negative.
     """
     n = len(P)
     L = [[P[0][0] * 0.0 + float(i == j) for j in range(n)] for i in range(n)]
@@ -41,7 +41,7 @@ def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
         pivot = P[j][j]
         for k in range(j):
             pivot = pivot - scaled[j][k] * L[j][k]
-        D.append(pivot.apply("max", floor[j]) if j else pivot)
+        D.append(pivot.apply("max", floor[j]))
         for i in range(j + 1, n):
             entry = P[i][j]
             for k in range(j):
@@ -72,9 +72,11 @@ class Measured:
         For the row f = H L: a_n = r, a_j = a_{j+1} + f_j g_j with g = D f; D_j becomes D_j a_{j+1} / a_j and
         column j of L gains -f_j / a_{j+1} times what K has gathered from the columns behind it (G. J. Bierman,
         Factorization Methods for Discrete Sequential Estimation, 1977, V.3, mirrored). Columns with f_j = 0 drop out.
+        No a is below r; said once more where a product might let rounding, or a prover, doubt it.
         """
         n = len(self.D)
         row, nu, a = self.rows.pop(0), self.innovations.pop(0), self.variances.pop(0)
+        floor = a
         stacked = [*self.L, *self.rows]
         gathered = [a * 0.0] * len(stacked)
         for j in reversed(range(n)):
@@ -83,6 +85,8 @@ class Measured:
                 continue
             g = self.D[j] * f
             grown = a + f * g
+            if f.value is None:
+                grown = grown.apply("max", floor)
             for i, line in enumerate(stacked):
                 before = line[j]
                 line[j] = before - f * gathered[i] / a

@@ -39,6 +39,10 @@ def share_products(graph: Graph, roots: list[int], whole: bool = True) -> tuple[
     return _rebuild(graph, order, factors, pairs, ranks)
 
 
+#: Characters that C89 promises to tell apart.
+LONGEST_NAME = 31
+
+
 @dataclass(frozen=True)
 class Folded:
     """Constants of one product as one number."""
@@ -103,7 +107,8 @@ def _product_name(graph: Graph, constants: list[int]) -> str:
     if not names or plain != int(plain) or any(count > 2 for count in names.values()):
         return ""
     parts = [name + ("_SQ" if count == 2 else "") for name, count in names.items()]
-    return "_".join(parts + ([f"X{int(plain)}"] if plain != 1.0 else []))
+    name = "_".join(parts + ([f"X{int(plain)}"] if plain != 1.0 else []))
+    return name if len(name) <= LONGEST_NAME else ""
 
 
 def _formula(graph: Graph, constants: list[int]) -> str:

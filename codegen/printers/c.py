@@ -108,9 +108,9 @@ class CPrinter(ExpressionPrinter):
         if not turned:
             return []
         z, turn = listing.outputs
-        test = " && ".join(f"({listing.names[s.node]} <= SMALL_TURN)" for s in turned)
+        test = " || ".join(f"({listing.names[s.node]} > SMALL_TURN)" for s in turned)
         return [
-            wrap_line(f"if (!({test})) {{", INDENT, INDENT),
+            wrap_line(f"if ({test}) {{", INDENT, INDENT),
             f"{INDENT * 2}widen({z}_out, {turn}_out, {len(turned)});",
             f"{INDENT}}}",
         ]
