@@ -109,12 +109,12 @@ def _polynomial_small_angle_f32(z):
 def _small_angle_f32(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f32(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f32(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 def _polynomial_small_angle_f64(z):
@@ -130,12 +130,12 @@ def _polynomial_small_angle_f64(z):
 def _small_angle_f64(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f64(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f64(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 class Float32:
@@ -246,15 +246,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1
     odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1
     odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20
-    odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    part_of_even_psi_d_mid_0 = D_0 * 4.0 * odd_theta_mid_0_times_sinc_theta_mid_0
-    even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 + part_of_even_psi_d_mid_0 * odd_psi_beta_0
+    part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
+    part_of_even_psi_d_mid_0_2 = D_0 * 4.0 * part_of_even_psi_d_mid_0
+    even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 + part_of_even_psi_d_mid_0_2 * odd_psi_beta_0
     part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0
-    odd_psi_d_mid_0 = (part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0)
-    even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 - part_of_even_psi_d_mid_0 * odd_psi_alpha_0
-    odd_psi_q_mid_0 = (odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0)
+    odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 + psi_beta_2 * part_of_even_psi_d_mid_0
+    even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 - part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0
+    odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 - psi_alpha_2 * part_of_even_psi_d_mid_0
     v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta
     v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha
     decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2
@@ -262,86 +260,84 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D
     even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0
     gain_d_times_v_q = GAIN_D * v_q
-    odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0
+    odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0
     decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2
     gain_q_times_v_q = GAIN_Q * v_q
     psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q
     even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0
     v_d_times_gain_q = v_d * GAIN_Q
-    odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0
+    odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0
     odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21
-    odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
-    part_of_even_psi_d_mid_1 = 4.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1
-    even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 + odd_psi_beta_1 * part_of_even_psi_d_mid_1
+    part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
+    part_of_even_psi_d_mid_1_2 = 4.0 * D_1 * part_of_even_psi_d_mid_1
+    even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 + odd_psi_beta_1 * part_of_even_psi_d_mid_1_2
     part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0
-    odd_psi_d_mid_1 = (odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1)
-    even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 - odd_psi_alpha_1 * part_of_even_psi_d_mid_1
-    odd_psi_q_mid_1 = (odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1)
+    odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 + psi_beta_2 * part_of_even_psi_d_mid_1
+    even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 - odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2
+    odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 - psi_alpha_2 * part_of_even_psi_d_mid_1
     even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1
-    odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1
+    odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1
     even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1
-    odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1
+    odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1
     odd_theta_mid_2 = L_32 + 0.00015000000000000001
     even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 + gain_d_times_v_d * cosm1_theta_mid_2
     decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2
-    odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
-    odd_psi_d_next_2 = (decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2)
+    part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2
+    odd_psi_d_next_2 = (decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
+        gain_d_times_v_q * part_of_even_psi_alpha_next_2_2)
     even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 + gain_q_times_v_q * cosm1_theta_mid_2
     even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 + gain_d_times_v_d * cosm1_theta_mid_3
     odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 + gain_d_times_v_q * sinc_theta_mid_3
     even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 + gain_q_times_v_q * cosm1_theta_mid_3
-    psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0
-    even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 -
-        part_of_even_psi_d_mid_0 * odd_psi_q_next_0)
-    psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1
-    even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 -
-        part_of_even_psi_d_mid_1 * odd_psi_q_next_1)
-    psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2
-    part_of_even_psi_alpha_next_2 = 4.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2
+    part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0
+    even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
+        part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0)
+    part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1
+    even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
+        part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1)
+    part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2
+    part_of_even_psi_alpha_next_2_3 = 4.0 * D_2 * part_of_even_psi_alpha_next_2_2
     psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q
-    part_of_even_psi_alpha_next_2_2 = (psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2)
-    even_psi_alpha_next_2 = (even_psi_d_next_2 + cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
-        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2)
-    psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3
-    part_of_even_psi_alpha_next_3 = 4.0 * D_3 * sinc_theta_mid_3
-    part_of_even_psi_alpha_next_3_2 = (psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+    part_of_even_psi_alpha_next_2_4 = (psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
+        v_d_times_gain_q * part_of_even_psi_alpha_next_2_2)
+    even_psi_alpha_next_2 = (even_psi_d_next_2 + cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
+        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4)
+    part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3
+    part_of_even_psi_alpha_next_3_2 = 4.0 * D_3 * sinc_theta_mid_3
+    part_of_even_psi_alpha_next_3_3 = (psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
         v_d_times_gain_q * sinc_theta_mid_3)
-    even_psi_alpha_next_3 = (even_psi_d_next_3 + cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
-        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2)
-    psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0
-    even_psi_beta_next_0 = (part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0))
-    psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1
-    even_psi_beta_next_1 = (part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1))
-    psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2
-    even_psi_beta_next_2 = (part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2 +
-        cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2))
-    psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3
-    even_psi_beta_next_3 = (part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3 +
-        cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3))
+    even_psi_alpha_next_3 = (even_psi_d_next_3 + cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
+        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3)
+    part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0
+    even_psi_beta_next_0 = (part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0))
+    part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1
+    even_psi_beta_next_1 = (part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1))
+    part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2
+    even_psi_beta_next_2 = (part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 + (even_psi_q_next_2 +
+        cosm1_theta_mid_2 * part_of_even_psi_beta_next_2))
+    part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3
+    even_psi_beta_next_3 = (part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 + (even_psi_q_next_3 +
+        cosm1_theta_mid_3 * part_of_even_psi_beta_next_3))
     odd_psi_alpha_next_0 = (part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0)
+        part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0)
     odd_psi_alpha_next_1 = (part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1)
+        part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1)
     part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0
     odd_psi_alpha_next_2 = (odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2)
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2)
     part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0
     odd_psi_alpha_next_3 = (odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
-        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3)
-    odd_psi_beta_next_0 = (odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        sinc_theta_mid_3 * part_of_even_psi_beta_next_3)
+    odd_psi_beta_next_0 = (part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
         part_of_odd_psi_q_mid_0 * odd_psi_q_next_0)
-    odd_psi_beta_next_1 = (odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+    odd_psi_beta_next_1 = (part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
         part_of_odd_psi_q_mid_1 * odd_psi_q_next_1)
-    odd_psi_beta_next_2 = (psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2)
-    odd_psi_beta_next_3 = (psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3)
+    odd_psi_beta_next_2 = (part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
+        part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2)
+    odd_psi_beta_next_3 = (part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3)
     odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20
     odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21
     odd_theta_next_2 = L_32 + 0.00030000000000000003
@@ -383,21 +379,20 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3))
     part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2
-    odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2
+    part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2
     D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0
     D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1
     D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2
     D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3
-    part_of_P_pred_00_4 = (odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+    part_of_P_pred_00_5 = (odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
         odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3))
     P_pred_00 = (odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
-        Q_0)
-    part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + odd_psi_beta_1_times_part_of_P_pred_00_2
-    part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4
+        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0)
+    part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4
+    part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5
     P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2
     P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 + Q_1
     D_0_times_L_20 = D_0 * L_20
@@ -424,7 +419,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
 
     # --- eq. 18: L D L^T = P_pred
-    part_of_L_pred_10 = 1.0 / P_pred_00
+    D_pred_0 = _larger(P_pred_00, Q_0)
+    part_of_L_pred_10 = 1.0 / D_pred_0
     L_pred_10 = P_pred_10 * part_of_L_pred_10
     D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
     L_pred_20 = part_of_L_pred_10 * P_pred_20
@@ -446,7 +442,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33,)
     return (
         (psi_alpha_pred, psi_beta_pred, omega, theta_pred,),
-        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
             D_pred_3,),
     )
 
@@ -604,13 +600,15 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         (i_q_pred + offset_y_i_beta))
     noise_10_per_noise_00 = noise_10 / noise_00
     D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3
-    part_of_span_first = noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3
+    part_of_span_first = _larger(noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3, noise_00)
     D_pred_2_times_odd_y_i_alpha_2 = D_pred_2 * odd_y_i_alpha_2
-    part_of_span_first_2 = part_of_span_first + odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2
+    part_of_span_first_2 = (_larger(part_of_span_first + odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2,
+        noise_00))
     D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1
-    part_of_span_first_3 = part_of_span_first_2 + odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1
+    part_of_span_first_3 = (_larger(part_of_span_first_2 + odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1,
+        noise_00))
     D_pred_0_times_odd_y_i_alpha_0 = D_pred_0 * odd_y_i_alpha_0
-    span_first = part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0
+    span_first = _larger(part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0, noise_00)
     part_of_psi_alpha_new = 1.0 / span_first
     part_of_psi_alpha_new_2 = innovation_i_alpha * part_of_psi_alpha_new
     part_of_span_second_3 = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00
@@ -627,24 +625,28 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     part_of_span_second_14 = 1.0 / part_of_span_first
     part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14
     part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15
-    part_of_span_second_17 = part_of_span_second_13 + part_of_span_second_3 * part_of_span_second_16
+    part_of_span_second_17 = (_larger(part_of_span_second_13 + part_of_span_second_3 * part_of_span_second_16,
+        part_of_span_second_13))
     part_of_span_second_18 = odd_y_i_alpha_2 * part_of_span_second_14
     part_of_span_second_19 = part_of_span_second_5 - part_of_span_second_4 * part_of_span_second_18
     part_of_span_second_20 = 1.0 / part_of_span_first_2
     part_of_span_second_21 = D_pred_2 * part_of_span_first * part_of_span_second_20
     part_of_span_second_22 = part_of_span_second_19 * part_of_span_second_21
-    part_of_span_second_23 = part_of_span_second_17 + part_of_span_second_19 * part_of_span_second_22
+    part_of_span_second_23 = (_larger(part_of_span_second_17 +
+        part_of_span_second_19 * part_of_span_second_22, part_of_span_second_13))
     part_of_span_second_24 = odd_y_i_alpha_1 * part_of_span_second_20
     part_of_span_second_25 = part_of_span_second_7 - part_of_span_second_6 * part_of_span_second_24
     part_of_span_second_9 = 1.0 / part_of_span_first_3
     part_of_span_second_26 = D_pred_1 * part_of_span_first_2 * part_of_span_second_9
     part_of_span_second_27 = part_of_span_second_25 * part_of_span_second_26
-    part_of_span_second_28 = part_of_span_second_23 + part_of_span_second_25 * part_of_span_second_27
+    part_of_span_second_28 = (_larger(part_of_span_second_23 +
+        part_of_span_second_25 * part_of_span_second_27, part_of_span_second_13))
     part_of_span_second_10 = odd_y_i_alpha_0 * part_of_span_second_9
     part_of_span_second_11 = part_of_span_second_2 - part_of_span_second_8 * part_of_span_second_10
     part_of_span_second = D_pred_0 * part_of_span_first_3 * part_of_psi_alpha_new
     part_of_span_second_12 = part_of_span_second * part_of_span_second_11
-    span_second = part_of_span_second_28 + part_of_span_second_11 * part_of_span_second_12
+    span_second = (_larger(part_of_span_second_28 + part_of_span_second_11 * part_of_span_second_12,
+        part_of_span_second_13))
     part_of_psi_alpha_new_3 = 1.0 / span_second
     part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3
     psi_alpha_new = (psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
@@ -735,20 +737,20 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j
     psi_d_j_minus_psi_m = psi_d_j - PSI_M
     part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m
-    cos_theta_j_times_inv_l_q_times_psi_q_j = cos_theta_j_times_inv_l_q * psi_q_j
+    part_of_slope_y_i_alpha_3_2 = cos_theta_j_times_inv_l_q * psi_q_j
     slope_y_i_alpha_3 = (cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
-        (cos_theta_j_times_inv_l_q_times_psi_q_j - sin_theta_j_times_inv_l_q * psi_d_j))
+        (part_of_slope_y_i_alpha_3_2 - sin_theta_j_times_inv_l_q * psi_d_j))
     slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * cos_theta_j_times_inv_l_q
     part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m
-    sin_theta_j_times_inv_l_q_times_psi_q_j = sin_theta_j_times_inv_l_q * psi_q_j
+    part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j
     slope_y_i_beta_3 = (inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-        (cos_theta_j_times_inv_l_q * psi_d_j + sin_theta_j_times_inv_l_q_times_psi_q_j))
+        (cos_theta_j_times_inv_l_q * psi_d_j + part_of_innovation_i_alpha_2))
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
-    innovation_i_alpha = (i_alpha_meas - (part_of_innovation_i_alpha -
-        sin_theta_j_times_inv_l_q_times_psi_q_j) - (slope_y_i_alpha_0 * back_psi_alpha +
-        slope_y_i_alpha_1 * back_psi_beta + slope_y_i_alpha_3 * back_theta))
-    innovation_i_beta = (i_beta_meas - (part_of_slope_y_i_alpha_3 + cos_theta_j_times_inv_l_q_times_psi_q_j) -
+    innovation_i_alpha = (i_alpha_meas - (part_of_innovation_i_alpha - part_of_innovation_i_alpha_2) -
+        (slope_y_i_alpha_0 * back_psi_alpha + slope_y_i_alpha_1 * back_psi_beta +
+        slope_y_i_alpha_3 * back_theta))
+    innovation_i_beta = (i_beta_meas - (part_of_slope_y_i_alpha_3 + part_of_slope_y_i_alpha_3_2) -
         (back_psi_alpha * slope_y_i_alpha_1 + back_psi_beta * slope_y_i_beta_1 +
         back_theta * slope_y_i_beta_3))
 
@@ -757,21 +759,19 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00
     part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31
     D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2
-    slope_y_i_alpha_3_times_L_pred_32 = slope_y_i_alpha_3 * L_pred_32
+    part_of_Pyy_00_3 = slope_y_i_alpha_3 * L_pred_32
     D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32
-    part_of_Pyy_00_3 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32
-    slope_y_i_alpha_3_times_D_pred_3 = slope_y_i_alpha_3 * D_pred_3
+    part_of_Pyy_00_4 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32
+    part_of_Pyy_00_5 = slope_y_i_alpha_3 * D_pred_3
     Pyy_00 = (part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 +
-        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_00_3 +
-        slope_y_i_alpha_3 * slope_y_i_alpha_3_times_D_pred_3 + R_0)
+        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
+        slope_y_i_alpha_3 * part_of_Pyy_00_5 + R_0)
     part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3
     part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3
     part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3
     Pyy_10 = (D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 +
-        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_10_3 +
-        slope_y_i_alpha_3_times_D_pred_3 * slope_y_i_beta_3)
+        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
+        part_of_Pyy_00_5 * slope_y_i_beta_3)
     D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10
     D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2
     D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3
@@ -789,8 +789,8 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     # --- eq. 31: K innovation = L along; x^{j+1}
     along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1
     along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 + D_pred_1_times_part_of_Pyy_10_2 * share_1
-    along_2 = part_of_Pyy_00_3 * share_0 + part_of_Pyy_10_3 * share_1
-    along_3 = slope_y_i_alpha_3_times_D_pred_3 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1
+    along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1
+    along_3 = part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1
     psi_alpha_after = psi_alpha_pred + along_0
     psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1)
     omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2)
@@ -808,8 +808,8 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
         stages["x_next"] = (psi_alpha_after, psi_beta_after, omega_after, theta_after,)
     return (
         (psi_alpha_after, psi_beta_after, omega_after, theta_after,),
-        (part_of_Pyy_00, part_of_Pyy_00_2, slope_y_i_alpha_3_times_L_pred_32, slope_y_i_alpha_3,
-            part_of_Pyy_10, part_of_Pyy_10_2, L_pred_32 * slope_y_i_beta_3, slope_y_i_beta_3,),
+        (part_of_Pyy_00, part_of_Pyy_00_2, part_of_Pyy_00_3, slope_y_i_alpha_3, part_of_Pyy_10,
+            part_of_Pyy_10_2, L_pred_32 * slope_y_i_beta_3, slope_y_i_beta_3,),
         (R_0, 0.0, R_1,),
         (change,),
     )
@@ -826,64 +826,65 @@ def ickf_finish(x_j, LD_pred, HL, noise, math, stages=None):
 
     # --- eq. 32
     HL_03_times_D_pred_3 = HL_03 * D_pred_3
-    part_of_D_new_0 = noise_00 + HL_03 * HL_03_times_D_pred_3
+    part_of_D_new_0 = _larger(noise_00 + HL_03 * HL_03_times_D_pred_3, noise_00)
     HL_02_times_D_pred_2 = HL_02 * D_pred_2
-    part_of_D_new_0_2 = part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2
+    part_of_D_new_0_2 = _larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, noise_00)
     HL_01_times_D_pred_1 = HL_01 * D_pred_1
-    part_of_D_new_0_3 = part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1
-    span_first = part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00
+    part_of_D_new_0_3 = _larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, noise_00)
+    span_first = _larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, noise_00)
     part_of_D_new_0_5 = 1.0 / part_of_D_new_0
     part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5
     HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6
-    part_of_D_new_0_7 = noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6
+    part_of_D_new_0_7 = _larger(noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6, noise_11)
     HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5
-    HL_03_times_D_pred_3_times_HL_13 = HL_03_times_D_pred_3 * HL_13
-    part_of_D_new_0_8 = HL_12 - HL_02_times_part_of_D_new_0_5 * HL_03_times_D_pred_3_times_HL_13
-    part_of_D_new_0_9 = 1.0 / part_of_D_new_0_2
-    part_of_D_new_0_10 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_9
-    part_of_D_new_0_11 = part_of_D_new_0_8 * part_of_D_new_0_10
-    part_of_D_new_0_12 = part_of_D_new_0_7 + part_of_D_new_0_8 * part_of_D_new_0_11
-    HL_01_times_part_of_D_new_0_9 = HL_01 * part_of_D_new_0_9
-    part_of_D_new_0_13 = HL_03_times_D_pred_3_times_HL_13 + HL_02_times_D_pred_2 * HL_12
-    part_of_D_new_0_14 = HL_11 - HL_01_times_part_of_D_new_0_9 * part_of_D_new_0_13
-    part_of_D_new_0_15 = 1.0 / part_of_D_new_0_3
-    part_of_D_new_0_16 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_15
-    part_of_D_new_0_17 = part_of_D_new_0_14 * part_of_D_new_0_16
-    part_of_D_new_0_18 = part_of_D_new_0_12 + part_of_D_new_0_14 * part_of_D_new_0_17
+    part_of_D_new_0_8 = HL_03_times_D_pred_3 * HL_13
+    part_of_D_new_0_9 = HL_12 - HL_02_times_part_of_D_new_0_5 * part_of_D_new_0_8
+    part_of_D_new_0_10 = 1.0 / part_of_D_new_0_2
+    part_of_D_new_0_11 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_10
+    part_of_D_new_0_12 = part_of_D_new_0_9 * part_of_D_new_0_11
+    part_of_D_new_0_13 = _larger(part_of_D_new_0_7 + part_of_D_new_0_9 * part_of_D_new_0_12, noise_11)
+    HL_01_times_part_of_D_new_0_10 = HL_01 * part_of_D_new_0_10
+    part_of_D_new_0_14 = part_of_D_new_0_8 + HL_02_times_D_pred_2 * HL_12
+    part_of_D_new_0_15 = HL_11 - HL_01_times_part_of_D_new_0_10 * part_of_D_new_0_14
+    part_of_D_new_0_16 = 1.0 / part_of_D_new_0_3
+    part_of_D_new_0_17 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_16
+    part_of_D_new_0_18 = part_of_D_new_0_15 * part_of_D_new_0_17
+    part_of_D_new_0_19 = _larger(part_of_D_new_0_13 + part_of_D_new_0_15 * part_of_D_new_0_18, noise_11)
     part_of_D_new_0_4 = D_pred_0 * part_of_D_new_0_3 / span_first
-    HL_00_times_part_of_D_new_0_15 = HL_00 * part_of_D_new_0_15
+    HL_00_times_part_of_D_new_0_16 = HL_00 * part_of_D_new_0_16
     part_of_span_second = (HL_10 -
-        HL_00_times_part_of_D_new_0_15 * (part_of_D_new_0_13 + HL_01_times_D_pred_1 * HL_11))
-    span_second = part_of_D_new_0_18 + part_of_D_new_0_4 * part_of_span_second * part_of_span_second
+        HL_00_times_part_of_D_new_0_16 * (part_of_D_new_0_14 + HL_01_times_D_pred_1 * HL_11))
+    span_second = (_larger(part_of_D_new_0_19 + part_of_D_new_0_4 * part_of_span_second * part_of_span_second,
+        noise_11))
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_j)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_18 / span_second
-    part_of_L_new_10 = 1.0 / part_of_D_new_0_18
+    D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_19 / span_second
+    part_of_L_new_10 = 1.0 / part_of_D_new_0_19
     part_of_L_new_10_2 = part_of_span_second * part_of_L_new_10
-    L_new_10 = (L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_15 -
-        part_of_D_new_0_17 * part_of_L_new_10_2)
-    D_new_1 = part_of_D_new_0_12 * part_of_D_new_0_16 * part_of_L_new_10
-    part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_9
+    L_new_10 = (L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_16 -
+        part_of_D_new_0_18 * part_of_L_new_10_2)
+    D_new_1 = part_of_D_new_0_13 * part_of_D_new_0_17 * part_of_L_new_10
+    part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_10
     L_new_20 = (L_pred_20 -
-        HL_00_times_part_of_D_new_0_15 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
-        part_of_L_new_10_2 * (part_of_D_new_0_11 + part_of_D_new_0_17 * part_of_L_new_20))
-    part_of_L_new_21 = 1.0 / part_of_D_new_0_12
-    part_of_L_new_21_2 = part_of_D_new_0_14 * part_of_L_new_21
-    L_new_21 = part_of_L_new_20 - part_of_D_new_0_11 * part_of_L_new_21_2
-    D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_10 * part_of_L_new_21
+        HL_00_times_part_of_D_new_0_16 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
+        part_of_L_new_10_2 * (part_of_D_new_0_12 + part_of_D_new_0_18 * part_of_L_new_20))
+    part_of_L_new_21 = 1.0 / part_of_D_new_0_13
+    part_of_L_new_21_2 = part_of_D_new_0_15 * part_of_L_new_21
+    L_new_21 = part_of_L_new_20 - part_of_D_new_0_12 * part_of_L_new_21_2
+    D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_11 * part_of_L_new_21
     part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32
     part_of_L_new_30_2 = L_pred_32 - HL_03_times_D_pred_3 * HL_02_times_part_of_D_new_0_5
-    part_of_L_new_30_3 = HL_13_times_part_of_D_new_0_6 + part_of_D_new_0_11 * part_of_L_new_30_2
-    part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_9 * part_of_L_new_30
+    part_of_L_new_30_3 = HL_13_times_part_of_D_new_0_6 + part_of_D_new_0_12 * part_of_L_new_30_2
+    part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_10 * part_of_L_new_30
     L_new_30 = (L_pred_30 -
-        HL_00_times_part_of_D_new_0_15 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
-        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_17 * part_of_L_new_30_4))
+        HL_00_times_part_of_D_new_0_16 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
+        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_18 * part_of_L_new_30_4))
     L_new_31 = part_of_L_new_30_4 - part_of_L_new_21_2 * part_of_L_new_30_3
     part_of_L_new_32 = 1.0 / part_of_D_new_0_7
-    L_new_32 = part_of_L_new_30_2 - HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_8 * part_of_L_new_32
+    L_new_32 = part_of_L_new_30_2 - HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_9 * part_of_L_new_32
     D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32
 
     if stages is not None:

@@ -99,7 +99,7 @@ static void widen(const float32 z[], float32 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (!(z[k] <= SMALL_TURN)) {
+        if (z[k] > SMALL_TURN) {
             const float32 d = PMSM_SQRT(z[k]);
             const pmsm_pair side = sin_cos(d);
             turn[2 * k] = side.sine / d;
@@ -184,8 +184,8 @@ static void time_update_turns(const float32 LD[10], float32 z_out[4], float32 tu
     turn_out[5] = cosm1_theta_mid_2;
     turn_out[6] = sinc_theta_mid_3;
     turn_out[7] = cosm1_theta_mid_3;
-    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
-        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+    if ((d_theta_mid_sq_0 > SMALL_TURN) || (d_theta_mid_sq_1 > SMALL_TURN) || (d_theta_mid_sq_2 > SMALL_TURN)
+        || (d_theta_mid_sq_3 > SMALL_TURN)) {
         widen(z_out, turn_out, 4);
     }
 }
@@ -233,17 +233,17 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
     const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
     const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-    const float32 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 part_of_even_psi_d_mid_0 = D_0 * 4.0f * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float32 part_of_even_psi_d_mid_0_2 = D_0 * 4.0f * part_of_even_psi_d_mid_0;
     const float32 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
-        part_of_even_psi_d_mid_0 * odd_psi_beta_0;
+        part_of_even_psi_d_mid_0_2 * odd_psi_beta_0;
     const float32 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0f;
     const float32 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+        psi_beta_2 * part_of_even_psi_d_mid_0;
     const float32 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
-        part_of_even_psi_d_mid_0 * odd_psi_alpha_0;
+        part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0;
     const float32 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+        psi_alpha_2 * part_of_even_psi_d_mid_0;
     const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
     const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
     const float32 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
@@ -251,40 +251,36 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
     const float32 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
     const float32 gain_d_times_v_q = GAIN_D * v_q;
-    const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 +
-        gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0;
     const float32 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
     const float32 gain_q_times_v_q = GAIN_Q * v_q;
     const float32 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
     const float32 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
     const float32 v_d_times_gain_q = v_d * GAIN_Q;
-    const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 -
-        v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0;
     const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
-    const float32 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float32 part_of_even_psi_d_mid_1 = 4.0f * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float32 part_of_even_psi_d_mid_1_2 = 4.0f * D_1 * part_of_even_psi_d_mid_1;
     const float32 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
-        odd_psi_beta_1 * part_of_even_psi_d_mid_1;
+        odd_psi_beta_1 * part_of_even_psi_d_mid_1_2;
     const float32 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0f;
     const float32 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+        psi_beta_2 * part_of_even_psi_d_mid_1;
     const float32 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
-        odd_psi_alpha_1 * part_of_even_psi_d_mid_1;
+        odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2;
     const float32 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+        psi_alpha_2 * part_of_even_psi_d_mid_1;
     const float32 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
-    const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 +
-        gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1;
     const float32 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
-    const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 -
-        v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1;
     const float32 odd_theta_mid_2 = L_32 + 0.00015f;
     const float32 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
         gain_d_times_v_d * cosm1_theta_mid_2;
     const float32 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
-    const float32 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
+        gain_d_times_v_q * part_of_even_psi_alpha_next_2_2;
     const float32 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
         gain_q_times_v_q * cosm1_theta_mid_2;
     const float32 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
@@ -293,61 +289,58 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         gain_d_times_v_q * sinc_theta_mid_3;
     const float32 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
         gain_q_times_v_q * cosm1_theta_mid_3;
-    const float32 psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
     const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-        cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 - part_of_even_psi_d_mid_0 * odd_psi_q_next_0;
-    const float32 psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0;
+    const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
     const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-        cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 - part_of_even_psi_d_mid_1 * odd_psi_q_next_1;
-    const float32 psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
-    const float32 part_of_even_psi_alpha_next_2 = 4.0f * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
+        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1;
+    const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
+    const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
     const float32 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
-    const float32 part_of_even_psi_alpha_next_2_2 =
-        psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float32 part_of_even_psi_alpha_next_2_4 =
+        psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
+        v_d_times_gain_q * part_of_even_psi_alpha_next_2_2;
     const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
-        cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
-        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2;
-    const float32 psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
-    const float32 part_of_even_psi_alpha_next_3 = 4.0f * D_3 * sinc_theta_mid_3;
-    const float32 part_of_even_psi_alpha_next_3_2 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+        cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
+        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4;
+    const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
+    const float32 part_of_even_psi_alpha_next_3_2 = 4.0f * D_3 * sinc_theta_mid_3;
+    const float32 part_of_even_psi_alpha_next_3_3 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
         v_d_times_gain_q * sinc_theta_mid_3;
     const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
-        cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
-        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2;
-    const float32 psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-    const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0);
-    const float32 psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-    const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1);
-    const float32 psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
-    const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2
-        + cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2);
-    const float32 psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
-    const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3
-        + cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3);
+        cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
+        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
+    const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
+    const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0);
+    const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
+    const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1);
+    const float32 part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2;
+    const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 +
+        (even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2);
+    const float32 part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3;
+    const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 +
+        (even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3);
     const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0;
+        part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0;
     const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1;
+        part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1;
     const float32 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0f;
     const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2;
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2;
     const float32 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0f;
     const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
-        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3;
-    const float32 odd_psi_beta_next_0 =
-        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
+    const float32 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
         part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
-    const float32 odd_psi_beta_next_1 =
-        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+    const float32 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
         part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
-    const float32 odd_psi_beta_next_2 =
-        psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2;
-    const float32 odd_psi_beta_next_3 = psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3;
+    const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
+        part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2;
+    const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3;
     const float32 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
     const float32 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
     const float32 odd_theta_next_2 = L_32 + 0.0003f;
@@ -389,22 +382,20 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float32 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-    const float32 odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float32 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
     const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
     const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
     const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
     const float32 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
-    const float32 part_of_P_pred_00_4 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+    const float32 part_of_P_pred_00_5 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
         odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
     const float32 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
-        Q_0;
-    const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 +
-        odd_psi_beta_1_times_part_of_P_pred_00_2;
-    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4;
+        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
+    const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
+    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
     const float32 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
     const float32 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
         Q_1;
@@ -432,7 +423,8 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
 
     /* --- eq. 18: L D L^T = P_pred */
-    const float32 part_of_L_pred_10 = 1.0f / P_pred_00;
+    const float32 D_pred_0 = larger(P_pred_00, Q_0);
+    const float32 part_of_L_pred_10 = 1.0f / D_pred_0;
     const float32 L_pred_10 = P_pred_10 * part_of_L_pred_10;
     const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float32 L_pred_20 = part_of_L_pred_10 * P_pred_20;
@@ -452,7 +444,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     x_pred_out[1] = psi_beta_pred;
     x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[0] = D_pred_0;
     LD_pred_out[1] = L_pred_10;
     LD_pred_out[2] = D_pred_1;
     LD_pred_out[3] = L_pred_20;
@@ -510,8 +502,8 @@ static void ckf_measurement_update_turns(const float32 LD_pred[10], float32 z_pr
     turn_pred_out[5] = cosm1_theta_2;
     turn_pred_out[6] = sinc_theta_3;
     turn_pred_out[7] = cosm1_theta_3;
-    if (!((d_theta_sq_0 <= SMALL_TURN) && (d_theta_sq_1 <= SMALL_TURN) && (d_theta_sq_2 <= SMALL_TURN) &&
-        (d_theta_sq_3 <= SMALL_TURN))) {
+    if ((d_theta_sq_0 > SMALL_TURN) || (d_theta_sq_1 > SMALL_TURN) || (d_theta_sq_2 > SMALL_TURN) ||
+        (d_theta_sq_3 > SMALL_TURN)) {
         widen(z_pred_out, turn_pred_out, 4);
     }
 }
@@ -673,15 +665,17 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
         (i_q_pred + offset_y_i_beta);
     const float32 noise_10_per_noise_00 = noise_10 / noise_00;
     const float32 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
-    const float32 part_of_span_first = noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3;
+    const float32 part_of_span_first = larger(noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3,
+        noise_00);
     const float32 D_pred_2_times_odd_y_i_alpha_2 = D_pred_2 * odd_y_i_alpha_2;
-    const float32 part_of_span_first_2 = part_of_span_first +
-        odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2;
+    const float32 part_of_span_first_2 = larger(part_of_span_first +
+        odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2, noise_00);
     const float32 D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1;
-    const float32 part_of_span_first_3 = part_of_span_first_2 +
-        odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1;
+    const float32 part_of_span_first_3 = larger(part_of_span_first_2 +
+        odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1, noise_00);
     const float32 D_pred_0_times_odd_y_i_alpha_0 = D_pred_0 * odd_y_i_alpha_0;
-    const float32 span_first = part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0;
+    const float32 span_first = larger(part_of_span_first_3 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0,
+        noise_00);
     const float32 part_of_psi_alpha_new = 1.0f / span_first;
     const float32 part_of_psi_alpha_new_2 = innovation_i_alpha * part_of_psi_alpha_new;
     const float32 part_of_span_second_3 = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00;
@@ -701,30 +695,31 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 part_of_span_second_14 = 1.0f / part_of_span_first;
     const float32 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
     const float32 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;
-    const float32 part_of_span_second_17 = part_of_span_second_13 +
-        part_of_span_second_3 * part_of_span_second_16;
+    const float32 part_of_span_second_17 = larger(part_of_span_second_13 +
+        part_of_span_second_3 * part_of_span_second_16, part_of_span_second_13);
     const float32 part_of_span_second_18 = odd_y_i_alpha_2 * part_of_span_second_14;
     const float32 part_of_span_second_19 = part_of_span_second_5 -
         part_of_span_second_4 * part_of_span_second_18;
     const float32 part_of_span_second_20 = 1.0f / part_of_span_first_2;
     const float32 part_of_span_second_21 = D_pred_2 * part_of_span_first * part_of_span_second_20;
     const float32 part_of_span_second_22 = part_of_span_second_19 * part_of_span_second_21;
-    const float32 part_of_span_second_23 = part_of_span_second_17 +
-        part_of_span_second_19 * part_of_span_second_22;
+    const float32 part_of_span_second_23 = larger(part_of_span_second_17 +
+        part_of_span_second_19 * part_of_span_second_22, part_of_span_second_13);
     const float32 part_of_span_second_24 = odd_y_i_alpha_1 * part_of_span_second_20;
     const float32 part_of_span_second_25 = part_of_span_second_7 -
         part_of_span_second_6 * part_of_span_second_24;
     const float32 part_of_span_second_9 = 1.0f / part_of_span_first_3;
     const float32 part_of_span_second_26 = D_pred_1 * part_of_span_first_2 * part_of_span_second_9;
     const float32 part_of_span_second_27 = part_of_span_second_25 * part_of_span_second_26;
-    const float32 part_of_span_second_28 = part_of_span_second_23 +
-        part_of_span_second_25 * part_of_span_second_27;
+    const float32 part_of_span_second_28 = larger(part_of_span_second_23 +
+        part_of_span_second_25 * part_of_span_second_27, part_of_span_second_13);
     const float32 part_of_span_second_10 = odd_y_i_alpha_0 * part_of_span_second_9;
     const float32 part_of_span_second_11 = part_of_span_second_2 -
         part_of_span_second_8 * part_of_span_second_10;
     const float32 part_of_span_second = D_pred_0 * part_of_span_first_3 * part_of_psi_alpha_new;
     const float32 part_of_span_second_12 = part_of_span_second * part_of_span_second_11;
-    const float32 span_second = part_of_span_second_28 + part_of_span_second_11 * part_of_span_second_12;
+    const float32 span_second = larger(part_of_span_second_28 +
+        part_of_span_second_11 * part_of_span_second_12, part_of_span_second_13);
     const float32 part_of_psi_alpha_new_3 = 1.0f / span_second;
     const float32 part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3;
     const float32 psi_alpha_new = psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +

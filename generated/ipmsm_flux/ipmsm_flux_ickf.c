@@ -102,7 +102,7 @@ static void widen(const float32 z[], float32 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (!(z[k] <= SMALL_TURN)) {
+        if (z[k] > SMALL_TURN) {
             const float32 d = PMSM_SQRT(z[k]);
             const pmsm_pair side = sin_cos(d);
             turn[2 * k] = side.sine / d;
@@ -195,8 +195,8 @@ static void time_update_turns(const float32 LD[10], float32 z_out[4], float32 tu
     turn_out[5] = cosm1_theta_mid_2;
     turn_out[6] = sinc_theta_mid_3;
     turn_out[7] = cosm1_theta_mid_3;
-    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
-        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+    if ((d_theta_mid_sq_0 > SMALL_TURN) || (d_theta_mid_sq_1 > SMALL_TURN) || (d_theta_mid_sq_2 > SMALL_TURN)
+        || (d_theta_mid_sq_3 > SMALL_TURN)) {
         widen(z_out, turn_out, 4);
     }
 }
@@ -244,17 +244,17 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
     const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
     const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-    const float32 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 part_of_even_psi_d_mid_0 = D_0 * 4.0f * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float32 part_of_even_psi_d_mid_0_2 = D_0 * 4.0f * part_of_even_psi_d_mid_0;
     const float32 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
-        part_of_even_psi_d_mid_0 * odd_psi_beta_0;
+        part_of_even_psi_d_mid_0_2 * odd_psi_beta_0;
     const float32 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0f;
     const float32 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-        psi_beta_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+        psi_beta_2 * part_of_even_psi_d_mid_0;
     const float32 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
-        part_of_even_psi_d_mid_0 * odd_psi_alpha_0;
+        part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0;
     const float32 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-        psi_alpha_2 * odd_theta_mid_0_times_sinc_theta_mid_0;
+        psi_alpha_2 * part_of_even_psi_d_mid_0;
     const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
     const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
     const float32 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
@@ -262,40 +262,36 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
     const float32 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
     const float32 gain_d_times_v_q = GAIN_D * v_q;
-    const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 +
-        gain_d_times_v_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0;
     const float32 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
     const float32 gain_q_times_v_q = GAIN_Q * v_q;
     const float32 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
     const float32 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
     const float32 v_d_times_gain_q = v_d * GAIN_Q;
-    const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 -
-        v_d_times_gain_q * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0;
     const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
-    const float32 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float32 part_of_even_psi_d_mid_1 = 4.0f * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float32 part_of_even_psi_d_mid_1_2 = 4.0f * D_1 * part_of_even_psi_d_mid_1;
     const float32 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
-        odd_psi_beta_1 * part_of_even_psi_d_mid_1;
+        odd_psi_beta_1 * part_of_even_psi_d_mid_1_2;
     const float32 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0f;
     const float32 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-        psi_beta_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+        psi_beta_2 * part_of_even_psi_d_mid_1;
     const float32 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
-        odd_psi_alpha_1 * part_of_even_psi_d_mid_1;
+        odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2;
     const float32 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-        psi_alpha_2 * odd_theta_mid_1_times_sinc_theta_mid_1;
+        psi_alpha_2 * part_of_even_psi_d_mid_1;
     const float32 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
-    const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 +
-        gain_d_times_v_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1;
     const float32 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
-    const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 -
-        v_d_times_gain_q * odd_theta_mid_1_times_sinc_theta_mid_1;
+    const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1;
     const float32 odd_theta_mid_2 = L_32 + 0.00015f;
     const float32 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
         gain_d_times_v_d * cosm1_theta_mid_2;
     const float32 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
-    const float32 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        gain_d_times_v_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
+        gain_d_times_v_q * part_of_even_psi_alpha_next_2_2;
     const float32 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
         gain_q_times_v_q * cosm1_theta_mid_2;
     const float32 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
@@ -304,61 +300,58 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         gain_d_times_v_q * sinc_theta_mid_3;
     const float32 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
         gain_q_times_v_q * cosm1_theta_mid_3;
-    const float32 psi_d_next_plus_even_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
     const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-        cosm1_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 - part_of_even_psi_d_mid_0 * odd_psi_q_next_0;
-    const float32 psi_d_next_plus_even_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0;
+    const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
     const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-        cosm1_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 - part_of_even_psi_d_mid_1 * odd_psi_q_next_1;
-    const float32 psi_d_next_plus_even_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
-    const float32 part_of_even_psi_alpha_next_2 = 4.0f * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
+        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1;
+    const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
+    const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
     const float32 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
-    const float32 part_of_even_psi_alpha_next_2_2 =
-        psi_alpha_2_times_decay_q * odd_theta_mid_2_times_sinc_theta_mid_2 +
-        v_d_times_gain_q * odd_theta_mid_2_times_sinc_theta_mid_2;
+    const float32 part_of_even_psi_alpha_next_2_4 =
+        psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
+        v_d_times_gain_q * part_of_even_psi_alpha_next_2_2;
     const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
-        cosm1_theta_mid_2 * psi_d_next_plus_even_psi_d_next_2 +
-        part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2;
-    const float32 psi_d_next_plus_even_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
-    const float32 part_of_even_psi_alpha_next_3 = 4.0f * D_3 * sinc_theta_mid_3;
-    const float32 part_of_even_psi_alpha_next_3_2 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
+        cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
+        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4;
+    const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
+    const float32 part_of_even_psi_alpha_next_3_2 = 4.0f * D_3 * sinc_theta_mid_3;
+    const float32 part_of_even_psi_alpha_next_3_3 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
         v_d_times_gain_q * sinc_theta_mid_3;
     const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
-        cosm1_theta_mid_3 * psi_d_next_plus_even_psi_d_next_3 +
-        part_of_even_psi_alpha_next_3 * part_of_even_psi_alpha_next_3_2;
-    const float32 psi_q_next_plus_even_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-    const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-        cosm1_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0);
-    const float32 psi_q_next_plus_even_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-    const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-        cosm1_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1);
-    const float32 psi_q_next_plus_even_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
-    const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * odd_psi_d_next_2 + (even_psi_q_next_2
-        + cosm1_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2);
-    const float32 psi_q_next_plus_even_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
-    const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * odd_psi_d_next_3 + (even_psi_q_next_3
-        + cosm1_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3);
+        cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
+        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
+    const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
+    const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
+        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0);
+    const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
+    const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
+        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1);
+    const float32 part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2;
+    const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 +
+        (even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2);
+    const float32 part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3;
+    const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 +
+        (even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3);
     const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_q_next_plus_even_psi_q_next_0;
+        part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0;
     const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_q_next_plus_even_psi_q_next_1;
+        part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1;
     const float32 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0f;
     const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-        odd_theta_mid_2_times_sinc_theta_mid_2 * psi_q_next_plus_even_psi_q_next_2;
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2;
     const float32 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0f;
     const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
-        sinc_theta_mid_3 * psi_q_next_plus_even_psi_q_next_3;
-    const float32 odd_psi_beta_next_0 =
-        odd_theta_mid_0_times_sinc_theta_mid_0 * psi_d_next_plus_even_psi_d_next_0 +
+        sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
+    const float32 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
         part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
-    const float32 odd_psi_beta_next_1 =
-        odd_theta_mid_1_times_sinc_theta_mid_1 * psi_d_next_plus_even_psi_d_next_1 +
+    const float32 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
         part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
-    const float32 odd_psi_beta_next_2 =
-        psi_d_next_plus_even_psi_d_next_2 * odd_theta_mid_2_times_sinc_theta_mid_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_alpha_next_2;
-    const float32 odd_psi_beta_next_3 = psi_d_next_plus_even_psi_d_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_2 * part_of_odd_psi_alpha_next_3;
+    const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
+        part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2;
+    const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
+        part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3;
     const float32 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
     const float32 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
     const float32 odd_theta_next_2 = L_32 + 0.0003f;
@@ -400,22 +393,20 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float32 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-    const float32 odd_psi_beta_1_times_part_of_P_pred_00_2 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float32 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
     const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
     const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
     const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
     const float32 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
-    const float32 part_of_P_pred_00_4 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
+    const float32 part_of_P_pred_00_5 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
         odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
     const float32 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (odd_psi_beta_1_times_part_of_P_pred_00_2 - odd_psi_alpha_1 * part_of_P_pred_00_4) +
-        Q_0;
-    const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 +
-        odd_psi_beta_1_times_part_of_P_pred_00_2;
-    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_4;
+        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
+    const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
+    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
     const float32 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
     const float32 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
         Q_1;
@@ -443,7 +434,8 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
 
     /* --- eq. 18: L D L^T = P_pred */
-    const float32 part_of_L_pred_10 = 1.0f / P_pred_00;
+    const float32 D_pred_0 = larger(P_pred_00, Q_0);
+    const float32 part_of_L_pred_10 = 1.0f / D_pred_0;
     const float32 L_pred_10 = P_pred_10 * part_of_L_pred_10;
     const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float32 L_pred_20 = part_of_L_pred_10 * P_pred_20;
@@ -463,7 +455,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     x_pred_out[1] = psi_beta_pred;
     x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[0] = D_pred_0;
     LD_pred_out[1] = L_pred_10;
     LD_pred_out[2] = D_pred_1;
     LD_pred_out[3] = L_pred_20;
@@ -524,23 +516,23 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j;
     const float32 psi_d_j_minus_psi_m = psi_d_j - PSI_M;
     const float32 part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m;
-    const float32 cos_theta_j_times_inv_l_q_times_psi_q_j = cos_theta_j_times_inv_l_q * psi_q_j;
+    const float32 part_of_slope_y_i_alpha_3_2 = cos_theta_j_times_inv_l_q * psi_q_j;
     const float32 slope_y_i_alpha_3 = cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
-        (cos_theta_j_times_inv_l_q_times_psi_q_j - sin_theta_j_times_inv_l_q * psi_d_j);
+        (part_of_slope_y_i_alpha_3_2 - sin_theta_j_times_inv_l_q * psi_d_j);
     const float32 slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j +
         cos_theta_j * cos_theta_j_times_inv_l_q;
     const float32 part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
-    const float32 sin_theta_j_times_inv_l_q_times_psi_q_j = sin_theta_j_times_inv_l_q * psi_q_j;
+    const float32 part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j;
     const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-        (cos_theta_j_times_inv_l_q * psi_d_j + sin_theta_j_times_inv_l_q_times_psi_q_j);
+        (cos_theta_j_times_inv_l_q * psi_d_j + part_of_innovation_i_alpha_2);
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-    const float32 innovation_i_alpha = i_alpha_meas - (part_of_innovation_i_alpha -
-        sin_theta_j_times_inv_l_q_times_psi_q_j) - (slope_y_i_alpha_0 * back_psi_alpha +
+    const float32 innovation_i_alpha = i_alpha_meas -
+        (part_of_innovation_i_alpha - part_of_innovation_i_alpha_2) - (slope_y_i_alpha_0 * back_psi_alpha +
         slope_y_i_alpha_1 * back_psi_beta + slope_y_i_alpha_3 * back_theta);
-    const float32 innovation_i_beta = i_beta_meas - (part_of_slope_y_i_alpha_3 +
-        cos_theta_j_times_inv_l_q_times_psi_q_j) - (back_psi_alpha * slope_y_i_alpha_1 +
-        back_psi_beta * slope_y_i_beta_1 + back_theta * slope_y_i_beta_3);
+    const float32 innovation_i_beta = i_beta_meas - (part_of_slope_y_i_alpha_3 + part_of_slope_y_i_alpha_3_2)
+        - (back_psi_alpha * slope_y_i_alpha_1 + back_psi_beta * slope_y_i_beta_1 +
+        back_theta * slope_y_i_beta_3);
 
     /* --- eq. 22: Pyy^j */
     const float32 part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 +
@@ -548,22 +540,20 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00;
     const float32 part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
     const float32 D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2;
-    const float32 slope_y_i_alpha_3_times_L_pred_32 = slope_y_i_alpha_3 * L_pred_32;
+    const float32 part_of_Pyy_00_3 = slope_y_i_alpha_3 * L_pred_32;
     const float32 D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32;
-    const float32 part_of_Pyy_00_3 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32;
-    const float32 slope_y_i_alpha_3_times_D_pred_3 = slope_y_i_alpha_3 * D_pred_3;
+    const float32 part_of_Pyy_00_4 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32;
+    const float32 part_of_Pyy_00_5 = slope_y_i_alpha_3 * D_pred_3;
     const float32 Pyy_00 = part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 +
-        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_00_3 +
-        slope_y_i_alpha_3 * slope_y_i_alpha_3_times_D_pred_3 + R_0;
+        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
+        slope_y_i_alpha_3 * part_of_Pyy_00_5 + R_0;
     const float32 part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 +
         L_pred_30 * slope_y_i_beta_3;
     const float32 part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3;
     const float32 part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3;
     const float32 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 +
-        slope_y_i_alpha_3_times_L_pred_32 * part_of_Pyy_10_3 +
-        slope_y_i_alpha_3_times_D_pred_3 * slope_y_i_beta_3;
+        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
+        part_of_Pyy_00_5 * slope_y_i_beta_3;
     const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
     const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
     const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
@@ -582,9 +572,8 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1;
     const float32 along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 +
         D_pred_1_times_part_of_Pyy_10_2 * share_1;
-    const float32 along_2 = part_of_Pyy_00_3 * share_0 + part_of_Pyy_10_3 * share_1;
-    const float32 along_3 = slope_y_i_alpha_3_times_D_pred_3 * share_0 +
-        D_pred_3_times_slope_y_i_beta_3 * share_1;
+    const float32 along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1;
+    const float32 along_3 = part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1;
     const float32 psi_alpha_after = psi_alpha_pred + along_0;
     const float32 psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1);
     const float32 omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2);
@@ -605,7 +594,7 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     x_j_out[3] = theta_after;
     HL_out[0] = part_of_Pyy_00;
     HL_out[1] = part_of_Pyy_00_2;
-    HL_out[2] = slope_y_i_alpha_3_times_L_pred_32;
+    HL_out[2] = part_of_Pyy_00_3;
     HL_out[3] = slope_y_i_alpha_3;
     HL_out[4] = part_of_Pyy_10;
     HL_out[5] = part_of_Pyy_10_2;
@@ -648,68 +637,69 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
 
     /* --- eq. 32 */
     const float32 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
-    const float32 part_of_D_new_0 = noise_00 + HL_03 * HL_03_times_D_pred_3;
+    const float32 part_of_D_new_0 = larger(noise_00 + HL_03 * HL_03_times_D_pred_3, noise_00);
     const float32 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
-    const float32 part_of_D_new_0_2 = part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2;
+    const float32 part_of_D_new_0_2 = larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, noise_00);
     const float32 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
-    const float32 part_of_D_new_0_3 = part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1;
-    const float32 span_first = part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00;
+    const float32 part_of_D_new_0_3 = larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, noise_00);
+    const float32 span_first = larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, noise_00);
     const float32 part_of_D_new_0_5 = 1.0f / part_of_D_new_0;
     const float32 part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5;
     const float32 HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6;
-    const float32 part_of_D_new_0_7 = noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6;
+    const float32 part_of_D_new_0_7 = larger(noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6, noise_11);
     const float32 HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5;
-    const float32 HL_03_times_D_pred_3_times_HL_13 = HL_03_times_D_pred_3 * HL_13;
-    const float32 part_of_D_new_0_8 = HL_12 -
-        HL_02_times_part_of_D_new_0_5 * HL_03_times_D_pred_3_times_HL_13;
-    const float32 part_of_D_new_0_9 = 1.0f / part_of_D_new_0_2;
-    const float32 part_of_D_new_0_10 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_9;
-    const float32 part_of_D_new_0_11 = part_of_D_new_0_8 * part_of_D_new_0_10;
-    const float32 part_of_D_new_0_12 = part_of_D_new_0_7 + part_of_D_new_0_8 * part_of_D_new_0_11;
-    const float32 HL_01_times_part_of_D_new_0_9 = HL_01 * part_of_D_new_0_9;
-    const float32 part_of_D_new_0_13 = HL_03_times_D_pred_3_times_HL_13 + HL_02_times_D_pred_2 * HL_12;
-    const float32 part_of_D_new_0_14 = HL_11 - HL_01_times_part_of_D_new_0_9 * part_of_D_new_0_13;
-    const float32 part_of_D_new_0_15 = 1.0f / part_of_D_new_0_3;
-    const float32 part_of_D_new_0_16 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_15;
-    const float32 part_of_D_new_0_17 = part_of_D_new_0_14 * part_of_D_new_0_16;
-    const float32 part_of_D_new_0_18 = part_of_D_new_0_12 + part_of_D_new_0_14 * part_of_D_new_0_17;
+    const float32 part_of_D_new_0_8 = HL_03_times_D_pred_3 * HL_13;
+    const float32 part_of_D_new_0_9 = HL_12 - HL_02_times_part_of_D_new_0_5 * part_of_D_new_0_8;
+    const float32 part_of_D_new_0_10 = 1.0f / part_of_D_new_0_2;
+    const float32 part_of_D_new_0_11 = part_of_D_new_0 * D_pred_2 * part_of_D_new_0_10;
+    const float32 part_of_D_new_0_12 = part_of_D_new_0_9 * part_of_D_new_0_11;
+    const float32 part_of_D_new_0_13 = larger(part_of_D_new_0_7 + part_of_D_new_0_9 * part_of_D_new_0_12,
+        noise_11);
+    const float32 HL_01_times_part_of_D_new_0_10 = HL_01 * part_of_D_new_0_10;
+    const float32 part_of_D_new_0_14 = part_of_D_new_0_8 + HL_02_times_D_pred_2 * HL_12;
+    const float32 part_of_D_new_0_15 = HL_11 - HL_01_times_part_of_D_new_0_10 * part_of_D_new_0_14;
+    const float32 part_of_D_new_0_16 = 1.0f / part_of_D_new_0_3;
+    const float32 part_of_D_new_0_17 = part_of_D_new_0_2 * D_pred_1 * part_of_D_new_0_16;
+    const float32 part_of_D_new_0_18 = part_of_D_new_0_15 * part_of_D_new_0_17;
+    const float32 part_of_D_new_0_19 = larger(part_of_D_new_0_13 + part_of_D_new_0_15 * part_of_D_new_0_18,
+        noise_11);
     const float32 part_of_D_new_0_4 = D_pred_0 * part_of_D_new_0_3 / span_first;
-    const float32 HL_00_times_part_of_D_new_0_15 = HL_00 * part_of_D_new_0_15;
+    const float32 HL_00_times_part_of_D_new_0_16 = HL_00 * part_of_D_new_0_16;
     const float32 part_of_span_second = HL_10 -
-        HL_00_times_part_of_D_new_0_15 * (part_of_D_new_0_13 + HL_01_times_D_pred_1 * HL_11);
-    const float32 span_second = part_of_D_new_0_18 +
-        part_of_D_new_0_4 * part_of_span_second * part_of_span_second;
+        HL_00_times_part_of_D_new_0_16 * (part_of_D_new_0_14 + HL_01_times_D_pred_1 * HL_11);
+    const float32 span_second = larger(part_of_D_new_0_19 +
+        part_of_D_new_0_4 * part_of_span_second * part_of_span_second, noise_11);
 
     /* --- eq. 34: theta wrapped */
     const float32 theta_new = wrap_angle(theta_j);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float32 D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_18 / span_second;
-    const float32 part_of_L_new_10 = 1.0f / part_of_D_new_0_18;
+    const float32 D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_19 / span_second;
+    const float32 part_of_L_new_10 = 1.0f / part_of_D_new_0_19;
     const float32 part_of_L_new_10_2 = part_of_span_second * part_of_L_new_10;
-    const float32 L_new_10 = L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_15 -
-        part_of_D_new_0_17 * part_of_L_new_10_2;
-    const float32 D_new_1 = part_of_D_new_0_12 * part_of_D_new_0_16 * part_of_L_new_10;
-    const float32 part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_9;
+    const float32 L_new_10 = L_pred_10 - HL_01_times_D_pred_1 * HL_00_times_part_of_D_new_0_16 -
+        part_of_D_new_0_18 * part_of_L_new_10_2;
+    const float32 D_new_1 = part_of_D_new_0_13 * part_of_D_new_0_17 * part_of_L_new_10;
+    const float32 part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * HL_01_times_part_of_D_new_0_10;
     const float32 L_new_20 = L_pred_20 -
-        HL_00_times_part_of_D_new_0_15 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
-        part_of_L_new_10_2 * (part_of_D_new_0_11 + part_of_D_new_0_17 * part_of_L_new_20);
-    const float32 part_of_L_new_21 = 1.0f / part_of_D_new_0_12;
-    const float32 part_of_L_new_21_2 = part_of_D_new_0_14 * part_of_L_new_21;
-    const float32 L_new_21 = part_of_L_new_20 - part_of_D_new_0_11 * part_of_L_new_21_2;
-    const float32 D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_10 * part_of_L_new_21;
+        HL_00_times_part_of_D_new_0_16 * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
+        part_of_L_new_10_2 * (part_of_D_new_0_12 + part_of_D_new_0_18 * part_of_L_new_20);
+    const float32 part_of_L_new_21 = 1.0f / part_of_D_new_0_13;
+    const float32 part_of_L_new_21_2 = part_of_D_new_0_15 * part_of_L_new_21;
+    const float32 L_new_21 = part_of_L_new_20 - part_of_D_new_0_12 * part_of_L_new_21_2;
+    const float32 D_new_2 = part_of_D_new_0_7 * part_of_D_new_0_11 * part_of_L_new_21;
     const float32 part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32;
     const float32 part_of_L_new_30_2 = L_pred_32 - HL_03_times_D_pred_3 * HL_02_times_part_of_D_new_0_5;
     const float32 part_of_L_new_30_3 = HL_13_times_part_of_D_new_0_6 +
-        part_of_D_new_0_11 * part_of_L_new_30_2;
-    const float32 part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_9 * part_of_L_new_30;
+        part_of_D_new_0_12 * part_of_L_new_30_2;
+    const float32 part_of_L_new_30_4 = L_pred_31 - HL_01_times_part_of_D_new_0_10 * part_of_L_new_30;
     const float32 L_new_30 = L_pred_30 -
-        HL_00_times_part_of_D_new_0_15 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
-        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_17 * part_of_L_new_30_4);
+        HL_00_times_part_of_D_new_0_16 * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
+        part_of_L_new_10_2 * (part_of_L_new_30_3 + part_of_D_new_0_18 * part_of_L_new_30_4);
     const float32 L_new_31 = part_of_L_new_30_4 - part_of_L_new_21_2 * part_of_L_new_30_3;
     const float32 part_of_L_new_32 = 1.0f / part_of_D_new_0_7;
     const float32 L_new_32 = part_of_L_new_30_2 -
-        HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_8 * part_of_L_new_32;
+        HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_9 * part_of_L_new_32;
     const float32 D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32;
 
     x_out[0] = psi_alpha_j;

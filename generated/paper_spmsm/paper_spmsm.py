@@ -106,12 +106,12 @@ def _polynomial_small_angle_f32(z):
 def _small_angle_f32(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f32(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f32(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 def _polynomial_small_angle_f64(z):
@@ -127,12 +127,12 @@ def _polynomial_small_angle_f64(z):
 def _small_angle_f64(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f64(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f64(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 class Float32:
@@ -236,36 +236,36 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega
     sin_theta, cos_theta = math.sin_cos(theta)
     part_of_i_alpha_pred = gain_e_pole_pairs_times_omega * sin_theta
-    gain_e_pole_pairs_x4_times_cos_theta = GAIN_E_POLE_PAIRS_X4 * cos_theta
+    part_of_even_i_alpha_next_0 = GAIN_E_POLE_PAIRS_X4 * cos_theta
     D_0_times_L_20 = D_0 * L_20
     L_30_times_sinc_theta_0 = L_30 * sinc_theta_0
-    part_of_even_i_alpha_next_0 = D_0_times_L_20 * L_30_times_sinc_theta_0
+    part_of_even_i_alpha_next_0_2 = D_0_times_L_20 * L_30_times_sinc_theta_0
     even_i_alpha_next_0 = (part_of_i_alpha_pred * cosm1_theta_0 +
-        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_0)
+        part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_0_2)
     D_1_times_L_21 = D_1 * L_21
     L_31_times_sinc_theta_1 = L_31 * sinc_theta_1
     part_of_even_i_alpha_next_1 = D_1_times_L_21 * L_31_times_sinc_theta_1
     even_i_alpha_next_1 = (part_of_i_alpha_pred * cosm1_theta_1 +
-        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_1)
+        part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_1)
     L_32_times_sinc_theta_2 = L_32 * sinc_theta_2
     part_of_even_i_alpha_next_2 = 0.06706586826347305 * D_2 * L_32_times_sinc_theta_2
     even_i_alpha_next_2 = part_of_i_alpha_pred * cosm1_theta_2 + cos_theta * part_of_even_i_alpha_next_2
     even_i_alpha_next_3 = part_of_i_alpha_pred * cosm1_theta_3
     part_of_i_beta_pred = gain_e_pole_pairs_times_omega * cos_theta
-    gain_e_pole_pairs_times_sin_theta = GAIN_E_POLE_PAIRS * sin_theta
-    part_of_odd_i_alpha_next_0 = L_20 * (cosm1_theta_0 + 1.0)
+    part_of_odd_i_alpha_next_0 = GAIN_E_POLE_PAIRS * sin_theta
+    part_of_odd_i_alpha_next_0_2 = L_20 * (cosm1_theta_0 + 1.0)
     odd_i_alpha_next_0 = (DECAY_I + (part_of_i_beta_pred * L_30_times_sinc_theta_0 +
-        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_0))
+        part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_0_2))
     part_of_odd_i_alpha_next_1 = L_21 * (cosm1_theta_1 + 1.0)
     odd_i_alpha_next_1 = (part_of_i_beta_pred * L_31_times_sinc_theta_1 +
-        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_1)
+        part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_1)
     part_of_odd_i_alpha_next_2 = 0.016766467065868262 * (cosm1_theta_2 + 1.0)
     odd_i_alpha_next_2 = (part_of_i_beta_pred * L_32_times_sinc_theta_2 +
         sin_theta * part_of_odd_i_alpha_next_2)
-    gain_e_pole_pairs_times_cos_theta = GAIN_E_POLE_PAIRS * cos_theta
-    odd_i_beta_next_0 = (DECAY_I * L_10 - (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_0 -
+    part_of_odd_i_beta_next_0 = GAIN_E_POLE_PAIRS * cos_theta
+    odd_i_beta_next_0 = (DECAY_I * L_10 - (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_0_2 -
         part_of_i_alpha_pred * L_30_times_sinc_theta_0))
-    odd_i_beta_next_1 = (DECAY_I - (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_1 -
+    odd_i_beta_next_1 = (DECAY_I - (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_1 -
         part_of_i_alpha_pred * L_31_times_sinc_theta_1))
     odd_theta_next_0 = L_30 + POLE_PAIRS_SAMPLE_TIME * L_20
     odd_theta_next_1 = L_31 + POLE_PAIRS_SAMPLE_TIME * L_21
@@ -275,16 +275,16 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     offset_i_alpha = ((even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
         even_i_alpha_next_3) * 0.25)
     i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred + drive_alpha + offset_i_alpha
-    gain_e_pole_pairs_x4_times_sin_theta = GAIN_E_POLE_PAIRS_X4 * sin_theta
-    part_of_i_beta_pred_2 = (cosm1_theta_0 * part_of_i_beta_pred -
-        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_0)
-    part_of_i_beta_pred_3 = (part_of_i_beta_pred * cosm1_theta_1 -
-        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_1)
-    part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_2 - sin_theta * part_of_even_i_alpha_next_2
-    part_of_i_beta_pred_times_cosm1_theta_3 = part_of_i_beta_pred * cosm1_theta_3
-    part_of_i_beta_pred_5 = (0.25 * (part_of_i_beta_pred_2 + part_of_i_beta_pred_3 + part_of_i_beta_pred_4 +
-        part_of_i_beta_pred_times_cosm1_theta_3))
-    i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_5
+    part_of_i_beta_pred_2 = GAIN_E_POLE_PAIRS_X4 * sin_theta
+    part_of_i_beta_pred_3 = (cosm1_theta_0 * part_of_i_beta_pred -
+        part_of_i_beta_pred_2 * part_of_even_i_alpha_next_0_2)
+    part_of_i_beta_pred_4 = (part_of_i_beta_pred * cosm1_theta_1 -
+        part_of_i_beta_pred_2 * part_of_even_i_alpha_next_1)
+    part_of_i_beta_pred_5 = part_of_i_beta_pred * cosm1_theta_2 - sin_theta * part_of_even_i_alpha_next_2
+    part_of_i_beta_pred_6 = part_of_i_beta_pred * cosm1_theta_3
+    part_of_i_beta_pred_7 = (0.25 * (part_of_i_beta_pred_3 + part_of_i_beta_pred_4 + part_of_i_beta_pred_5 +
+        part_of_i_beta_pred_6))
+    i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_7
     omega_pred = omega * DECAY_OMEGA
     theta_pred = theta + POLE_PAIRS_SAMPLE_TIME * omega
 
@@ -293,10 +293,10 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha
     dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha
     dev_i_alpha_3 = even_i_alpha_next_3 - offset_i_alpha
-    dev_i_beta_0 = part_of_i_beta_pred_5 - part_of_i_beta_pred_2
-    dev_i_beta_1 = part_of_i_beta_pred_5 - part_of_i_beta_pred_3
-    dev_i_beta_2 = part_of_i_beta_pred_5 - part_of_i_beta_pred_4
-    dev_i_beta_3 = part_of_i_beta_pred_5 - part_of_i_beta_pred_times_cosm1_theta_3
+    dev_i_beta_0 = part_of_i_beta_pred_7 - part_of_i_beta_pred_3
+    dev_i_beta_1 = part_of_i_beta_pred_7 - part_of_i_beta_pred_4
+    dev_i_beta_2 = part_of_i_beta_pred_7 - part_of_i_beta_pred_5
+    dev_i_beta_3 = part_of_i_beta_pred_7 - part_of_i_beta_pred_6
     D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
     D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
     D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2
@@ -308,24 +308,24 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + dev_i_alpha_3 * dev_i_alpha_3) + Q_0)
     part_of_P_pred_10 = (cos_theta * part_of_odd_i_alpha_next_2 -
         part_of_i_alpha_pred * L_32_times_sinc_theta_2)
-    sin_theta_times_part_of_P_pred_00 = sin_theta * part_of_P_pred_00
+    part_of_P_pred_10_2 = sin_theta * part_of_P_pred_00
     P_pred_10 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - D_2_times_odd_i_alpha_next_2 * part_of_P_pred_10 +
-        cos_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 +
-        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3))
+        cos_theta * part_of_P_pred_10_2 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1
+        + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3))
     D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
     D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
     D_2_times_part_of_P_pred_10 = D_2 * part_of_P_pred_10
     P_pred_11 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
         odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_10 * D_2_times_part_of_P_pred_10 +
-        sin_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 +
-        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1)
-    D_0_times_L_20_times_decay_omega = D_0_times_L_20 * DECAY_OMEGA
-    D_1_times_L_21_times_decay_omega = D_1_times_L_21 * DECAY_OMEGA
-    P_pred_20 = (D_0_times_L_20_times_decay_omega * odd_i_alpha_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2)
-    P_pred_21 = (D_0_times_L_20_times_decay_omega * odd_i_beta_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_i_beta_next_1 - DECAY_OMEGA * D_2_times_part_of_P_pred_10)
+        sin_theta * part_of_P_pred_10_2 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
+        dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1)
+    part_of_P_pred_20 = D_0_times_L_20 * DECAY_OMEGA
+    part_of_P_pred_20_2 = D_1_times_L_21 * DECAY_OMEGA
+    P_pred_20 = (part_of_P_pred_20 * odd_i_alpha_next_0 + part_of_P_pred_20_2 * odd_i_alpha_next_1 +
+        DECAY_OMEGA * D_2_times_odd_i_alpha_next_2)
+    P_pred_21 = (part_of_P_pred_20 * odd_i_beta_next_0 + part_of_P_pred_20_2 * odd_i_beta_next_1 -
+        DECAY_OMEGA * D_2_times_part_of_P_pred_10)
     P_pred_22 = (DECAY_OMEGA_SQ * L_20 * D_0_times_L_20 + DECAY_OMEGA_SQ * L_21 * D_1_times_L_21 +
         DECAY_OMEGA_SQ * D_2 + Q_2)
     P_pred_30 = (D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
@@ -335,13 +335,14 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_pred_10 * odd_theta_next_2 +
         part_of_i_alpha_pred * D_3_times_sinc_theta_3)
     D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
-    P_pred_32 = (D_0_times_L_20_times_decay_omega * odd_theta_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_theta_next_1 + DECAY_OMEGA * D_2_times_odd_theta_next_2)
+    P_pred_32 = (part_of_P_pred_20 * odd_theta_next_0 + part_of_P_pred_20_2 * odd_theta_next_1 +
+        DECAY_OMEGA * D_2_times_odd_theta_next_2)
     P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
         odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
 
     # --- eq. 18: L D L^T = P_pred
-    part_of_L_pred_10 = 1.0 / P_pred_00
+    D_pred_0 = _larger(P_pred_00, Q_0)
+    part_of_L_pred_10 = 1.0 / D_pred_0
     L_pred_10 = P_pred_10 * part_of_L_pred_10
     D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
     L_pred_20 = part_of_L_pred_10 * P_pred_20
@@ -363,7 +364,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred,),
-        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
             D_pred_3,),
     )
 
@@ -382,25 +383,25 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
     part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_i_alpha_new_times_L_pred_10 = part_of_i_alpha_new * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_i_alpha_new_times_L_pred_10
+    part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
     R_1_plus_D_pred_1 = R_1 + D_pred_1
-    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
-    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
-    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
-    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_span_second = R_0 * D_pred_0_per_span_first
+    part_of_span_second_2 = part_of_span_second * L_pred_10
+    part_of_span_second_3 = L_pred_10 * part_of_span_second_2
+    span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
     part_of_i_alpha_new_2 = 1.0 / span_second
     part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
-    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second * part_of_i_alpha_new_3
-    i_beta_new = (i_beta_pred + part_of_i_alpha_new_times_L_pred_10 +
-        part_of_i_alpha_new_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second_2 * part_of_i_alpha_new_3
+    i_beta_new = (i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3))
     omega_new = (omega_pred + part_of_i_alpha_new * L_pred_20 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20))
     theta_new = (math.wrap(theta_pred + part_of_i_alpha_new * L_pred_30 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30)))
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30)))
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10
@@ -444,28 +445,28 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
     part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10
+    part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
     R_1_plus_D_pred_1 = R_1 + D_pred_1
-    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
-    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
-    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
-    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_span_second = R_0 * D_pred_0_per_span_first
+    part_of_span_second_2 = part_of_span_second * L_pred_10
+    part_of_span_second_3 = L_pred_10 * part_of_span_second_2
+    span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
     part_of_i_alpha_after_2 = 1.0 / span_second
     part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
-    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second * part_of_i_alpha_after_3
-    i_beta_after = (i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
-        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second_2 * part_of_i_alpha_after_3
+    i_beta_after = (i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3))
     omega_after = (omega_pred + part_of_i_alpha_after * L_pred_20 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20))
     theta_after = (theta_pred + part_of_i_alpha_after * L_pred_30 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30))
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30))
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10

@@ -108,12 +108,12 @@ def _polynomial_small_angle_f32(z):
 def _small_angle_f32(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f32(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f32(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 def _polynomial_small_angle_f64(z):
@@ -129,12 +129,12 @@ def _polynomial_small_angle_f64(z):
 def _small_angle_f64(z):
     """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
     sinc, cosm1 = _polynomial_small_angle_f64(z)
-    small = z <= 0.5
-    if np.all(small):
+    wide = z > 0.5
+    if not np.any(wide):
         return sinc, cosm1
     d = np.sqrt(z)
     sine, cosine = _sin_cos_f64(d)
-    return np.where(small, sinc, sine / d)[()], np.where(small, cosm1, cosine - 1.0)[()]
+    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
 
 
 class Float32:
@@ -252,50 +252,50 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta)
     drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha)
     i_alpha_mid = 0.5 * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha))
-    odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    part_of_even_i_alpha_next_0 = D_0 * 5.0 * odd_theta_mid_0_times_sinc_theta_mid_0
-    even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0
+    part_of_even_i_alpha_next_0 = odd_theta_mid_0 * sinc_theta_mid_0
+    part_of_even_i_alpha_next_0_2 = D_0 * 5.0 * part_of_even_i_alpha_next_0
+    even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0_2
     even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5
     i_beta_mid = 0.5 * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta))
     part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0
     odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0
     odd_torque_0 = (GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
-        odd_theta_mid_0_times_sinc_theta_mid_0 * (i_alpha_mid + even_i_alpha_mid_0)))
+        part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0)))
     odd_omega_e_1 = POLE_PAIRS * L_21
     odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1
     odd_emf_step_1 = GAIN_E * odd_omega_e_1
-    odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
-    part_of_even_i_alpha_next_1 = 5.0 * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1
-    even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1
+    part_of_even_i_alpha_next_1 = odd_theta_mid_1 * sinc_theta_mid_1
+    part_of_even_i_alpha_next_1_2 = 5.0 * D_1 * part_of_even_i_alpha_next_1
+    even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1_2
     even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5
     part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0
     odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1
     odd_torque_1 = (GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
-        odd_theta_mid_1_times_sinc_theta_mid_1 * (i_alpha_mid + even_i_alpha_mid_1)))
+        part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1)))
     odd_theta_mid_2 = L_32 + 0.0002
-    odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
-    part_of_even_i_alpha_next_2 = 5.0 * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2
-    even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2
+    part_of_even_i_alpha_next_2 = odd_theta_mid_2 * sinc_theta_mid_2
+    part_of_even_i_alpha_next_2_2 = 5.0 * D_2 * part_of_even_i_alpha_next_2
+    even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2_2
     even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5
-    emf_step_times_cosm1_theta_mid_0 = emf_step * cosm1_theta_mid_0
-    part_of_even_omega_next_0 = emf_step_times_cosm1_theta_mid_0 * 0.5
-    odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * odd_theta_mid_0_times_sinc_theta_mid_0
+    part_of_dev_i_beta_4 = emf_step * cosm1_theta_mid_0
+    part_of_even_omega_next_0 = part_of_dev_i_beta_4 * 0.5
+    odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_even_i_alpha_next_0
     even_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0)
         - part_of_even_omega_next_0 -
-        part_of_even_i_alpha_next_0 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0)))
-    emf_step_times_cosm1_theta_mid_1 = emf_step * cosm1_theta_mid_1
-    part_of_even_omega_next_1 = emf_step_times_cosm1_theta_mid_1 * 0.5
-    odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * odd_theta_mid_1_times_sinc_theta_mid_1
+        part_of_even_i_alpha_next_0_2 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0)))
+    part_of_dev_i_beta_4_2 = emf_step * cosm1_theta_mid_1
+    part_of_even_omega_next_1 = part_of_dev_i_beta_4_2 * 0.5
+    odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_even_i_alpha_next_1
     even_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1)
         - part_of_even_omega_next_1 -
-        part_of_even_i_alpha_next_1 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1)))
-    emf_step_times_cosm1_theta_mid_2 = emf_step * cosm1_theta_mid_2
-    part_of_even_omega_next_2 = emf_step_times_cosm1_theta_mid_2 * 0.5
-    odd_i_alpha_next_2 = emf_step * odd_theta_mid_2_times_sinc_theta_mid_2
+        part_of_even_i_alpha_next_1_2 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1)))
+    part_of_dev_i_beta_4_3 = emf_step * cosm1_theta_mid_2
+    part_of_even_omega_next_2 = part_of_dev_i_beta_4_3 * 0.5
+    odd_i_alpha_next_2 = emf_step * part_of_even_i_alpha_next_2
     even_omega_next_2 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2)
-        - part_of_even_omega_next_2 - part_of_even_i_alpha_next_2 * 0.5 * odd_i_alpha_next_2))
-    emf_step_times_cosm1_theta_mid_3 = emf_step * cosm1_theta_mid_3
-    part_of_even_omega_next_3 = emf_step_times_cosm1_theta_mid_3 * 0.5
+        - part_of_even_omega_next_2 - part_of_even_i_alpha_next_2_2 * 0.5 * odd_i_alpha_next_2))
+    part_of_dev_i_beta_4_4 = emf_step * cosm1_theta_mid_3
+    part_of_even_omega_next_3 = part_of_dev_i_beta_4_4 * 0.5
     odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3
     D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3
     even_omega_next_3 = (GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * (i_beta_mid - part_of_even_omega_next_3)
@@ -310,7 +310,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_P_pred_00_3 = 0.07092321646834308 * part_of_P_pred_00_2
     odd_omega_next_2 = (DECAY_OMEGA -
         GAIN_OMEGA * (GAIN_TORQUE * (0.5 * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
-        odd_theta_mid_2_times_sinc_theta_mid_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42))
+        part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42))
     odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0)
     odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1)
     odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2)
@@ -322,8 +322,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     offset_omega = 0.2 * (even_omega_next_0 + even_omega_next_1 + even_omega_next_2 + even_omega_next_3)
     offset_theta = 0.2 * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 + even_theta_next_3)
     part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha
-    dev_i_beta_4 = (0.2 * (emf_step_times_cosm1_theta_mid_0 + emf_step_times_cosm1_theta_mid_1 +
-        emf_step_times_cosm1_theta_mid_2 + emf_step_times_cosm1_theta_mid_3))
+    dev_i_beta_4 = (0.2 * (part_of_dev_i_beta_4 + part_of_dev_i_beta_4_2 + part_of_dev_i_beta_4_3 +
+        part_of_dev_i_beta_4_4))
     i_alpha_pred = part_of_i_alpha_pred + (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4)
     part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta
     i_beta_pred = part_of_i_beta_pred + (odd_i_alpha_1 * offset_i_alpha - odd_i_beta_1 * dev_i_beta_4)
@@ -337,10 +337,10 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha
     dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha
     dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha
-    dev_i_beta_0 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_0
-    dev_i_beta_1 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_1
-    dev_i_beta_2 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_2
-    dev_i_beta_3 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_3
+    dev_i_beta_0 = dev_i_beta_4 - part_of_dev_i_beta_4
+    dev_i_beta_1 = dev_i_beta_4 - part_of_dev_i_beta_4_2
+    dev_i_beta_2 = dev_i_beta_4 - part_of_dev_i_beta_4_3
+    dev_i_beta_3 = dev_i_beta_4 - part_of_dev_i_beta_4_4
     dev_omega_0 = even_omega_next_0 - offset_omega
     dev_omega_1 = even_omega_next_1 - offset_omega
     dev_omega_2 = even_omega_next_2 - offset_omega
@@ -362,16 +362,16 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
         + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
         offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4))
-    odd_i_alpha_1_times_part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_4
-    odd_i_beta_1_times_part_of_P_pred_00_4 = odd_i_beta_1 * part_of_P_pred_00_4
-    part_of_P_pred_00_5 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+    part_of_P_pred_00_5 = odd_i_alpha_1 * part_of_P_pred_00_4
+    part_of_P_pred_00_6 = odd_i_beta_1 * part_of_P_pred_00_4
+    part_of_P_pred_00_7 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
         odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
         + 0.2 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
         dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4))
-    P_pred_00 = (odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - odd_i_alpha_1_times_part_of_P_pred_00_4) -
-        odd_i_alpha_1 * (odd_i_beta_1_times_part_of_P_pred_00_4 - odd_i_alpha_1 * part_of_P_pred_00_5) + Q_0)
-    part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + odd_i_beta_1_times_part_of_P_pred_00_4
-    part_of_P_pred_10_2 = odd_i_alpha_1_times_part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_5
+    P_pred_00 = (odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_5) -
+        odd_i_alpha_1 * (part_of_P_pred_00_6 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0)
+    part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_6
+    part_of_P_pred_10_2 = part_of_P_pred_00_5 + odd_i_beta_1 * part_of_P_pred_00_7
     P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2
     P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1
     D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0
@@ -437,7 +437,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         + D_4 + Q_4)
 
     # --- eq. 18: L D L^T = P_pred
-    part_of_L_pred_10 = 1.0 / P_pred_00
+    D_pred_0 = _larger(P_pred_00, Q_0)
+    part_of_L_pred_10 = 1.0 / D_pred_0
     L_pred_10 = P_pred_10 * part_of_L_pred_10
     D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
     L_pred_20 = part_of_L_pred_10 * P_pred_20
@@ -470,7 +471,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,),
-        (P_pred_00, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
+        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
             D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
     )
 
@@ -489,27 +490,27 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
     part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_i_alpha_new_times_L_pred_10 = part_of_i_alpha_new * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_i_alpha_new_times_L_pred_10
+    part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
     R_1_plus_D_pred_1 = R_1 + D_pred_1
-    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
-    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
-    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
-    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_span_second = R_0 * D_pred_0_per_span_first
+    part_of_span_second_2 = part_of_span_second * L_pred_10
+    part_of_span_second_3 = L_pred_10 * part_of_span_second_2
+    span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
     part_of_i_alpha_new_2 = 1.0 / span_second
     part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
-    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second * part_of_i_alpha_new_3
-    i_beta_new = (i_beta_pred + part_of_i_alpha_new_times_L_pred_10 +
-        part_of_i_alpha_new_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_span_second_2 * part_of_i_alpha_new_3
+    i_beta_new = (i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3))
     omega_new = (omega_pred + part_of_i_alpha_new * L_pred_20 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20))
     theta_new = (math.wrap(theta_pred + part_of_i_alpha_new * L_pred_30 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30)))
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30)))
     load_torque_new = (load_torque_pred + part_of_i_alpha_new * L_pred_40 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40))
+        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_41 + part_of_span_second_2 * L_pred_40))
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10
@@ -554,30 +555,30 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
     part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10
+    part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10
+    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
     R_1_plus_D_pred_1 = R_1 + D_pred_1
-    R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first
-    part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10
-    L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second
-    span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second
+    part_of_span_second = R_0 * D_pred_0_per_span_first
+    part_of_span_second_2 = part_of_span_second * L_pred_10
+    part_of_span_second_3 = L_pred_10 * part_of_span_second_2
+    span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
     part_of_i_alpha_after_2 = 1.0 / span_second
     part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
-    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second * part_of_i_alpha_after_3
-    i_beta_after = (i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
-        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second))
+    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_span_second_2 * part_of_i_alpha_after_3
+    i_beta_after = (i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3))
     omega_after = (omega_pred + part_of_i_alpha_after * L_pred_20 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20))
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20))
     theta_after = (theta_pred + part_of_i_alpha_after * L_pred_30 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30))
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30))
     load_torque_after = (load_torque_pred + part_of_i_alpha_after * L_pred_40 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40))
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second_2 * L_pred_40))
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10

@@ -99,7 +99,7 @@ static void widen(const float32 z[], float32 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (!(z[k] <= SMALL_TURN)) {
+        if (z[k] > SMALL_TURN) {
             const float32 d = PMSM_SQRT(z[k]);
             const pmsm_pair side = sin_cos(d);
             turn[2 * k] = side.sine / d;
@@ -184,8 +184,8 @@ static void time_update_turns(const float32 LD[15], float32 z_out[4], float32 tu
     turn_out[5] = cosm1_theta_mid_2;
     turn_out[6] = sinc_theta_mid_3;
     turn_out[7] = cosm1_theta_mid_3;
-    if (!((d_theta_mid_sq_0 <= SMALL_TURN) && (d_theta_mid_sq_1 <= SMALL_TURN) &&
-        (d_theta_mid_sq_2 <= SMALL_TURN) && (d_theta_mid_sq_3 <= SMALL_TURN))) {
+    if ((d_theta_mid_sq_0 > SMALL_TURN) || (d_theta_mid_sq_1 > SMALL_TURN) || (d_theta_mid_sq_2 > SMALL_TURN)
+        || (d_theta_mid_sq_3 > SMALL_TURN)) {
         widen(z_out, turn_out, 4);
     }
 }
@@ -247,57 +247,55 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
     const float32 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
     const float32 i_alpha_mid = 0.5f * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha));
-    const float32 odd_theta_mid_0_times_sinc_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 part_of_even_i_alpha_next_0 = D_0 * 5.0f * odd_theta_mid_0_times_sinc_theta_mid_0;
-    const float32 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0;
+    const float32 part_of_even_i_alpha_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float32 part_of_even_i_alpha_next_0_2 = D_0 * 5.0f * part_of_even_i_alpha_next_0;
+    const float32 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0_2;
     const float32 even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5f;
     const float32 i_beta_mid = 0.5f * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta));
     const float32 part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0f;
     const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0;
     const float32 odd_torque_0 =
         GAIN_TORQUE * (0.5f * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
-        odd_theta_mid_0_times_sinc_theta_mid_0 * (i_alpha_mid + even_i_alpha_mid_0));
+        part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0));
     const float32 odd_omega_e_1 = POLE_PAIRS * L_21;
     const float32 odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1;
     const float32 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
-    const float32 odd_theta_mid_1_times_sinc_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float32 part_of_even_i_alpha_next_1 = 5.0f * D_1 * odd_theta_mid_1_times_sinc_theta_mid_1;
-    const float32 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1;
+    const float32 part_of_even_i_alpha_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float32 part_of_even_i_alpha_next_1_2 = 5.0f * D_1 * part_of_even_i_alpha_next_1;
+    const float32 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1_2;
     const float32 even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5f;
     const float32 part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0f;
     const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1;
     const float32 odd_torque_1 =
         GAIN_TORQUE * (0.5f * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
-        odd_theta_mid_1_times_sinc_theta_mid_1 * (i_alpha_mid + even_i_alpha_mid_1));
+        part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1));
     const float32 odd_theta_mid_2 = L_32 + 0.0002f;
-    const float32 odd_theta_mid_2_times_sinc_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float32 part_of_even_i_alpha_next_2 = 5.0f * D_2 * odd_theta_mid_2_times_sinc_theta_mid_2;
-    const float32 even_i_alpha_next_2 = 0.07092322f * part_of_even_i_alpha_next_2;
+    const float32 part_of_even_i_alpha_next_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float32 part_of_even_i_alpha_next_2_2 = 5.0f * D_2 * part_of_even_i_alpha_next_2;
+    const float32 even_i_alpha_next_2 = 0.07092322f * part_of_even_i_alpha_next_2_2;
     const float32 even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5f;
-    const float32 emf_step_times_cosm1_theta_mid_0 = emf_step * cosm1_theta_mid_0;
-    const float32 part_of_even_omega_next_0 = emf_step_times_cosm1_theta_mid_0 * 0.5f;
-    const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 +
-        emf_step * odd_theta_mid_0_times_sinc_theta_mid_0;
+    const float32 part_of_dev_i_beta_4 = emf_step * cosm1_theta_mid_0;
+    const float32 part_of_even_omega_next_0 = part_of_dev_i_beta_4 * 0.5f;
+    const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_even_i_alpha_next_0;
     const float32 even_omega_next_0 =
         GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0) -
         part_of_even_omega_next_0 -
-        part_of_even_i_alpha_next_0 * 0.5f * (odd_i_alpha_0 + odd_i_alpha_next_0));
-    const float32 emf_step_times_cosm1_theta_mid_1 = emf_step * cosm1_theta_mid_1;
-    const float32 part_of_even_omega_next_1 = emf_step_times_cosm1_theta_mid_1 * 0.5f;
-    const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 +
-        emf_step * odd_theta_mid_1_times_sinc_theta_mid_1;
+        part_of_even_i_alpha_next_0_2 * 0.5f * (odd_i_alpha_0 + odd_i_alpha_next_0));
+    const float32 part_of_dev_i_beta_4_2 = emf_step * cosm1_theta_mid_1;
+    const float32 part_of_even_omega_next_1 = part_of_dev_i_beta_4_2 * 0.5f;
+    const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_even_i_alpha_next_1;
     const float32 even_omega_next_1 =
         GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1) -
         part_of_even_omega_next_1 -
-        part_of_even_i_alpha_next_1 * 0.5f * (odd_i_alpha_1 + odd_i_alpha_next_1));
-    const float32 emf_step_times_cosm1_theta_mid_2 = emf_step * cosm1_theta_mid_2;
-    const float32 part_of_even_omega_next_2 = emf_step_times_cosm1_theta_mid_2 * 0.5f;
-    const float32 odd_i_alpha_next_2 = emf_step * odd_theta_mid_2_times_sinc_theta_mid_2;
+        part_of_even_i_alpha_next_1_2 * 0.5f * (odd_i_alpha_1 + odd_i_alpha_next_1));
+    const float32 part_of_dev_i_beta_4_3 = emf_step * cosm1_theta_mid_2;
+    const float32 part_of_even_omega_next_2 = part_of_dev_i_beta_4_3 * 0.5f;
+    const float32 odd_i_alpha_next_2 = emf_step * part_of_even_i_alpha_next_2;
     const float32 even_omega_next_2 =
         GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2) -
-        part_of_even_omega_next_2 - part_of_even_i_alpha_next_2 * 0.5f * odd_i_alpha_next_2);
-    const float32 emf_step_times_cosm1_theta_mid_3 = emf_step * cosm1_theta_mid_3;
-    const float32 part_of_even_omega_next_3 = emf_step_times_cosm1_theta_mid_3 * 0.5f;
+        part_of_even_omega_next_2 - part_of_even_i_alpha_next_2_2 * 0.5f * odd_i_alpha_next_2);
+    const float32 part_of_dev_i_beta_4_4 = emf_step * cosm1_theta_mid_3;
+    const float32 part_of_even_omega_next_3 = part_of_dev_i_beta_4_4 * 0.5f;
     const float32 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3;
     const float32 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
     const float32 even_omega_next_3 =
@@ -313,7 +311,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 part_of_P_pred_00_3 = 0.07092322f * part_of_P_pred_00_2;
     const float32 odd_omega_next_2 = DECAY_OMEGA -
         GAIN_OMEGA * (GAIN_TORQUE * (0.5f * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
-        odd_theta_mid_2_times_sinc_theta_mid_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42);
+        part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42);
     const float32 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
     const float32 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
     const float32 odd_theta_next_2 = L_32 + HALF_P_T * (1.0f + odd_omega_next_2);
@@ -327,8 +325,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 offset_theta = 0.2f * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 +
         even_theta_next_3);
     const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
-    const float32 dev_i_beta_4 = 0.2f * (emf_step_times_cosm1_theta_mid_0 + emf_step_times_cosm1_theta_mid_1 +
-        emf_step_times_cosm1_theta_mid_2 + emf_step_times_cosm1_theta_mid_3);
+    const float32 dev_i_beta_4 = 0.2f * (part_of_dev_i_beta_4 + part_of_dev_i_beta_4_2 +
+        part_of_dev_i_beta_4_3 + part_of_dev_i_beta_4_4);
     const float32 i_alpha_pred = part_of_i_alpha_pred +
         (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4);
     const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
@@ -344,10 +342,10 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
     const float32 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
     const float32 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
-    const float32 dev_i_beta_0 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_0;
-    const float32 dev_i_beta_1 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_1;
-    const float32 dev_i_beta_2 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_2;
-    const float32 dev_i_beta_3 = dev_i_beta_4 - emf_step_times_cosm1_theta_mid_3;
+    const float32 dev_i_beta_0 = dev_i_beta_4 - part_of_dev_i_beta_4;
+    const float32 dev_i_beta_1 = dev_i_beta_4 - part_of_dev_i_beta_4_2;
+    const float32 dev_i_beta_2 = dev_i_beta_4 - part_of_dev_i_beta_4_3;
+    const float32 dev_i_beta_3 = dev_i_beta_4 - part_of_dev_i_beta_4_4;
     const float32 dev_omega_0 = even_omega_next_0 - offset_omega;
     const float32 dev_omega_1 = even_omega_next_1 - offset_omega;
     const float32 dev_omega_2 = even_omega_next_2 - offset_omega;
@@ -369,19 +367,16 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
         + 0.2f * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
         offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4);
-    const float32 odd_i_alpha_1_times_part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_4;
-    const float32 odd_i_beta_1_times_part_of_P_pred_00_4 = odd_i_beta_1 * part_of_P_pred_00_4;
-    const float32 part_of_P_pred_00_5 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+    const float32 part_of_P_pred_00_5 = odd_i_alpha_1 * part_of_P_pred_00_4;
+    const float32 part_of_P_pred_00_6 = odd_i_beta_1 * part_of_P_pred_00_4;
+    const float32 part_of_P_pred_00_7 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
         odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
         + 0.2f * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
         dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4);
-    const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 -
-        odd_i_alpha_1_times_part_of_P_pred_00_4) - odd_i_alpha_1 * (odd_i_beta_1_times_part_of_P_pred_00_4 -
-        odd_i_alpha_1 * part_of_P_pred_00_5) + Q_0;
-    const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 +
-        odd_i_beta_1_times_part_of_P_pred_00_4;
-    const float32 part_of_P_pred_10_2 = odd_i_alpha_1_times_part_of_P_pred_00_4 +
-        odd_i_beta_1 * part_of_P_pred_00_5;
+    const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_5) -
+        odd_i_alpha_1 * (part_of_P_pred_00_6 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
+    const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_6;
+    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_5 + odd_i_beta_1 * part_of_P_pred_00_7;
     const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
     const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
     const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
@@ -450,7 +445,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         L_43 * D_3_times_L_43 + D_4 + Q_4;
 
     /* --- eq. 18: L D L^T = P_pred */
-    const float32 part_of_L_pred_10 = 1.0f / P_pred_00;
+    const float32 D_pred_0 = larger(P_pred_00, Q_0);
+    const float32 part_of_L_pred_10 = 1.0f / D_pred_0;
     const float32 L_pred_10 = P_pred_10 * part_of_L_pred_10;
     const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float32 L_pred_20 = part_of_L_pred_10 * P_pred_20;
@@ -482,7 +478,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
     x_pred_out[4] = load_torque;
-    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[0] = D_pred_0;
     LD_pred_out[1] = L_pred_10;
     LD_pred_out[2] = D_pred_1;
     LD_pred_out[3] = L_pred_20;
@@ -534,31 +530,31 @@ static void ickf_measurement_update(const float32 x_pred[5], const float32 LD_pr
     const float32 span_first = R_0 + D_pred_0;
     const float32 D_pred_0_per_span_first = D_pred_0 / span_first;
     const float32 part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first;
-    const float32 part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10;
-    const float32 innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10;
+    const float32 part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10;
+    const float32 innovation_after_first = innovation_i_beta - part_of_innovation_after_first;
     const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
-    const float32 R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first;
-    const float32 part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10;
-    const float32 L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second;
-    const float32 span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second;
+    const float32 part_of_span_second = R_0 * D_pred_0_per_span_first;
+    const float32 part_of_span_second_2 = part_of_span_second * L_pred_10;
+    const float32 part_of_span_second_3 = L_pred_10 * part_of_span_second_2;
+    const float32 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
     const float32 part_of_i_alpha_after_2 = 1.0f / span_second;
     const float32 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
     const float32 i_alpha_after = i_alpha_pred + part_of_i_alpha_after +
-        part_of_span_second * part_of_i_alpha_after_3;
-    const float32 i_beta_after = i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
-        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second);
+        part_of_span_second_2 * part_of_i_alpha_after_3;
+    const float32 i_beta_after = i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3);
     const float32 omega_after = omega_pred + part_of_i_alpha_after * L_pred_20 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20);
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20);
     const float32 theta_after = theta_pred + part_of_i_alpha_after * L_pred_30 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30);
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30);
     const float32 load_torque_after = load_torque_pred + part_of_i_alpha_after * L_pred_40 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second * L_pred_40);
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second_2 * L_pred_40);
 
     /* --- eq. 34: theta wrapped */
     const float32 theta_new = wrap_angle(theta_after);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float32 D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
+    const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
     const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
     const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
     const float32 L_new_10 = L_pred_10 - part_of_L_new_10;

@@ -70,7 +70,7 @@ static void widen(const float64 z[], float64 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (!(z[k] <= SMALL_TURN)) {
+        if (z[k] > SMALL_TURN) {
             const float64 d = sqrt(z[k]);
             const pmsm_pair_f64 side = sin_cos(d);
             turn[2 * k] = side.sine / d;
@@ -158,8 +158,8 @@ static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 tu
     turn_out[5] = cosm1_theta_2;
     turn_out[6] = sinc_theta_3;
     turn_out[7] = cosm1_theta_3;
-    if (!((d_theta_sq_0 <= SMALL_TURN) && (d_theta_sq_1 <= SMALL_TURN) && (d_theta_sq_2 <= SMALL_TURN) &&
-        (d_theta_sq_3 <= SMALL_TURN))) {
+    if ((d_theta_sq_0 > SMALL_TURN) || (d_theta_sq_1 > SMALL_TURN) || (d_theta_sq_2 > SMALL_TURN) ||
+        (d_theta_sq_3 > SMALL_TURN)) {
         widen(z_out, turn_out, 4);
     }
 }
@@ -205,39 +205,38 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 sin_theta = sincos_theta.sine;
     const float64 cos_theta = sincos_theta.cosine;
     const float64 part_of_i_alpha_pred = gain_e_pole_pairs_times_omega * sin_theta;
-    const float64 gain_e_pole_pairs_x4_times_cos_theta = GAIN_E_POLE_PAIRS_X4 * cos_theta;
+    const float64 part_of_even_i_alpha_next_0 = GAIN_E_POLE_PAIRS_X4 * cos_theta;
     const float64 D_0_times_L_20 = D_0 * L_20;
     const float64 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
-    const float64 part_of_even_i_alpha_next_0 = D_0_times_L_20 * L_30_times_sinc_theta_0;
+    const float64 part_of_even_i_alpha_next_0_2 = D_0_times_L_20 * L_30_times_sinc_theta_0;
     const float64 even_i_alpha_next_0 = part_of_i_alpha_pred * cosm1_theta_0 +
-        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_0;
+        part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_0_2;
     const float64 D_1_times_L_21 = D_1 * L_21;
     const float64 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
     const float64 part_of_even_i_alpha_next_1 = D_1_times_L_21 * L_31_times_sinc_theta_1;
     const float64 even_i_alpha_next_1 = part_of_i_alpha_pred * cosm1_theta_1 +
-        gain_e_pole_pairs_x4_times_cos_theta * part_of_even_i_alpha_next_1;
+        part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_1;
     const float64 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
     const float64 part_of_even_i_alpha_next_2 = 0.06706586826347305 * D_2 * L_32_times_sinc_theta_2;
     const float64 even_i_alpha_next_2 = part_of_i_alpha_pred * cosm1_theta_2 +
         cos_theta * part_of_even_i_alpha_next_2;
     const float64 even_i_alpha_next_3 = part_of_i_alpha_pred * cosm1_theta_3;
     const float64 part_of_i_beta_pred = gain_e_pole_pairs_times_omega * cos_theta;
-    const float64 gain_e_pole_pairs_times_sin_theta = GAIN_E_POLE_PAIRS * sin_theta;
-    const float64 part_of_odd_i_alpha_next_0 = L_20 * (cosm1_theta_0 + 1.0);
+    const float64 part_of_odd_i_alpha_next_0 = GAIN_E_POLE_PAIRS * sin_theta;
+    const float64 part_of_odd_i_alpha_next_0_2 = L_20 * (cosm1_theta_0 + 1.0);
     const float64 odd_i_alpha_next_0 = DECAY_I + (part_of_i_beta_pred * L_30_times_sinc_theta_0 +
-        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_0);
+        part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_0_2);
     const float64 part_of_odd_i_alpha_next_1 = L_21 * (cosm1_theta_1 + 1.0);
     const float64 odd_i_alpha_next_1 = part_of_i_beta_pred * L_31_times_sinc_theta_1 +
-        gain_e_pole_pairs_times_sin_theta * part_of_odd_i_alpha_next_1;
+        part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_1;
     const float64 part_of_odd_i_alpha_next_2 = 0.016766467065868262 * (cosm1_theta_2 + 1.0);
     const float64 odd_i_alpha_next_2 = part_of_i_beta_pred * L_32_times_sinc_theta_2 +
         sin_theta * part_of_odd_i_alpha_next_2;
-    const float64 gain_e_pole_pairs_times_cos_theta = GAIN_E_POLE_PAIRS * cos_theta;
+    const float64 part_of_odd_i_beta_next_0 = GAIN_E_POLE_PAIRS * cos_theta;
     const float64 odd_i_beta_next_0 = DECAY_I * L_10 -
-        (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_0 -
+        (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_0_2 -
         part_of_i_alpha_pred * L_30_times_sinc_theta_0);
-    const float64 odd_i_beta_next_1 = DECAY_I -
-        (gain_e_pole_pairs_times_cos_theta * part_of_odd_i_alpha_next_1 -
+    const float64 odd_i_beta_next_1 = DECAY_I - (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_1 -
         part_of_i_alpha_pred * L_31_times_sinc_theta_1);
     const float64 odd_theta_next_0 = L_30 + POLE_PAIRS_SAMPLE_TIME * L_20;
     const float64 odd_theta_next_1 = L_31 + POLE_PAIRS_SAMPLE_TIME * L_21;
@@ -247,17 +246,17 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
         even_i_alpha_next_3) * 0.25;
     const float64 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred + drive_alpha + offset_i_alpha;
-    const float64 gain_e_pole_pairs_x4_times_sin_theta = GAIN_E_POLE_PAIRS_X4 * sin_theta;
-    const float64 part_of_i_beta_pred_2 = cosm1_theta_0 * part_of_i_beta_pred -
-        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_0;
-    const float64 part_of_i_beta_pred_3 = part_of_i_beta_pred * cosm1_theta_1 -
-        gain_e_pole_pairs_x4_times_sin_theta * part_of_even_i_alpha_next_1;
-    const float64 part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_2 -
+    const float64 part_of_i_beta_pred_2 = GAIN_E_POLE_PAIRS_X4 * sin_theta;
+    const float64 part_of_i_beta_pred_3 = cosm1_theta_0 * part_of_i_beta_pred -
+        part_of_i_beta_pred_2 * part_of_even_i_alpha_next_0_2;
+    const float64 part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_1 -
+        part_of_i_beta_pred_2 * part_of_even_i_alpha_next_1;
+    const float64 part_of_i_beta_pred_5 = part_of_i_beta_pred * cosm1_theta_2 -
         sin_theta * part_of_even_i_alpha_next_2;
-    const float64 part_of_i_beta_pred_times_cosm1_theta_3 = part_of_i_beta_pred * cosm1_theta_3;
-    const float64 part_of_i_beta_pred_5 = 0.25 * (part_of_i_beta_pred_2 + part_of_i_beta_pred_3 +
-        part_of_i_beta_pred_4 + part_of_i_beta_pred_times_cosm1_theta_3);
-    const float64 i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_5;
+    const float64 part_of_i_beta_pred_6 = part_of_i_beta_pred * cosm1_theta_3;
+    const float64 part_of_i_beta_pred_7 = 0.25 * (part_of_i_beta_pred_3 + part_of_i_beta_pred_4 +
+        part_of_i_beta_pred_5 + part_of_i_beta_pred_6);
+    const float64 i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_7;
     const float64 omega_pred = omega * DECAY_OMEGA;
     const float64 theta_pred = theta + POLE_PAIRS_SAMPLE_TIME * omega;
 
@@ -266,10 +265,10 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
     const float64 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
     const float64 dev_i_alpha_3 = even_i_alpha_next_3 - offset_i_alpha;
-    const float64 dev_i_beta_0 = part_of_i_beta_pred_5 - part_of_i_beta_pred_2;
-    const float64 dev_i_beta_1 = part_of_i_beta_pred_5 - part_of_i_beta_pred_3;
-    const float64 dev_i_beta_2 = part_of_i_beta_pred_5 - part_of_i_beta_pred_4;
-    const float64 dev_i_beta_3 = part_of_i_beta_pred_5 - part_of_i_beta_pred_times_cosm1_theta_3;
+    const float64 dev_i_beta_0 = part_of_i_beta_pred_7 - part_of_i_beta_pred_3;
+    const float64 dev_i_beta_1 = part_of_i_beta_pred_7 - part_of_i_beta_pred_4;
+    const float64 dev_i_beta_2 = part_of_i_beta_pred_7 - part_of_i_beta_pred_5;
+    const float64 dev_i_beta_3 = part_of_i_beta_pred_7 - part_of_i_beta_pred_6;
     const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
     const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
     const float64 D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2;
@@ -282,24 +281,24 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + dev_i_alpha_3 * dev_i_alpha_3) + Q_0;
     const float64 part_of_P_pred_10 = cos_theta * part_of_odd_i_alpha_next_2 -
         part_of_i_alpha_pred * L_32_times_sinc_theta_2;
-    const float64 sin_theta_times_part_of_P_pred_00 = sin_theta * part_of_P_pred_00;
+    const float64 part_of_P_pred_10_2 = sin_theta * part_of_P_pred_00;
     const float64 P_pred_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - D_2_times_odd_i_alpha_next_2 * part_of_P_pred_10 +
-        cos_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 +
-        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3);
+        cos_theta * part_of_P_pred_10_2 + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1
+        + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3);
     const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
     const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
     const float64 D_2_times_part_of_P_pred_10 = D_2 * part_of_P_pred_10;
     const float64 P_pred_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
         odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_10 * D_2_times_part_of_P_pred_10 +
-        sin_theta * sin_theta_times_part_of_P_pred_00 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 +
-        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1;
-    const float64 D_0_times_L_20_times_decay_omega = D_0_times_L_20 * DECAY_OMEGA;
-    const float64 D_1_times_L_21_times_decay_omega = D_1_times_L_21 * DECAY_OMEGA;
-    const float64 P_pred_20 = D_0_times_L_20_times_decay_omega * odd_i_alpha_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2;
-    const float64 P_pred_21 = D_0_times_L_20_times_decay_omega * odd_i_beta_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_i_beta_next_1 - DECAY_OMEGA * D_2_times_part_of_P_pred_10;
+        sin_theta * part_of_P_pred_10_2 + 0.25 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
+        dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1;
+    const float64 part_of_P_pred_20 = D_0_times_L_20 * DECAY_OMEGA;
+    const float64 part_of_P_pred_20_2 = D_1_times_L_21 * DECAY_OMEGA;
+    const float64 P_pred_20 = part_of_P_pred_20 * odd_i_alpha_next_0 +
+        part_of_P_pred_20_2 * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2;
+    const float64 P_pred_21 = part_of_P_pred_20 * odd_i_beta_next_0 + part_of_P_pred_20_2 * odd_i_beta_next_1
+        - DECAY_OMEGA * D_2_times_part_of_P_pred_10;
     const float64 P_pred_22 = DECAY_OMEGA_SQ * L_20 * D_0_times_L_20 + DECAY_OMEGA_SQ * L_21 * D_1_times_L_21
         + DECAY_OMEGA_SQ * D_2 + Q_2;
     const float64 P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
@@ -309,13 +308,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_pred_10 * odd_theta_next_2 +
         part_of_i_alpha_pred * D_3_times_sinc_theta_3;
     const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-    const float64 P_pred_32 = D_0_times_L_20_times_decay_omega * odd_theta_next_0 +
-        D_1_times_L_21_times_decay_omega * odd_theta_next_1 + DECAY_OMEGA * D_2_times_odd_theta_next_2;
+    const float64 P_pred_32 = part_of_P_pred_20 * odd_theta_next_0 + part_of_P_pred_20_2 * odd_theta_next_1 +
+        DECAY_OMEGA * D_2_times_odd_theta_next_2;
     const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
         D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
 
     /* --- eq. 18: L D L^T = P_pred */
-    const float64 part_of_L_pred_10 = 1.0 / P_pred_00;
+    const float64 D_pred_0 = larger(P_pred_00, Q_0);
+    const float64 part_of_L_pred_10 = 1.0 / D_pred_0;
     const float64 L_pred_10 = P_pred_10 * part_of_L_pred_10;
     const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 L_pred_20 = part_of_L_pred_10 * P_pred_20;
@@ -335,7 +335,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     x_pred_out[1] = i_beta_pred;
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = P_pred_00;
+    LD_pred_out[0] = D_pred_0;
     LD_pred_out[1] = L_pred_10;
     LD_pred_out[2] = D_pred_1;
     LD_pred_out[3] = L_pred_20;
@@ -376,29 +376,29 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pr
     const float64 span_first = R_0 + D_pred_0;
     const float64 D_pred_0_per_span_first = D_pred_0 / span_first;
     const float64 part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first;
-    const float64 part_of_i_alpha_after_times_L_pred_10 = part_of_i_alpha_after * L_pred_10;
-    const float64 innovation_after_first = innovation_i_beta - part_of_i_alpha_after_times_L_pred_10;
+    const float64 part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10;
+    const float64 innovation_after_first = innovation_i_beta - part_of_innovation_after_first;
     const float64 R_1_plus_D_pred_1 = R_1 + D_pred_1;
-    const float64 R_0_times_D_pred_0_per_span_first = R_0 * D_pred_0_per_span_first;
-    const float64 part_of_span_second = R_0_times_D_pred_0_per_span_first * L_pred_10;
-    const float64 L_pred_10_times_part_of_span_second = L_pred_10 * part_of_span_second;
-    const float64 span_second = R_1_plus_D_pred_1 + L_pred_10_times_part_of_span_second;
+    const float64 part_of_span_second = R_0 * D_pred_0_per_span_first;
+    const float64 part_of_span_second_2 = part_of_span_second * L_pred_10;
+    const float64 part_of_span_second_3 = L_pred_10 * part_of_span_second_2;
+    const float64 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
     const float64 part_of_i_alpha_after_2 = 1.0 / span_second;
     const float64 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
     const float64 i_alpha_after = i_alpha_pred + part_of_i_alpha_after +
-        part_of_span_second * part_of_i_alpha_after_3;
-    const float64 i_beta_after = i_beta_pred + part_of_i_alpha_after_times_L_pred_10 +
-        part_of_i_alpha_after_3 * (D_pred_1 + L_pred_10_times_part_of_span_second);
+        part_of_span_second_2 * part_of_i_alpha_after_3;
+    const float64 i_beta_after = i_beta_pred + part_of_innovation_after_first +
+        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3);
     const float64 omega_after = omega_pred + part_of_i_alpha_after * L_pred_20 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second * L_pred_20);
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20);
     const float64 theta_after = theta_pred + part_of_i_alpha_after * L_pred_30 +
-        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second * L_pred_30);
+        part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30);
 
     /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_after);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float64 D_new_0 = R_0_times_D_pred_0_per_span_first * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
+    const float64 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
     const float64 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
     const float64 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
     const float64 L_new_10 = L_pred_10 - part_of_L_new_10;

@@ -53,8 +53,8 @@ static void plant_substep(const float64 s[6], const float64 v[2], const float64 
     const float64 z_alpha_at3 = z_alpha + half_h * slope2_z_alpha;
     const float64 z_beta_at3 = z_beta + half_h * slope2_z_beta;
     const float64 omega_at3 = omega + half_h * slope2_omega;
-    const float64 slope2_theta_times_rotor_sin_at2 = slope2_theta * rotor_sin_at2;
-    const float64 rotor_cos_at3 = rotor_cos - half_h * slope2_theta_times_rotor_sin_at2;
+    const float64 part_of_rotor_cos_at3 = slope2_theta * rotor_sin_at2;
+    const float64 rotor_cos_at3 = rotor_cos - half_h * part_of_rotor_cos_at3;
     const float64 rotor_sin_at3 = rotor_sin + half_h * slope2_rotor_sin;
 
     /* --- slope 3 */
@@ -71,8 +71,8 @@ static void plant_substep(const float64 s[6], const float64 v[2], const float64 
     const float64 z_alpha_at4 = z_alpha + h * slope3_z_alpha;
     const float64 z_beta_at4 = z_beta + h * slope3_z_beta;
     const float64 omega_at4 = omega + h * slope3_omega;
-    const float64 slope3_theta_times_rotor_sin_at3 = slope3_theta * rotor_sin_at3;
-    const float64 rotor_cos_at4 = rotor_cos - h * slope3_theta_times_rotor_sin_at3;
+    const float64 part_of_rotor_cos_at4 = slope3_theta * rotor_sin_at3;
+    const float64 rotor_cos_at4 = rotor_cos - h * part_of_rotor_cos_at4;
     const float64 rotor_sin_at4 = rotor_sin + h * slope3_rotor_sin;
 
     /* --- slope 4 */
@@ -93,8 +93,8 @@ static void plant_substep(const float64 s[6], const float64 v[2], const float64 
     s_out[1] = z_beta + sixth_h * (slope1_z_beta + 2.0 * (slope2_z_beta + slope3_z_beta) + slope4_z_beta);
     s_out[2] = omega + sixth_h * (slope1_omega + 2.0 * (slope2_omega + slope3_omega) + slope4_omega);
     s_out[3] = theta + sixth_h * (slope1_theta + 2.0 * (slope2_theta + slope3_theta) + slope4_theta);
-    s_out[4] = rotor_cos + sixth_h * (2.0 * -(slope2_theta_times_rotor_sin_at2 +
-        slope3_theta_times_rotor_sin_at3) - slope1_theta_times_rotor_sin - slope4_theta * rotor_sin_at4);
+    s_out[4] = rotor_cos + sixth_h * (2.0 * -(part_of_rotor_cos_at3 + part_of_rotor_cos_at4) -
+        slope1_theta_times_rotor_sin - slope4_theta * rotor_sin_at4);
     s_out[5] = rotor_sin + sixth_h * (slope1_rotor_sin + 2.0 * (slope2_rotor_sin + slope3_rotor_sin) +
         slope4_rotor_sin);
 }
