@@ -99,8 +99,9 @@ static void widen(const float32 z[], float32 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (z[k] > SMALL_TURN) {
-            const float32 d = PMSM_SQRT(z[k]);
+        const float32 square = z[k];
+        if (square > SMALL_TURN) {
+            const float32 d = PMSM_SQRT(square);
             const pmsm_pair side = sin_cos(d);
             turn[2 * k] = side.sine / d;
             turn[(2 * k) + 1] = side.cosine - 1.0f;

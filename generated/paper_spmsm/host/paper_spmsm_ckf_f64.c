@@ -69,8 +69,9 @@ static void widen(const float64 z[], float64 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        if (z[k] > SMALL_TURN) {
-            const float64 d = sqrt(z[k]);
+        const float64 square = z[k];
+        if (square > SMALL_TURN) {
+            const float64 d = sqrt(square);
             const pmsm_pair_f64 side = sin_cos(d);
             turn[2 * k] = side.sine / d;
             turn[(2 * k) + 1] = side.cosine - 1.0;

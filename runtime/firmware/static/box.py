@@ -1,6 +1,6 @@
 """The states a proof starts from: an interval for each word of the filter's struct, and for its inputs.
 
-Covariances are boxed in one of two forms. ``packed``: the words are P's lower triangle. ``factors``: they are those of
+Covariances are boxed in one of two forms. ``P``: the words are P's lower triangle. ``LD``: they are the factors of
 P = L D L^T, D on the diagonal, L below it. Then P > 0 is an interval's business: D > 0.
 """
 
@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-Form = Literal["packed", "factors"]
-
-#: Variances in the box reach this times P_0 (or Q, where that is more): sigmas twice those of P_0.
-MARGIN = 4.0
+#: Variances in the box reach this times P_0 (or Q, where that is more). Intervals forget how the entries of a
+#: covariance belong together, and quotients of them grow: beyond this the proof of a four-state filter overflows.
+MARGIN = 2.0
 
 #: Inputs reach this times what the step accepts, so that the proof covers rejected inputs too.
 BEYOND = 2.0
@@ -38,7 +37,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Box:
-    """Intervals by C place: ``f.x[0]``, ``f.P[3]``, ``u[1]``; ``f`` is the struct, u and y the inputs."""
+    """Intervals by C place: ``f.x[0]``, ``f.LD[3]``, ``u[1]``; ``f`` is the struct, u and y the inputs."""
 
     places: dict[str, Interval]
 
@@ -46,7 +45,7 @@ class Box:
         return Box({**self.places, **changes})
 
 
-def filter_box(manifest: dict[str, Any], form: Form) -> Box:
+def filter_box(manifest: dict[str, Any], field: str) -> Box:
     """The box of a generated folder's drive, from what its manifest says of the drive.
 
     States: the operating box. Variances: up to :data:`MARGIN` times P_0. Inputs: :data:`BEYOND` what is accepted.
@@ -55,7 +54,7 @@ def filter_box(manifest: dict[str, Any], form: Form) -> Box:
     names = [state["name"] for state in manifest["states"]]
     box = parameters["operating_box"]
     places = {f"f.x[{k}]": _state(name, parameters) for k, name in enumerate(names)}
-    places |= {f"f.P[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, form))}
+    places |= {f"f.{field}[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, field))}
     for k in range(2):
         places[f"f.u_held[{k}]"] = Interval.within(box["voltage"])
         places[f"u[{k}]"] = Interval.within(BEYOND * box["voltage"])
@@ -81,7 +80,7 @@ def _flux(parameters: dict[str, Any]) -> float:
     return float(motor["magnet_flux"] + max(motor["inductance_d"], motor["inductance_q"]) * current)
 
 
-def _covariance(names: list[str], parameters: dict[str, Any], form: Form) -> list[Interval]:
+def _covariance(names: list[str], parameters: dict[str, Any], field: str) -> list[Interval]:
     """One interval a word of the lower triangle, row by row."""
     tuning = parameters["filter"]
     Q, P_0 = tuning["process_noise"], tuning["initial_covariance"]
@@ -91,7 +90,7 @@ def _covariance(names: list[str], parameters: dict[str, Any], form: Form) -> lis
     for i in range(len(names)):
         for j in range(i):
             # |P_ij| <= sqrt(P_ii P_jj);  |L_ij| <= sqrt(P_ii / D_j), since P_ii is a sum that holds L_ij^2 D_j
-            size = math.sqrt(top[i] * top[j]) if form == "packed" else math.sqrt(top[i] / least[j])
+            size = math.sqrt(top[i] * top[j]) if field == "P" else math.sqrt(top[i] / least[j])
             words.append(Interval.within(size))
         words.append(Interval(least[i], top[i]))
     return words

@@ -21,6 +21,9 @@ POSITIVE = ("Q", "R", "gain_speed_p", "gain_current_d_p", "gain_current_q_p", "g
 #: Least normal float32: what is positive is at least this on a machine without denormals.
 TINY = 2.0**-126
 
+#: Distance of the denormals.
+SPACING = 2.0**-149
+
 #: Largest float32.
 HUGE = (2.0 - 2.0**-23) * 2.0**127
 
@@ -53,7 +56,8 @@ def _outward(bound: float, direction: float) -> float:
     size = abs(bound)
     if bound * direction < 0.0:  # towards zero; rounding never passes TINY and HUGE, numbers of the format
         return 0.0 if size < TINY else math.copysign(min(max(size * (1.0 - ROUNDING), TINY), HUGE), bound)
-    return bound * (1.0 + ROUNDING) if size * (1.0 + ROUNDING) <= HUGE else math.copysign(math.inf, bound)
+    grown = size * (1.0 + ROUNDING) + SPACING  # among the denormals rounding is absolute
+    return math.copysign(grown if grown <= HUGE else math.inf, bound if bound else direction)
 
 
 ANY = Range()
