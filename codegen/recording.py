@@ -112,6 +112,8 @@ def run_control(
         filter=_filter_state(module, defaults["x_0"], defaults["P_0"], lanes),
         gain=tuple(np.float32(gain) for gain in gains),
         integrator=(zero, zero, zero),
+        command_max=tuple(np.float32(limit) for limit in module["COMMAND_MAX"]),
+        command_held=_lanes(module["COMMAND_FIRST"], lanes),
         v_acting=(zero, zero),
         v_queued=(zero, zero),
         sensored=0,
@@ -119,9 +121,10 @@ def run_control(
     )
     status, words = [], []
     for phase, command in zip(run.phase, run.command, strict=True):
-        duty, code = module["foc_step"](
-            c, module["STEPS"][kind], _lanes(phase, lanes), _lanes(command, lanes), module["MATH"]["float32"]
-        )
+        with np.errstate(all="ignore"):
+            duty, code = module["foc_step"](
+                c, module["STEPS"][kind], _lanes(phase, lanes), _lanes(command, lanes), module["MATH"]["float32"]
+            )
         status.append(np.broadcast_to(code, lanes))
         words.append(np.array([*duty, *c.integrator], dtype=np.float32))
     return np.array(status), np.array(words)

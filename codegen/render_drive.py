@@ -10,7 +10,16 @@ from codegen.printers.c import CPrinter
 from codegen.printers.python import PythonPrinter
 from codegen.render import Description, render, sin_cos_text, trig_note, with_ramfuncs
 from codegen.targets import F28335, HOST64
-from model.controller import Gains, clarke_block, control_block, design
+from model.controller import (
+    SENSED_MAX,
+    Gains,
+    believed_block,
+    clarke_block,
+    command_limits,
+    control_block,
+    design,
+    first_command,
+)
 from model.plant import STATES, outputs_block, plant_block
 from model.quantities import Constant, Constants
 
@@ -23,13 +32,22 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     return lay_out(block, found), found
 
 
+def believed_listing(about: Description) -> Listing:
+    """The currents at the filter's state, laid out."""
+    return lay_out(believed_block(about.model), about.model.constants)
+
+
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
     """What both languages say about the controller."""
     listing, constants = control_listing(about)
     return {
         "clarke": printer.format_block(lay_out(clarke_block(), [])),
+        "believed": printer.format_block(believed_listing(about)),
         "control_text": printer.format_block(listing),
-        "control_constants": constants,
+        "control_constants": [*constants, *about.model.constants],
+        "command_max": [printer.format_literal(value) for value in command_limits(about.drive)],
+        "command_first": [printer.format_literal(value) for value in first_command(about.drive)],
+        "sensed_max": printer.format_literal(SENSED_MAX),
         "gains": tuple(Gains.names()),
         "gain_values": [printer.format_literal(value) for value in design(about.drive).values],
         "advance_delayed": printer.format_literal(design(about.drive, delay=1).advance),
@@ -41,7 +59,9 @@ def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str
     printer = CPrinter(F28335)
     context = controller_context(about, printer)
     listing, constants = control_listing(about)
-    used = {listing.graph[node].name for node in listing.live if listing.graph[node].op == "const"}
+    listings = (listing, believed_listing(about))
+    used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
+    every = {c.name: c for c in (*constants, *about.model.constants)}
     common = {
         "p": f"{about.drive.name}_{kind}",
         "drive": about.drive.name,
@@ -57,7 +77,7 @@ def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str
         notes=notes,
         constants=[
             {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
-            for c in constants
+            for c in every.values()
             if c.name in used
         ],
         round=printer.format_literal(F28335.precision.rounding),

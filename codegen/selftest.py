@@ -26,7 +26,9 @@ CORNER_STEPS = 3
 #: Steps of the start whose inputs are bad: a current beyond the box, then a voltage that is no number.
 BEYOND, NOT_A_NUMBER = 11, 12
 #: Samples of the controller's self-test; in the last two the speed reference asks for more than the inverter has.
-CONTROL_STEPS = 8
+CONTROL_STEPS = 10
+#: Samples of it whose inputs are bad: a current that is no number, then commands that are none.
+CONTROL_BAD_CURRENT, CONTROL_BAD_COMMAND = 4, 6
 
 #: Speed (share of the box), angle in rad, currents (shares), load torque (share), and which variances it begins with.
 CORNERS = (
@@ -92,7 +94,10 @@ def control_run(drive: Drive) -> ControlRun:
     phase = 0.3 * drive.control.max_current * _turning(CONTROL_STEPS, 0.4)
     speed = np.where(np.arange(CONTROL_STEPS) < CONTROL_STEPS - 2, 0.1, 1.0) * drive.operating_box.speed
     link = np.full(CONTROL_STEPS, drive.control.dc_link)
-    return ControlRun(coarse(phase), coarse(np.column_stack([speed, link])), delay=1)
+    run = ControlRun(coarse(phase), coarse(np.column_stack([speed, link])), delay=1)
+    run.phase[CONTROL_BAD_CURRENT, 1] = np.nan
+    run.command[CONTROL_BAD_COMMAND] = np.inf, np.nan
+    return run
 
 
 def gains(drive: Drive, delay: int) -> Gains:

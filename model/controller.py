@@ -16,6 +16,7 @@ from model.drive import Drive
 from model.filters.program import BlockBuilder
 from model.machines.base import Pair, Rotor
 from model.quantities import Block, Constants
+from model.state_space import StateSpaceModel
 
 SQRT_3 = math.sqrt(3.0)
 
@@ -23,6 +24,8 @@ SQRT_3 = math.sqrt(3.0)
 DEAD_CURRENT = 0.3
 #: V: a DC link measured lower, or not a number, counts as this much; duty cycles and integrators stay finite.
 LEAST_LINK = 1.0
+#: rad: a sensed angle beyond is none; up to here the error of sine and cosine is proved.
+SENSED_MAX = 1000.0
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,26 @@ def design(drive: Drive, delay: int = 0) -> Gains:
         dead_current=DEAD_CURRENT,
         advance=(0.5 + delay) * T,
     )
+
+
+def command_limits(drive: Drive) -> tuple[float, float]:
+    """Speed reference (rad/s) and DC link (V) beyond which a command is an error: twice what the drive is made for."""
+    return 2.0 * drive.operating_box.speed, 2.0 * drive.control.dc_link
+
+
+def first_command(drive: Drive) -> tuple[float, float]:
+    """What counts until a command is accepted: standstill, and the DC link of the drive file."""
+    return 0.0, drive.control.dc_link
+
+
+def believed_block(model: StateSpaceModel) -> Block:
+    """h at the state: the currents a filter believes in, for a sample whose measured ones it rejected."""
+    b = BlockBuilder("believed_currents", "h, eq. 5: i_alpha, i_beta in A as the filter believes them")
+    x = b.input("x", [state.name for state in model.states])
+    i, named = model.measure(x)
+    _record(b, "", {**named, "i_alpha_believed": i[0], "i_beta_believed": i[1]})
+    b.output("i", i)
+    return b.build()
 
 
 def clarke_block() -> Block:

@@ -29,6 +29,7 @@ DEFAULTS = {
 
 INPUT_REJECTED = 1  # u or y is NaN, infinite or out of range: the state is a pure prediction
 NOT_CONVERGED = 2  # max_iterations passed before (33) held: the last iterate is kept
+COMMAND_REJECTED = 4  # controller: a command, or a sensed speed or angle, is NaN, infinite or beyond its limit
 
 # Motor data and sample time, folded.
 INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
@@ -48,6 +49,8 @@ TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
 MTPA_FLUX = 18.166666666666668  # psi_m / (2 (L_q - L_d)), A
 SALIENCY = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
+HALF_T = 5e-05  # T / 2, s
+ADVANCE = 0.0001  # T (1 + exp(-T D / J)) / 2, s
 
 
 def _smaller(a, b):
@@ -964,6 +967,22 @@ def clarke(phase, math, stages=None):
     return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
 
 
+def believed_currents(x, math, stages=None):
+    """h, eq. 5: i_alpha, i_beta in A as the filter believes them."""
+    psi_alpha = x[0]
+    psi_beta = x[1]
+    theta = x[3]
+    sin_theta, cos_theta = math.sin_cos(theta)
+    psi_d = cos_theta * psi_alpha + sin_theta * psi_beta
+    psi_q = cos_theta * psi_beta - sin_theta * psi_alpha
+    i_d = INV_L_D * (psi_d - PSI_M)
+    i_q = INV_L_Q * psi_q
+    i_alpha_believed = cos_theta * i_d - sin_theta * i_q
+    i_beta_believed = sin_theta * i_d + cos_theta * i_q
+
+    return (i_alpha_believed, i_beta_believed,)
+
+
 def control(i, rotor, command, gain, integrator, math, stages=None):
     """Field-oriented control."""
     (i_alpha, i_beta) = i
@@ -1046,17 +1065,34 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'dead_share', 'dead_current', 'advance')
 GAIN = (1.7999999999999998, 0.0054, 53.99999999999999, 76.5, 0.54, 10.0, 0.0, 0.3, 5e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance
 ADVANCE_DELAYED = 0.00015000000000000001  # s, replaces GAIN[8] where the voltage acts a sample later
+COMMAND_MAX = (400.0, 1080.0)  # speed reference rad/s, DC link V: beyond them a command is rejected
+COMMAND_FIRST = (0.0, 540.0)  # held until one is accepted
+SENSED_MAX = 1000.0  # rad: a sensed angle beyond is none
 
 
 def foc_step(c, filter_step, phase, command, math):
-    """One sample of the controller ``c`` (filter, gain, integrator, v_acting, v_queued, sensed, sensored, delay).
+    """One sample of the controller ``c`` (filter, gain, integrator, command_max, command_held, v_acting, v_queued,
+    sensed, sensored, delay).
 
     phase: i_a, i_b in A; command: speed reference rad/s, DC link V. Returns duty cycles and the filter's status.
+    What is rejected of currents, commands and sensed speed and angle is replaced, as the C code's header says.
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    rotor = c.sensed if c.sensored else (c.filter.x[2], c.filter.x[3])
-    duty, v, c.integrator = control(i, rotor, command, c.gain, c.integrator, math)
+    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    held = []
+    for new, old, limit in zip(command, c.command_held, c.command_max):
+        good = (new >= -limit) & (new <= limit)
+        held += _select(good, (new,), (old,))
+        status = status | np.where(good, 0, COMMAND_REJECTED)[()]
+    c.command_held = tuple(held)
+    rotor = (c.filter.x[2], c.filter.x[3])
+    if c.sensored:
+        good = (c.sensed[0] >= -c.command_max[0]) & (c.sensed[0] <= c.command_max[0])
+        good = good & (c.sensed[1] >= -SENSED_MAX) & (c.sensed[1] <= SENSED_MAX)
+        rotor = _select(good, c.sensed, rotor)
+        status = status | np.where(good, 0, COMMAND_REJECTED)[()]
+    duty, v, c.integrator = control(i, rotor, c.command_held, c.gain, c.integrator, math)
     if c.delay:
         c.v_acting, c.v_queued = c.v_queued, v
     else:

@@ -3,7 +3,7 @@
 #include "ipmsm_flux_ckf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,25 +34,35 @@ static const ipmsm_flux_ckf_foc_vector VECTORS[N_VECTORS] = {
     {{0x3F8B2000UL, 0x4032F000UL}, {0x41A00000UL, 0x44070000UL}, 0,
      {0x3C2BB780UL, 0x3F7D5122UL, 0x3EA5B086UL, 0x3E960142UL, 0xC0CA87E3UL, 0x41016713UL},
      {112, 112, 115, 107, 115, 116}},
-    /* 5: phase = -0.0875854, 2.99902 A; command = 20, 540 rad/s, V -> 0.0283053, 0.971695, 0.212751 |
-       0.365674, -7.54618, 10.2092 */
-    {{0xBDB36000UL, 0x403FF000UL}, {0x41A00000UL, 0x44070000UL}, 0,
-     {0x3CE7E080UL, 0x3F78C0FCUL, 0x3E59DB4AUL, 0x3EBB39ADUL, 0xC0F17A4CUL, 0x412358F2UL},
-     {112, 112, 115, 108, 116, 117}},
-    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.275013, 0.733124, 0.266876 | 0.397688,
-       -7.66156, 11.1397 */
+    /* 5: phase = -0.0875854, nan A; command = 20, 540 rad/s, V -> 0.0118614, 0.988139, 0.312484 | 0.365674,
+       -7.956, 10.2007 */
+    {{0xBDB36000UL, 0x7FC00000UL}, {0x41A00000UL, 0x44070000UL}, 1,
+     {0x3C425680UL, 0x3F7CF6A6UL, 0x3E9FFDEDUL, 0x3EBB39AEUL, 0xC0FE978DUL, 0x4123362AUL},
+     {112, 112, 115, 107, 116, 116}},
+    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.333148, 0.67421, 0.32579 | 0.393381,
+       -7.998, 10.8276 */
     {{0xBF9FD000UL, 0x402E9000UL}, {0x41A00000UL, 0x44070000UL}, 0,
-     {0x3E8CCE84UL, 0x3F3BAE00UL, 0x3E88A400UL, 0x3ECB9DC3UL, 0xC0F52B7DUL, 0x41323C48UL},
-     {118, 118, 118, 114, 119, 120}},
-    /* 7: phase = -2.21191, 2.02637 A; command = 200, 540 rad/s, V -> 0.091749, 0.940958, 0.0590423 | 0.47007,
-       -7.76508, 12.7088 */
-    {{0xC00D9000UL, 0x4001B000UL}, {0x43480000UL, 0x44070000UL}, 0,
-     {0x3DBBE6ECUL, 0x3F70E29AUL, 0x3D71D658UL, 0x3EF0AD03UL, 0xC0F87B86UL, 0x414B5765UL},
-     {115, 113, 113, 114, 119, 120}},
-    /* 8: phase = -2.82715, 1.00488 A; command = 200, 540 rad/s, V -> 0.106249, 0.945331, 0.0546688 |
-       0.542235, -7.6094, 13.9037 */
-    {{0xC034F000UL, 0x3F80A000UL}, {0x43480000UL, 0x44070000UL}, 0,
-     {0x3DD998D4UL, 0x3F72013AUL, 0x3D5FEC60UL, 0x3F0ACFE6UL, 0xC0F3803DUL, 0x415E75B4UL},
+     {0x3EAA9268UL, 0x3F2C9902UL, 0x3EA6CDFCUL, 0x3EC9693AUL, 0xC0FFEF95UL, 0x412D3DADUL},
+     {118, 118, 118, 114, 119, 121}},
+    /* 7: phase = -2.21191, 2.02637 A; command = inf, nan rad/s, V -> 0.762631, 0.0235461, 0.976454 |
+       0.318626, -8.05857, 7.9795 */
+    {{0xC00D9000UL, 0x4001B000UL}, {0x7F800000UL, 0x7FC00000UL}, 4,
+     {0x3F433BCDUL, 0x3CC0E3D0UL, 0x3F79F8E2UL, 0x3EA322ECUL, 0xC100EFE2UL, 0x40FF5814UL},
+     {115, 112, 112, 114, 119, 121}},
+    /* 8: phase = -2.82715, 1.00488 A; command = 20, 540 rad/s, V -> 0.871256, 0.0482741, 0.951726 | 0.244095,
+       -7.90922, 4.80191 */
+    {{0xC034F000UL, 0x3F80A000UL}, {0x41A00000UL, 0x44070000UL}, 0,
+     {0x3F5F0AA3UL, 0x3D45BB18UL, 0x3F73A44EUL, 0x3E79F407UL, 0xC0FD184CUL, 0x4099A93EUL},
+     {113, 112, 112, 114, 119, 121}},
+    /* 9: phase = -2.99512, -0.17511 A; command = 200, 540 rad/s, V -> 0.106338, 0.945357, 0.0546426 |
+       0.316938, -7.72134, 5.85088 */
+    {{0xC03FB000UL, 0xBE335000UL}, {0x43480000UL, 0x44070000UL}, 0,
+     {0x3DD9C77CUL, 0x3F7202F2UL, 0x3D5FD0E0UL, 0x3EA245A7UL, 0xC0F71532UL, 0x40BB3A72UL},
+     {116, 114, 114, 114, 118, 121}},
+    /* 10: phase = -2.69043, -1.32764 A; command = 200, 540 rad/s, V -> 0.114531, 0.94774, 0.05226 | 0.389562,
+       -7.68078, 6.7684 */
+    {{0xC02C3000UL, 0xBFA9F000UL}, {0x43480000UL, 0x44070000UL}, 0,
+     {0x3DEA8F14UL, 0x3F729F17UL, 0x3D560E90UL, 0x3EC774A6UL, 0xC0F5C8EDUL, 0x40D896B5UL},
      {114, 112, 112, 114, 119, 120}}
 };
 
@@ -97,7 +107,7 @@ static int replay(ipmsm_flux_ckf_foc_t *c, const ipmsm_flux_ckf_foc_vector *v, f
     }
     status = ipmsm_flux_ckf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

@@ -3,7 +3,7 @@
 #include "ipmsm_flux_ickf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,26 +34,36 @@ static const ipmsm_flux_ickf_foc_vector VECTORS[N_VECTORS] = {
     {{0x3F8B2000UL, 0x4032F000UL}, {0x41A00000UL, 0x44070000UL}, 2,
      {0x3E3CEC78UL, 0x3F773412UL, 0x3D0CBED8UL, 0x3E960142UL, 0xC0BF28DEUL, 0x4103C216UL},
      {116, 114, 114, 107, 117, 115}},
-    /* 5: phase = -0.0875854, 2.99902 A; command = 20, 540 rad/s, V -> 0.0661095, 0.93389, 0.0696315 |
-       0.365674, -6.96908, 10.188 */
-    {{0xBDB36000UL, 0x403FF000UL}, {0x41A00000UL, 0x44070000UL}, 2,
-     {0x3D876470UL, 0x3F6F1372UL, 0x3D8E9AF8UL, 0x3EBB39AEUL, 0xC0DF02BBUL, 0x41230234UL},
-     {115, 115, 116, 107, 118, 116}},
-    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.64021, 0.00659648, 0.993404 | 0.291002,
-       -7.22381, 7.42368 */
+    /* 5: phase = -0.0875854, nan A; command = 20, 540 rad/s, V -> 0.0857007, 0.939073, 0.0609267 | 0.365674,
+       -7.69134, 10.2473 */
+    {{0xBDB36000UL, 0x7FC00000UL}, {0x41A00000UL, 0x44070000UL}, 1,
+     {0x3DAF83DCUL, 0x3F70671BUL, 0x3D798E50UL, 0x3EBB39AEUL, 0xC0F61F76UL, 0x4123F502UL},
+     {116, 114, 114, 108, 118, 116}},
+    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.504425, 6.55651e-06, 0.999993 |
+       0.291002, -7.85155, 7.46636 */
     {{0xBF9FD000UL, 0x402E9000UL}, {0x41A00000UL, 0x44070000UL}, 2,
-     {0x3F23E4CBUL, 0x3BD82740UL, 0x3F7E4FB2UL, 0x3E94FE44UL, 0xC0E7297DUL, 0x40ED8ECCUL},
-     {117, 114, 114, 107, 117, 116}},
-    /* 7: phase = -2.21191, 2.02637 A; command = 200, 540 rad/s, V -> 0.311628, 0.988029, 0.0119713 |
-       0.363704, -7.15058, 8.45366 */
-    {{0xC00D9000UL, 0x4001B000UL}, {0x43480000UL, 0x44070000UL}, 2,
-     {0x3E9F8DC0UL, 0x3F7CEF74UL, 0x3C442320UL, 0x3EBA3776UL, 0xC0E4D192UL, 0x41074230UL},
-     {119, 116, 116, 108, 117, 117}},
-    /* 8: phase = -2.82715, 1.00488 A; command = 200, 540 rad/s, V -> 0.195017, 0.967969, 0.0320308 |
-       0.436188, -6.99742, 9.12694 */
-    {{0xC034F000UL, 0x3F80A000UL}, {0x43480000UL, 0x44070000UL}, 2,
-     {0x3E47B29CUL, 0x3F77CCD4UL, 0x3D0332B8UL, 0x3EDF5412UL, 0xC0DFEAE6UL, 0x411207F6UL},
-     {119, 116, 116, 109, 116, 118}}
+     {0x3F0121FDUL, 0x36DC0000UL, 0x3F7FFF92UL, 0x3E94FE45UL, 0xC0FB3FF0UL, 0x40EEEC76UL},
+     {117, 110, 110, 108, 117, 116}},
+    /* 7: phase = -2.21191, 2.02637 A; command = inf, nan rad/s, V -> 0.83883, 0.0398573, 0.960143 | 0.216554,
+       -7.8952, 4.12141 */
+    {{0xC00D9000UL, 0x4001B000UL}, {0x7F800000UL, 0x7FC00000UL}, 6,
+     {0x3F56BD97UL, 0x3D234170UL, 0x3F75CBE9UL, 0x3E5DC071UL, 0xC0FCA582UL, 0x4083E29DUL},
+     {117, 115, 115, 109, 116, 117}},
+    /* 8: phase = -2.82715, 1.00488 A; command = 20, 540 rad/s, V -> 0.910318, 0.0596824, 0.940318 | 0.14233,
+       -7.72064, 0.445053 */
+    {{0xC034F000UL, 0x3F80A000UL}, {0x41A00000UL, 0x44070000UL}, 2,
+     {0x3F690A9EUL, 0x3D747580UL, 0x3F70B8A8UL, 0x3E11BEE7UL, 0xC0F70F7BUL, 0x3EE3DDF0UL},
+     {120, 118, 118, 110, 118, 118}},
+    /* 9: phase = -2.99512, -0.17511 A; command = 200, 540 rad/s, V -> 0.444765, 0.998982, 0.00101799 |
+       0.179974, -7.31374, 0.847007 */
+    {{0xC03FB000UL, 0xBE335000UL}, {0x43480000UL, 0x44070000UL}, 2,
+     {0x3EE3B83DUL, 0x3F7FBD49UL, 0x3A856E00UL, 0x3E384B1AUL, 0xC0EA0A29UL, 0x3F58D570UL},
+     {124, 120, 120, 121, 124, 123}},
+    /* 10: phase = -2.69043, -1.32764 A; command = 200, 540 rad/s, V -> 0.839, 0.161, 0.416421 | 0.120294,
+       -6.3994, -2.0614 */
+    {{0xC02C3000UL, 0xBFA9F000UL}, {0x43480000UL, 0x44070000UL}, 2,
+     {0x3F56C8B2UL, 0x3E24DD3AUL, 0x3ED53512UL, 0x3DF65CE0UL, 0xC0CCC7E9UL, 0xC003EE08UL},
+     {119, 119, 121, 121, 124, 124}}
 };
 
 typedef union {
@@ -97,7 +107,7 @@ static int replay(ipmsm_flux_ickf_foc_t *c, const ipmsm_flux_ickf_foc_vector *v,
     }
     status = ipmsm_flux_ickf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

@@ -29,6 +29,7 @@ DEFAULTS = {
 
 INPUT_REJECTED = 1  # u or y is NaN, infinite or out of range: the state is a pure prediction
 NOT_CONVERGED = 2  # max_iterations passed before (33) held: the last iterate is kept
+COMMAND_REJECTED = 4  # controller: a command, or a sensed speed or angle, is NaN, infinite or beyond its limit
 
 # Motor data and sample time, folded.
 DECAY_I = 0.9311377245508982  # 1 - T R / L
@@ -45,6 +46,8 @@ PSI_M = 0.175  # magnet flux linkage, Wb
 POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
+GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
+SAMPLE_TIME = 2e-05  # sample time, s
 
 
 def _smaller(a, b):
@@ -537,6 +540,14 @@ def clarke(phase, math, stages=None):
     return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
 
 
+def believed_currents(x, math, stages=None):
+    """h, eq. 5: i_alpha, i_beta in A as the filter believes them."""
+    i_alpha = x[0]
+    i_beta = x[1]
+
+    return (i_alpha, i_beta,)
+
+
 def control(i, rotor, command, gain, integrator, math, stages=None):
     """Field-oriented control."""
     (i_alpha, i_beta) = i
@@ -616,17 +627,34 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'dead_share', 'dead_current', 'advance')
 GAIN = (0.96, 0.000576, 1.2525, 1.2525, 0.08625000000000001, 20.0, 0.0, 0.3, 1e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance
 ADVANCE_DELAYED = 3.0000000000000004e-05  # s, replaces GAIN[8] where the voltage acts a sample later
+COMMAND_MAX = (400.0, 622.0)  # speed reference rad/s, DC link V: beyond them a command is rejected
+COMMAND_FIRST = (0.0, 311.0)  # held until one is accepted
+SENSED_MAX = 1000.0  # rad: a sensed angle beyond is none
 
 
 def foc_step(c, filter_step, phase, command, math):
-    """One sample of the controller ``c`` (filter, gain, integrator, v_acting, v_queued, sensed, sensored, delay).
+    """One sample of the controller ``c`` (filter, gain, integrator, command_max, command_held, v_acting, v_queued,
+    sensed, sensored, delay).
 
     phase: i_a, i_b in A; command: speed reference rad/s, DC link V. Returns duty cycles and the filter's status.
+    What is rejected of currents, commands and sensed speed and angle is replaced, as the C code's header says.
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    rotor = c.sensed if c.sensored else (c.filter.x[2], c.filter.x[3])
-    duty, v, c.integrator = control(i, rotor, command, c.gain, c.integrator, math)
+    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    held = []
+    for new, old, limit in zip(command, c.command_held, c.command_max):
+        good = (new >= -limit) & (new <= limit)
+        held += _select(good, (new,), (old,))
+        status = status | np.where(good, 0, COMMAND_REJECTED)[()]
+    c.command_held = tuple(held)
+    rotor = (c.filter.x[2], c.filter.x[3])
+    if c.sensored:
+        good = (c.sensed[0] >= -c.command_max[0]) & (c.sensed[0] <= c.command_max[0])
+        good = good & (c.sensed[1] >= -SENSED_MAX) & (c.sensed[1] <= SENSED_MAX)
+        rotor = _select(good, c.sensed, rotor)
+        status = status | np.where(good, 0, COMMAND_REJECTED)[()]
+    duty, v, c.integrator = control(i, rotor, c.command_held, c.gain, c.integrator, math)
     if c.delay:
         c.v_acting, c.v_queued = c.v_queued, v
     else:

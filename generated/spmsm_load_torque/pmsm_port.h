@@ -115,5 +115,6 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 
 #define PMSM_INPUT_REJECTED 0x1 /* u or y is NaN, infinite or beyond u_max, y_max: the state is a pure prediction */
 #define PMSM_NOT_CONVERGED 0x2  /* max_iterations passed before |x^{j+1} - x^j| <= tolerance (33): the last iterate is kept */
+#define PMSM_COMMAND_REJECTED 0x4 /* controller: speed reference, DC link, or sensed speed or angle is NaN, infinite or beyond command_max */
 
 #endif

@@ -17,6 +17,8 @@ typedef struct {
     /* speed_p, current_d_p, current_q_p and dead_current must be positive */
     float32 gain[9]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance */
     float32 integrator[3]; /* speed N m, d and q current V */
+    float32 command_max[2]; /* speed reference rad/s, DC link V: commands beyond are rejected */
+    float32 command_held[2]; /* the last accepted ones, used again if new ones are rejected */
     float32 v_acting[2]; /* V: voltage of the interval that begins now */
     float32 v_queued[2]; /* V: with a sample of delay, the voltage of the interval after it */
     float32 sensed[2]; /* speed rad/s mechanical, angle rad electrical, for sensored operation */
@@ -28,7 +30,9 @@ typedef struct {
 void spmsm_load_torque_ckf_foc_init(spmsm_load_torque_ckf_foc_t *c, int delay);
 
 /* One sample. phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1.
- * Returns the filter's status. */
+ * Currents that the filter rejects are replaced by those it predicts, rejected commands by the last good ones, and a
+ * sensed speed or angle that is none by the filter's: duty cycles and integrators are always numbers.
+ * Returns the filter's status, and PMSM_COMMAND_REJECTED. */
 int spmsm_load_torque_ckf_foc_step(spmsm_load_torque_ckf_foc_t *c, const float32 phase[2], const float32 command[2], float32 duty[3]);
 
 #ifdef __cplusplus

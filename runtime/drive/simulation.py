@@ -256,7 +256,7 @@ class Simulator:
         """The NumPy twin in the same loop, around the same motor, inverter and sensors."""
         module, ffi, library = self.module, self._ffi, self._library
         math = module.MATH["float32"]
-        controller = numpy_controller({**module.DEFAULTS, **tuning}, module.COVARIANCE, gain, conditions)
+        controller = numpy_controller(module, tuning, gain, conditions)
         steps = len(inputs.speed)
         rows, x = np.empty((steps, 7)), np.empty((steps, len(module.STATES)), dtype=np.float32)
         duty, status = np.empty((steps, 3), dtype=np.float32), np.empty(steps, dtype=np.int32)
@@ -288,19 +288,21 @@ class Inputs:
 
 
 def numpy_controller(
-    defaults: dict[str, Any], covariance: str, gain: tuple[float, ...], conditions: Conditions
+    module: Any, tuned: dict[str, Any], gain: tuple[float, ...], conditions: Conditions
 ) -> SimpleNamespace:
-    """The controller's state for the NumPy twin, as ``_foc_init`` leaves it; ``covariance`` names the field of P."""
+    """The controller's state for the NumPy twin, as ``_foc_init`` leaves it, some of the tuning replaced."""
     single = np.float32
-    tuning = {name: _single(value) for name, value in defaults.items()}
+    tuning = {name: _single(value) for name, value in {**module.DEFAULTS, **tuned}.items()}
     n = len(tuning["x_0"])
     words = tuple(tuning["P_0"][i] if i == j else single(0) for i in range(n) for j in range(i + 1))
     zeros = (single(0), single(0))
-    estimator = SimpleNamespace(**tuning, x=tuning["x_0"], u_held=zeros, iterations=0, **{covariance: words})
+    estimator = SimpleNamespace(**tuning, x=tuning["x_0"], u_held=zeros, iterations=0, **{module.COVARIANCE: words})
     return SimpleNamespace(
         filter=estimator,
         gain=tuple(single(value) for value in gain),
         integrator=(single(0), single(0), single(0)),
+        command_max=_single(module.COMMAND_MAX),
+        command_held=_single(module.COMMAND_FIRST),
         v_acting=zeros,
         v_queued=zeros,
         sensed=zeros,
