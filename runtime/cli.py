@@ -182,7 +182,10 @@ def firmware(
         bool, typer.Option("--allow-missing", help="Exit 0 although something could not be run here.")
     ] = False,
 ) -> None:
-    """Check the generated C away from the host: the same bits on a 16-bit-int AVR and on a Cortex-M4F, emulated."""
+    """Check the generated C: the same bits on two emulated processors; compilers, bans, divisions, MISRA, EVA.
+
+    An EVA check that is "not proved" does not fail the command: intervals could not decide it.
+    """
     from runtime.firmware.tasks import check_firmware
     from runtime.report.firmware_table import checks_table
 

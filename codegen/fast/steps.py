@@ -372,6 +372,8 @@ class Shape:
             b, Spread(run.base, run.even, [[zero] * self.n] * 2), offset, D, self._equation("22"), measured
         )
         noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
+        if frame:  # cos^2 R_0 + sin^2 R_1: no less than the smaller one, whatever sine and cosine are rounded to
+            noise[0][0] = noise[0][0].apply("max", self._floor(R))
         noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
         entries = [noise[0][0], noise[1][0], noise[1][1]]
         b.stage("noise", self._equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")

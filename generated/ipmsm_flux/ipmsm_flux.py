@@ -587,7 +587,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta
     dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta
     part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 + odd_psi_alpha_1 * odd_psi_alpha_1 * R_1
-    noise_00 = (part_of_noise_00 + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
+    R_0_min_R_1 = _smaller(R_0, R_1)
+    noise_00 = (_larger(part_of_noise_00, R_0_min_R_1) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
         dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
         dev_y_i_alpha_3 * dev_y_i_alpha_3))
     noise_10 = (odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 +
@@ -624,7 +625,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     innovation_after_first = (innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
         part_of_psi_alpha_new_2 * (part_of_span_second_8 +
         D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2))
-    part_of_span_second_13 = _larger(noise_11 - noise_10 * noise_10_per_noise_00, _smaller(R_0, R_1))
+    part_of_span_second_13 = _larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1)
     part_of_span_second_14 = 1.0 / part_of_span_first
     part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14
     part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15

@@ -7,7 +7,7 @@
  * float32 against float64, one step, worst of 2000 draws from the operating box:
  *   psi_alpha 3.6e-07 Wb, psi_beta 6.1e-07 Wb, omega 1.0e-04 rad/s, theta 2.1e-06 rad, P 2.8e-04 relative (99 %: 4.6e-05).
  * On the chip its division, root and flush to zero are expected to add
- *   psi_alpha 1.2e-07 Wb, psi_beta 1.2e-07 Wb, omega 1.5e-05 rad/s, theta 4.8e-07 rad, P 3.9e-06 relative (99 %: 1.5e-06)
+ *   psi_alpha 1.2e-07 Wb, psi_beta 1.2e-07 Wb, omega 1.5e-05 rad/s, theta 2.4e-07 rad, P 3.9e-06 relative (99 %: 1.5e-06)
  *   (modelled, not measured; seeds after an emulator's tables, unverified on silicon).
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
@@ -650,9 +650,10 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
     const float32 part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 +
         odd_psi_alpha_1 * odd_psi_alpha_1 * R_1;
-    const float32 noise_00 = part_of_noise_00 + 0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
-        dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
-        dev_y_i_alpha_3 * dev_y_i_alpha_3);
+    const float32 R_0_min_R_1 = smaller(R_0, R_1);
+    const float32 noise_00 = larger(part_of_noise_00, R_0_min_R_1) +
+        0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 + dev_y_i_alpha_1 * dev_y_i_alpha_1 +
+        dev_y_i_alpha_2 * dev_y_i_alpha_2 + dev_y_i_alpha_3 * dev_y_i_alpha_3);
     const float32 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
         0.25f * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
@@ -691,8 +692,7 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
         part_of_psi_alpha_new_2 * (part_of_span_second_8 +
         D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2);
-    const float32 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00,
-        smaller(R_0, R_1));
+    const float32 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1);
     const float32 part_of_span_second_14 = 1.0f / part_of_span_first;
     const float32 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
     const float32 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;

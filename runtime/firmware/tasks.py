@@ -14,12 +14,13 @@ from model.drive import shipped_drives
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.check import Check
 from runtime.firmware.link_ef import link_ef
+from runtime.firmware.static import static_gate
 from runtime.proof.verify import check_ready, generated_folder
 
 Progress = Callable[[str], None]
 Gate = Callable[[GeneratedFolder, Progress], list[Check]]
 
-GATES: tuple[Gate, ...] = (link_ef,)
+GATES: tuple[Gate, ...] = (link_ef, static_gate)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from runtime.firmware.check import Check
 
-STYLES = {"passed": "green", "failed": "bold red", "not run": "yellow"}
+STYLES = {"passed": "green", "failed": "bold red", "not run": "yellow", "not proved": "yellow"}
 
 
 def checks_table(checks: Iterable[Check]) -> Table:

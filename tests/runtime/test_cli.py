@@ -13,6 +13,7 @@ import pytest
 
 from model.drive import DRIVES
 from runtime.estimator.folder import GENERATED
+from runtime.firmware.static.tool import PACKAGES as STATIC_PACKAGES
 from runtime.firmware.tools import PACKAGES
 
 PAPER = (DRIVES / "paper_spmsm.toml").read_text()
@@ -138,7 +139,7 @@ def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     page = (tmp_path / "b" / "report" / "index.html").read_text()
     assert page.count("<svg") == 3 * (4 + 2) + 1
-    tools = [shutil.which(program) for program in PACKAGES]
+    tools = [shutil.which(program) for program in (*PACKAGES, *STATIC_PACKAGES)]
     assert ("all links hold" if all(tools) else "all links that could be run here hold") in page
     assert "E-F, Cortex-M4F" in page
     assert not re.findall(r"(?:src|href)=\"(?!#)", page), "nothing is fetched from elsewhere"

@@ -23,6 +23,7 @@ GUARDED = {
     "documented positive": "return x[0] / R[1];",
     "branch": "const float a = x[0]; if (a > 0.5f) { return 1.0f / a; } return 0.0f;",
     "guarding ternary": "const float a = x[0]; return (a > 0.0f) ? (x[1] / a) : 0.0f;",
+    "many squares and the least positive": "const float a = x[0]; return 1.0f / (a * a + a * a + a * a + R[0]);",
     "negative": "const float a = x[0]; return 1.0f / (-(a * a) - 0.5f);",
     "saliency": "const float q = x[0]; const float d = 2.0f - sqrtf(4.0f + q * q); return q / (1.0f - 0.5f * d);",
 }
@@ -31,6 +32,7 @@ UNGUARDED = {
     "square alone": "const float a = x[0]; return 1.0f / (a * a);",
     "sum of unlike": "return 1.0f / (x[0] * x[1] + 0.01f);",
     "difference": "return 1.0f / (R[0] - R[1]);",
+    "sum of squares, nothing added": "const float a = x[0]; const float b = x[1]; return 1.0f / (a * a + b * b);",
     "determinant": "const float c = x[0]; return 1.0f / (R[0] * R[1] - c * c);",
     "product that underflows": "return 1.0f / (R[0] * R[1]);",
     "underflow on the way": "return 1.0f / (1e-30f * 1e-30f * 1e30f * 1e30f);",

@@ -54,10 +54,12 @@ class Range:
 
 def _outward(bound: float, direction: float) -> float:
     size = abs(bound)
+    if bound == 0.0:  # rounding and flushing are monotone, and zero is a number of the format: they never pass it
+        return 0.0
     if bound * direction < 0.0:  # towards zero; rounding never passes TINY and HUGE, numbers of the format
         return 0.0 if size < TINY else math.copysign(min(max(size * (1.0 - ROUNDING), TINY), HUGE), bound)
     grown = size * (1.0 + ROUNDING) + SPACING  # among the denormals rounding is absolute
-    return math.copysign(grown if grown <= HUGE else math.inf, bound if bound else direction)
+    return math.copysign(grown if grown <= HUGE else math.inf, bound)
 
 
 ANY = Range()

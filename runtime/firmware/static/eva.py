@@ -17,6 +17,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -42,6 +43,9 @@ OPTIONS = [
     "-main=proof",
 ]
 PREPROCESSOR = "-msse2 -mfpmath=sse -U__GNUC__"
+
+#: Alarms that a check repeats.
+SHOWN = 3
 
 _ALARM = re.compile(
     r"^\[eva:alarm\] (?P<place>[^:\s]+:\d+): Warning:\s*(?P<text>.*?)(?=^\[|\Z)", re.MULTILINE | re.DOTALL
@@ -94,8 +98,24 @@ def eva_check(folder: Path, kind: str, box: Box | None = None) -> Check:
         f"{len(verdict.alarms)} alarms, {verdict.reached} of {verdict.statements} statements, {verdict.seconds:.1f} s"
     )
     how = "proved by EVA for one step from any state in the box" if verdict.proved else "EVA, one step from any state"
-    detail = tuple(filter(None, (verdict.failure, *verdict.alarms)))
-    return Check(NAME, f"{folder.name}, {kind}", "passed" if verdict.proved else "failed", figure, how, detail)
+    return Check(NAME, f"{folder.name}, {kind}", _state(verdict), figure, how, _detail(prefix, verdict))
+
+
+def _state(verdict: Verdict) -> Literal["passed", "failed", "not proved"]:
+    """An alarm is what intervals cannot exclude, no error yet; an analysis that did not get through is one."""
+    if verdict.failure:
+        return "failed"
+    return "passed" if verdict.proved else "not proved"
+
+
+def _detail(prefix: str, verdict: Verdict) -> tuple[str, ...]:
+    if verdict.failure:
+        return (f"{prefix}: {verdict.failure}",)
+    if verdict.proved:
+        return ()
+    shown = verdict.alarms[:SHOWN]
+    head = f"{prefix}: not proved. Intervals alone cannot exclude {len(verdict.alarms)} errors; the first {len(shown)}:"
+    return (head, *shown)
 
 
 def analyse_step(folder: Path, prefix: str, box: Box) -> Verdict:

@@ -78,12 +78,12 @@ def misra_checks(folder: Path) -> list[Check]:
     required = [f for f in findings if f.rule and category(f.rule) != "advisory"]
     unexplained = [f for f in findings if f.rule and category(f.rule) == "advisory" and f.rule not in deviations()]
     bad = [*broken, *required, *unexplained]
-    explained = {rule: n for rule, n in count.items() if category(rule) == "advisory" and rule in deviations()}
+    explained = {rule for rule in count if category(rule) == "advisory" and rule in deviations()}
     figure = f"{len(required)} required, {sum(count.values()) - len(required)} advisory in {len(sources)} files"
-    detail = [f"{f.place}: {_words(f)}" for f in bad] or [
-        f"{rule} (advisory), {n} places, {rules()[rule]['about']}: {deviations()[rule]}"
-        for rule, n in sorted(explained.items(), key=lambda item: _order(item[0]))
-    ]
+    detail = [f"{f.place}: {_words(f)}" for f in bad]
+    if explained and not bad:
+        followed = ", ".join(sorted(explained, key=_order))
+        detail = [f"MISRA: advisory rules not followed: {followed}; docs/misra.md has the reasons"]
     how = "cppcheck's addon, chars of 16 bits, as the C28x compiler preprocesses"
     state: Literal["passed", "failed"] = "failed" if bad or not sources else "passed"
     return [Check(NAME, folder.name, state, figure, how, tuple(detail))]
