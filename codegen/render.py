@@ -14,7 +14,7 @@ from codegen import __version__
 from codegen.layout import Listing
 from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.printers.python import PythonPrinter
-from codegen.small_angle import LIMIT, coefficients, small_angle_bound, small_angle_listing
+from codegen.small_angle import DOUBLINGS, LIMIT, WIDEST, coefficients, small_angle_bound, small_angle_listing
 from codegen.targets import Target
 from codegen.trig import DOUBLE, SINGLE, sin_cos_bound, sin_cos_listing, wrap_listing
 from model.drive import Drive
@@ -120,8 +120,13 @@ def render_filter(
         small_angle_note=small_angle_note(target) if turns else [],
         turn_constants=_turn_constants(printer) if turns else [],
         small_turn=printer.format_literal(LIMIT),
+        widest_turn=printer.format_literal(WIDEST),
+        doublings=DOUBLINGS,
+        quarter=printer.format_literal(0.25),
         one=printer.format_literal(1.0),
-        sqrt=target.sqrt,
+        two=printer.format_literal(2.0),
+        sinc_text=printer.format_turn("SINC", "part"),
+        cosm1_text=printer.format_turn("COSM1", "part"),
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
@@ -297,12 +302,14 @@ def render_module(
 
 
 def _python_small_angle(printer: PythonPrinter) -> str:
-    """Both precisions of small_angle: the polynomials, and beyond the limit sine and cosine."""
+    """Both precisions of small_angle: the polynomials, and beyond the limit the doubled angle."""
     return "\n\n".join(
         render(
             "small_angle.py.j2",
             tag=tag,
             limit=LIMIT,
+            widest=WIDEST,
+            doublings=DOUBLINGS,
             polynomials=printer.format_helper(small_angle_listing(precision), tag).replace("def _", "def _polynomial_"),
         )
         for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))

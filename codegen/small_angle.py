@@ -1,7 +1,9 @@
 """sin(d) / d and cos(d) - 1 from z = d^2: what the fast form asks of an angle it turns by.
 
 Both are even functions of d, so no square root is needed and small angles lose no digits. Up to ``LIMIT`` a
-polynomial does; beyond, the square root is taken and the sine and cosine of :mod:`codegen.trig`.
+polynomial does. Beyond, d is halved until it is small, and doubled again::
+
+    sin(2 d) / (2 d) = sin(d) / d  cos(d),        cos(2 d) - 1 = 2 (cos(d) - 1) (2 + (cos(d) - 1))
 
 Float32 coefficients are minimax (Remez) on [0, LIMIT]; ``tests/codegen/test_small_angle.py`` derives them again.
 Float64 takes as many terms of the series as its precision asks for.
@@ -22,6 +24,11 @@ from codegen.trig import SINGLE, Precision, helper_listing, polynomial
 
 #: Largest z the polynomials serve: |d| <= 0.7071 rad, two sigmas of theta at sigma = 20 degrees.
 LIMIT = 0.5
+
+#: How often d may be halved, and the z that this leaves small: |d| <= 11.3 rad. A wider turn counts as that one:
+#: whoever knows an angle to no better than 5.6 rad, two sigmas being 11.3, knows nothing of it.
+DOUBLINGS = 4
+WIDEST = LIMIT * 4.0**DOUBLINGS
 
 #: sinc = 1 + z (S0 + S1 z + S2 z^2),  cosm1 = z (C0 + C1 z + C2 z^2)
 SINC_COEFFICIENTS = (-0.16666665599949523, 0.008332948732190088, -0.00019635721053736524)
@@ -44,9 +51,8 @@ def small_angle_listing(precision: Precision) -> Listing:
     z = g.input("z")
     sinc, cosm1 = _values(g, z, precision)
     section = Section("", "", [Statement(sinc, "sinc"), Statement(cosm1, "cosm1")])
-    return helper_listing(
-        "small_angle", g, {z: "z", sinc: "sinc", cosm1: "cosm1"}, [section], {"sinc": [sinc], "cosm1": [cosm1]}
-    )
+    names = {z: "z", sinc: "sinc", cosm1: "cosm1"}
+    return helper_listing("small_angle", g, names, [section], {"sinc": [sinc], "cosm1": [cosm1]})
 
 
 def _values(g: Graph, z: int, precision: Precision) -> tuple[int, int]:
@@ -57,7 +63,7 @@ def _values(g: Graph, z: int, precision: Precision) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class SmallAngleBound:
-    """Error of float32 sinc and of cosm1 relative to z / 2, proved for every z up to the limit."""
+    """Error of float32 sinc, and of cosm1 relative to z / 2, proved for every z up to the limit."""
 
     limit: float
     sinc: float

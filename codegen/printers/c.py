@@ -55,20 +55,21 @@ class CPrinter(ExpressionPrinter):
         argument, function = listing.names[statement.node], statement.function
         if function is SMALL_ANGLE:
             return [
-                self._declaration(name, horner(f"{prefix}_", len(part), argument) + end)
-                for name, prefix, part, end in zip(
-                    statement.pair,
-                    ("SINC", "COSM1"),
-                    coefficients(self.target.precision),
-                    (f" + {self.format_literal(1.0)}", ""),
-                    strict=True,
-                )
+                self._declaration(name, self.format_turn(prefix, argument))
+                for name, prefix in zip(statement.pair, ("SINC", "COSM1"), strict=True)
             ]
         lines = [f"{INDENT}const {self.pair} {statement.name} = {function.name}({argument});"]
         for name, member in zip(statement.pair, function.members, strict=True):
             if name:
                 lines.append(self._declaration(name, f"{statement.name}.{member}"))
         return lines
+
+    def format_turn(self, prefix: str, variable: str) -> str:
+        """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), its coefficients by name."""
+        s, c = coefficients(self.target.precision)
+        if prefix == "SINC":
+            return f"{horner('SINC_', len(s), variable)} + {self.format_literal(1.0)}"
+        return horner("COSM1_", len(c), variable)
 
     def _declaration(self, name: str, expression: str) -> str:
         return wrap_line(f"const {self.target.real} {name} = {expression};", INDENT, INDENT)

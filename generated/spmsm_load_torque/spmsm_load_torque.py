@@ -107,14 +107,20 @@ def _polynomial_small_angle_f32(z):
 
 
 def _small_angle_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
-    sinc, cosm1 = _polynomial_small_angle_f32(z)
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane; a wide d is halved until it is small, then doubled again."""
     wide = z > 0.5
     if not np.any(wide):
-        return sinc, cosm1
-    d = np.sqrt(z)
-    sine, cosine = _sin_cos_f32(d)
-    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
+        return _polynomial_small_angle_f32(z)
+    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(4):
+        halved = part > 0.5
+        part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
+    sinc, cosm1 = _polynomial_small_angle_f32(part)
+    for j in range(4):
+        more = j < doublings
+        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
+        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+    return sinc, cosm1
 
 
 def _polynomial_small_angle_f64(z):
@@ -128,14 +134,20 @@ def _polynomial_small_angle_f64(z):
 
 
 def _small_angle_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane."""
-    sinc, cosm1 = _polynomial_small_angle_f64(z)
+    """sin(d) / d and cos(d) - 1 of z = d^2, lane by lane; a wide d is halved until it is small, then doubled again."""
     wide = z > 0.5
     if not np.any(wide):
-        return sinc, cosm1
-    d = np.sqrt(z)
-    sine, cosine = _sin_cos_f64(d)
-    return np.where(wide, sine / d, sinc)[()], np.where(wide, cosine - 1.0, cosm1)[()]
+        return _polynomial_small_angle_f64(z)
+    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(4):
+        halved = part > 0.5
+        part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
+    sinc, cosm1 = _polynomial_small_angle_f64(part)
+    for j in range(4):
+        more = j < doublings
+        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
+        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+    return sinc, cosm1
 
 
 class Float32:

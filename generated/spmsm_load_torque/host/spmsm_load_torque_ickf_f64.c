@@ -46,6 +46,16 @@ static pmsm_pair_f64 sin_cos(float64 x)
     return result;
 }
 
+static float64 smaller(float64 a, float64 b)
+{
+    return (a < b) ? a : b;
+}
+
+static float64 larger(float64 a, float64 b)
+{
+    return (a > b) ? a : b;
+}
+
 /* How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad. */
 #define SINC_1 -0.16666666666666666
@@ -67,30 +77,38 @@ static pmsm_pair_f64 sin_cos(float64 x)
 #define COSM1_8 4.779477332387385e-14
 #define COSM1_9 -1.5619206968586225e-16
 #define SMALL_TURN 0.5 /* rad^2 */
+#define DOUBLINGS 4
+#define WIDEST_TURN 128.0 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 
-/* Turns that are not small, far from a settled filter: by sine and cosine. */
+/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. */
 static void widen(const float64 z[], float64 turn[], int count)
 {
     int k;
     for (k = 0; k < count; k++) {
-        const float64 square = z[k];
-        if (square > SMALL_TURN) {
-            const float64 d = sqrt(square);
-            const pmsm_pair_f64 side = sin_cos(d);
-            turn[2 * k] = side.sine / d;
-            turn[(2 * k) + 1] = side.cosine - 1.0;
+        if (z[k] > SMALL_TURN) {
+            float64 part = smaller(z[k], WIDEST_TURN);
+            float64 sinc;
+            float64 cosm1;
+            int doublings = 0;
+            int j;
+            for (j = 0; j < DOUBLINGS; j++) {
+                if (part > SMALL_TURN) {
+                    part = 0.25 * part;
+                    doublings++;
+                }
+            }
+            sinc = ((((((((SINC_9 * part + SINC_8) * part + SINC_7) * part + SINC_6) * part + SINC_5) * part + SINC_4) * part + SINC_3) * part + SINC_2) * part + SINC_1) * part + 1.0;
+            cosm1 = ((((((((COSM1_9 * part + COSM1_8) * part + COSM1_7) * part + COSM1_6) * part + COSM1_5) * part + COSM1_4) * part + COSM1_3) * part + COSM1_2) * part + COSM1_1) * part;
+            for (j = 0; j < DOUBLINGS; j++) {
+                if (j < doublings) {
+                    sinc = sinc * (cosm1 + 1.0);
+                    cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
+                }
+            }
+            turn[2 * k] = sinc;
+            turn[(2 * k) + 1] = cosm1;
         }
     }
-}
-
-static float64 smaller(float64 a, float64 b)
-{
-    return (a < b) ? a : b;
-}
-
-static float64 larger(float64 a, float64 b)
-{
-    return (a > b) ? a : b;
 }
 
 /* The same angle in [-pi, pi). */
