@@ -336,14 +336,15 @@ class Shape:
         dev = [[e - m if not m.is_zero() else e for e in row] for row, m in zip(run.even, offset, strict=True)]
         labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
         b.stage(f"dev_{names[0]}", equation, "", [e for row in dev for e in row], labels, scale="none")
-        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in run.odd]
+        scale, odd = zip(*(_common_constant(row) for row in run.odd), strict=True)
+        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
         centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
         m = len(run.base)
         P = [[D[0] * 0.0] * m for _ in range(m)]
         for i in range(m):
             for j in range(i + 1):
                 bend = _dot(dev[i], dev[j]) * self._weight() + offset[i] * offset[j] * centre
-                P[i][j] = P[j][i] = _dot(weighted[i], run.odd[j]) + bend
+                P[i][j] = P[j][i] = scale[i] * scale[j] * _dot(weighted[i], odd[j]) + bend
         return P
 
     def _seen(
@@ -508,6 +509,31 @@ def _sum(terms: Vector) -> Expr:
     for term in terms[1:]:
         total = total + term
     return total
+
+
+def _common_constant(row: Vector) -> tuple[Expr, Vector]:
+    """A constant that every entry of a row which is not zero holds as a factor, and the row without it."""
+    one = row[0] * 0.0 + 1.0
+    held: set[int] | None = None
+    for entry in row:
+        if not entry.is_zero():
+            item = entry.graph[entry.node]
+            factors = {entry.node} if entry.value is not None else set(item.args) if item.op == "mul" else set()
+            constants = {node for node in factors if entry.graph[node].op == "const" and entry.graph[node].value != 1.0}
+            held = constants if held is None else held & constants
+    if not held:
+        return one, row
+    constant = Expr(row[0].graph, min(held))
+    return constant, [_without(entry, constant) for entry in row]
+
+
+def _without(entry: Expr, constant: Expr) -> Expr:
+    if entry.is_zero():
+        return entry
+    if entry.node == constant.node:
+        return entry * 0.0 + 1.0
+    a, b = entry.graph[entry.node].args
+    return Expr(entry.graph, b if a == constant.node else a)
 
 
 def _dot(a: Vector, b: Vector) -> Expr:

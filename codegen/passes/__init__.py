@@ -11,17 +11,25 @@ from collections.abc import Callable, Iterable
 from functools import partial
 
 from codegen.graph import Graph
+from codegen.passes.collect import collect
 from codegen.passes.products import share_products
 from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
 from codegen.passes.signs import pull_signs
 
 Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
 
-#: In the order they run. Sharing products is greedy: of its two ways, and of leaving them, the cheapest is kept.
+_HEAD: tuple[Pass, ...] = (share_reciprocals, pull_signs)
+_COLLECTED: tuple[Pass, ...] = (collect, pull_signs)
+_KEPT = partial(share_products, whole=False)
+
+#: In the order they run. Sharing is greedy, so several ways are gone and the cheapest result is kept.
 PIPELINES: tuple[tuple[Pass, ...], ...] = (
-    (share_reciprocals, pull_signs, share_products, spend_reciprocals),
-    (share_reciprocals, pull_signs, partial(share_products, whole=False), spend_reciprocals),
-    (share_reciprocals, pull_signs, spend_reciprocals),
+    (*_HEAD, share_products, *_COLLECTED, share_products, spend_reciprocals),
+    (*_HEAD, *_COLLECTED, share_products, spend_reciprocals),
+    (*_HEAD, *_COLLECTED, _KEPT, spend_reciprocals),
+    (*_HEAD, share_products, spend_reciprocals),
+    (*_HEAD, _KEPT, spend_reciprocals),
+    (*_HEAD, spend_reciprocals),
 )
 
 #: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
@@ -50,6 +58,7 @@ def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tu
 
 
 __all__ = [
+    "collect",
     "PIPELINES",
     "pull_signs",
     "run_passes",

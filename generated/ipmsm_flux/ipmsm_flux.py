@@ -41,6 +41,8 @@ GAIN_D = 9.950166250831892e-05  # (1 - exp(-T R / L_d)) L_d / R, s
 GAIN_Q = 9.9647887809923e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 MAGNET_D = 0.005422840606703382  # (1 - exp(-T R / L_d)) psi_m, Wb
 HALF_T_POLE_PAIRS = 0.00015000000000000001  # HALF_T * POLE_PAIRS
+DECAY_D_X4 = 3.9601993349966724  # 4 * DECAY_D
+DECAY_Q_X4 = 3.9718641257948453  # 4 * DECAY_Q
 ADVANCE_POLE_PAIRS = 0.00030000000000000003  # ADVANCE * POLE_PAIRS
 L_D = 0.036  # L_d, H
 L_Q = 0.051  # L_q, H
@@ -261,100 +263,92 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1
     odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1
     odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20
-    part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    part_of_even_psi_d_mid_0_2 = D_0 * 4.0 * part_of_even_psi_d_mid_0
-    even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 + part_of_even_psi_d_mid_0_2 * odd_psi_beta_0
-    part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0
-    odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 + psi_beta_2 * part_of_even_psi_d_mid_0
-    even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 - part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0
-    odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 - psi_alpha_2 * part_of_even_psi_d_mid_0
     v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta
     v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha
-    decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2
-    gain_d_times_v_d = GAIN_D * v_d
-    psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D
-    even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0
-    gain_d_times_v_q = GAIN_D * v_q
-    odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0
-    decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2
-    gain_q_times_v_q = GAIN_Q * v_q
-    psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q
-    even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0
-    v_d_times_gain_q = v_d * GAIN_Q
-    odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0
+    part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d
+    psi_d_next = part_of_psi_d_next + MAGNET_D
+    part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0
+    part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0
+    even_psi_d_next_0 = (part_of_psi_d_next * cosm1_theta_mid_0 +
+        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0)
+    part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0
+    part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q
+    odd_psi_d_next_0 = (DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+        part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0)
+    psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q
+    even_psi_q_next_0 = (cosm1_theta_mid_0 * psi_q_next -
+        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0)
+    part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q
+    odd_psi_q_next_0 = (odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+        part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2)
     odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21
-    part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
-    part_of_even_psi_d_mid_1_2 = 4.0 * D_1 * part_of_even_psi_d_mid_1
-    even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 + odd_psi_beta_1 * part_of_even_psi_d_mid_1_2
-    part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0
-    odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 + psi_beta_2 * part_of_even_psi_d_mid_1
-    even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 - odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2
-    odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 - psi_alpha_2 * part_of_even_psi_d_mid_1
-    even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1
-    odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1
-    even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1
-    odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1
+    part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1
+    part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1
+    even_psi_d_next_1 = (part_of_psi_d_next * cosm1_theta_mid_1 +
+        DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2)
+    part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0
+    odd_psi_d_next_1 = (DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+        part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0)
+    even_psi_q_next_1 = (cosm1_theta_mid_1 * psi_q_next -
+        DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2)
+    odd_psi_q_next_1 = (odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+        part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1)
     odd_theta_mid_2 = L_32 + 0.00015000000000000001
-    even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 + gain_d_times_v_d * cosm1_theta_mid_2
-    decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2
-    part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2
-    odd_psi_d_next_2 = (decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
-        gain_d_times_v_q * part_of_even_psi_alpha_next_2_2)
-    even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 + gain_q_times_v_q * cosm1_theta_mid_2
-    even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 + gain_d_times_v_d * cosm1_theta_mid_3
-    odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 + gain_d_times_v_q * sinc_theta_mid_3
-    even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 + gain_q_times_v_q * cosm1_theta_mid_3
+    even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2
+    even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next
+    even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3
+    even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_next
     part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0
+    part_of_even_psi_alpha_next_0_2 = 4.0 * part_of_even_psi_d_next_0_2
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
-        part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0)
+        part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0)
     part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1
+    part_of_even_psi_alpha_next_1_2 = 4.0 * part_of_even_psi_d_next_1_2
     even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
-        part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1)
+        part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1)
     part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2
-    part_of_even_psi_alpha_next_2_3 = 4.0 * D_2 * part_of_even_psi_alpha_next_2_2
-    psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q
-    part_of_even_psi_alpha_next_2_4 = (psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
-        v_d_times_gain_q * part_of_even_psi_alpha_next_2_2)
+    part_of_even_psi_alpha_next_2_2 = 4.0 * part_of_odd_psi_q_next_0_2
+    part_of_even_psi_alpha_next_2_3 = odd_theta_mid_2 * sinc_theta_mid_2
+    part_of_even_psi_alpha_next_2_4 = (part_of_even_psi_alpha_next_2_3 * (D_2 * part_of_even_psi_alpha_next_2_3))
     even_psi_alpha_next_2 = (even_psi_d_next_2 + cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
-        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4)
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_2_4)
     part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3
-    part_of_even_psi_alpha_next_3_2 = 4.0 * D_3 * sinc_theta_mid_3
-    part_of_even_psi_alpha_next_3_3 = (psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
-        v_d_times_gain_q * sinc_theta_mid_3)
+    part_of_even_psi_alpha_next_3_2 = sinc_theta_mid_3 * (D_3 * sinc_theta_mid_3)
     even_psi_alpha_next_3 = (even_psi_d_next_3 + cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3)
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_3_2)
     part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0
-    even_psi_beta_next_0 = (part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0))
+    even_psi_beta_next_0 = (part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 + even_psi_q_next_0 +
+        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0)
     part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1
-    even_psi_beta_next_1 = (part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1))
-    part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2
-    even_psi_beta_next_2 = (part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 + (even_psi_q_next_2 +
-        cosm1_theta_mid_2 * part_of_even_psi_beta_next_2))
+    even_psi_beta_next_1 = (part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 + even_psi_q_next_1 +
+        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1)
+    part_of_even_psi_beta_next_2 = 4.0 * part_of_odd_psi_d_next_0
+    part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2
+    even_psi_beta_next_2 = (part_of_even_psi_alpha_next_2_4 * part_of_even_psi_beta_next_2 + even_psi_q_next_2
+        + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2)
     part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3
-    even_psi_beta_next_3 = (part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 + (even_psi_q_next_3 +
-        cosm1_theta_mid_3 * part_of_even_psi_beta_next_3))
-    odd_psi_alpha_next_0 = (part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-        part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0)
-    odd_psi_alpha_next_1 = (part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-        part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1)
-    part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0
-    odd_psi_alpha_next_2 = (odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2)
-    part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0
-    odd_psi_alpha_next_3 = (odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+    even_psi_beta_next_3 = (part_of_even_psi_alpha_next_3_2 * part_of_even_psi_beta_next_2 + even_psi_q_next_3
+        + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3)
+    odd_psi_alpha_next_0 = (part_of_odd_psi_q_next_0 * odd_psi_d_next_0 -
+        part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0)
+    odd_psi_alpha_next_1 = (part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
+        part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1)
+    part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0)
+    odd_psi_alpha_next_2 = (part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
+        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2)
+    part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0)
+    odd_psi_alpha_next_3 = (part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
         sinc_theta_mid_3 * part_of_even_psi_beta_next_3)
-    odd_psi_beta_next_0 = (part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
-        part_of_odd_psi_q_mid_0 * odd_psi_q_next_0)
-    odd_psi_beta_next_1 = (part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
-        part_of_odd_psi_q_mid_1 * odd_psi_q_next_1)
-    odd_psi_beta_next_2 = (part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
-        part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2)
+    odd_psi_beta_next_0 = (part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+        part_of_odd_psi_q_next_0 * odd_psi_q_next_0)
+    odd_psi_beta_next_1 = (part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+        part_of_odd_psi_q_next_1 * odd_psi_q_next_1)
+    odd_psi_beta_next_2 = (part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_3 -
+        part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2)
     odd_psi_beta_next_3 = (part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3)
-    odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20
-    odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21
+        part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3)
+    odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS
+    odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS
     odd_theta_next_2 = L_32 + 0.00030000000000000003
 
     # --- eq. 16: x_pred = mean X_i'
@@ -362,11 +356,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         even_psi_alpha_next_3) * 0.25)
     offset_psi_beta = (0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3))
-    psi_alpha_pred = (odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
-        (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta))
-    psi_beta_pred = (odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
-        (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta))
-    theta_pred = theta + ADVANCE_POLE_PAIRS * omega
+    part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha
+    psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta
+    psi_alpha_pred = (odd_psi_beta_1 * part_of_psi_alpha_pred -
+        odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta)
+    psi_beta_pred = (odd_psi_alpha_1 * part_of_psi_alpha_pred +
+        odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta)
+    theta_pred = theta + omega * ADVANCE_POLE_PAIRS
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
     dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha
@@ -556,17 +552,17 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2)
     i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0
-    even_y_i_beta_0 = (odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + (even_i_q_pred_0 +
-        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0))
+    even_y_i_beta_0 = (odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0)
     i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1
-    even_y_i_beta_1 = (part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + (even_i_q_pred_1 +
-        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1))
+    even_y_i_beta_1 = (part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1)
     i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2
-    even_y_i_beta_2 = (part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + (even_i_q_pred_2 +
-        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2))
+    even_y_i_beta_2 = (part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2)
     i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3
-    even_y_i_beta_3 = (part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + (even_i_q_pred_3 +
-        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3))
+    even_y_i_beta_3 = (part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3)
     odd_y_i_alpha_0 = (part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
         L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0)
     odd_y_i_alpha_1 = (part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
@@ -610,10 +606,10 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3))
 
     # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
-    innovation_i_alpha = (odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
-        (i_d_pred + offset_y_i_alpha))
-    innovation_i_beta = (odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas -
-        (i_q_pred + offset_y_i_beta))
+    innovation_i_alpha = (odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas - i_d_pred -
+        offset_y_i_alpha)
+    innovation_i_beta = (odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred -
+        offset_y_i_beta)
     noise_10_per_noise_00 = noise_10 / noise_00
     D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3
     part_of_span_first = _larger(noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3, noise_00)
@@ -749,44 +745,43 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     sin_theta_j_times_inv_l_q = sin_theta_j * INV_L_Q
     slope_y_i_alpha_0 = cos_theta_j * cos_theta_j_times_inv_l_d + sin_theta_j * sin_theta_j_times_inv_l_q
     cos_theta_j_times_inv_l_q = cos_theta_j * INV_L_Q
-    slope_y_i_alpha_1 = cos_theta_j_times_inv_l_d * sin_theta_j - sin_theta_j * cos_theta_j_times_inv_l_q
+    slope_y_i_alpha_1 = sin_theta_j * (cos_theta_j_times_inv_l_d - cos_theta_j_times_inv_l_q)
     inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j
     psi_d_j_minus_psi_m = psi_d_j - PSI_M
     part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m
     part_of_slope_y_i_alpha_3_2 = cos_theta_j_times_inv_l_q * psi_q_j
     slope_y_i_alpha_3 = (cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
-        (part_of_slope_y_i_alpha_3_2 - sin_theta_j_times_inv_l_q * psi_d_j))
+        part_of_slope_y_i_alpha_3_2 + sin_theta_j_times_inv_l_q * psi_d_j)
     slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * cos_theta_j_times_inv_l_q
     part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m
     part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j
     slope_y_i_beta_3 = (inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-        (cos_theta_j_times_inv_l_q * psi_d_j + part_of_innovation_i_alpha_2))
+        cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha_2)
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
-    innovation_i_alpha = (i_alpha_meas - (part_of_innovation_i_alpha - part_of_innovation_i_alpha_2) -
-        (slope_y_i_alpha_0 * back_psi_alpha + slope_y_i_alpha_1 * back_psi_beta +
-        slope_y_i_alpha_3 * back_theta))
-    innovation_i_beta = (i_beta_meas - (part_of_slope_y_i_alpha_3 + part_of_slope_y_i_alpha_3_2) -
-        (back_psi_alpha * slope_y_i_alpha_1 + back_psi_beta * slope_y_i_beta_1 +
-        back_theta * slope_y_i_beta_3))
+    innovation_i_alpha = (i_alpha_meas - part_of_innovation_i_alpha + part_of_innovation_i_alpha_2 -
+        slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
+        slope_y_i_alpha_3 * back_theta)
+    innovation_i_beta = (i_beta_meas - part_of_slope_y_i_alpha_3 - part_of_slope_y_i_alpha_3_2 -
+        slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3)
 
     # --- eq. 22: Pyy^j
     part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30
     D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00
     part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31
-    D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2
+    part_of_Pyy_00_2_times_D_pred_1 = part_of_Pyy_00_2 * D_pred_1
     part_of_Pyy_00_3 = slope_y_i_alpha_3 * L_pred_32
-    D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32
-    part_of_Pyy_00_4 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32
+    L_pred_32_times_D_pred_2 = L_pred_32 * D_pred_2
+    part_of_Pyy_00_4 = slope_y_i_alpha_3 * L_pred_32_times_D_pred_2
     part_of_Pyy_00_5 = slope_y_i_alpha_3 * D_pred_3
     Pyy_00 = (part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-        part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
+        part_of_Pyy_00_2 * part_of_Pyy_00_2_times_D_pred_1 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
         slope_y_i_alpha_3 * part_of_Pyy_00_5 + R_0)
     part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3
     part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3
-    part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3
+    part_of_Pyy_10_3 = L_pred_32_times_D_pred_2 * slope_y_i_beta_3
     Pyy_10 = (D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-        D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
+        part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
         part_of_Pyy_00_5 * slope_y_i_beta_3)
     D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10
     D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2
@@ -804,13 +799,13 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 31: K innovation = L along; x^{j+1}
     along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1
-    along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 + D_pred_1_times_part_of_Pyy_10_2 * share_1
+    along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 + D_pred_1_times_part_of_Pyy_10_2 * share_1
     along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1
-    along_3 = part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1
     psi_alpha_after = psi_alpha_pred + along_0
-    psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1)
-    omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2)
-    theta_after = theta_pred + (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 + along_3)
+    psi_beta_after = psi_beta_pred + L_pred_10 * along_0 + along_1
+    omega_after = omega_pred + along_0 * L_pred_20 + along_1 * L_pred_21 + along_2
+    theta_after = (theta_pred + L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
+        part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1)
 
     # --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2
     moved_psi_alpha = psi_alpha_after - psi_alpha_j

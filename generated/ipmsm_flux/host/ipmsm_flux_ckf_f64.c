@@ -23,6 +23,8 @@
 #define GAIN_Q 9.9647887809923e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define MAGNET_D 0.005422840606703382 /* (1 - exp(-T R / L_d)) psi_m, Wb */
 #define HALF_T_POLE_PAIRS 0.00015000000000000001 /* HALF_T * POLE_PAIRS */
+#define DECAY_D_X4 3.9601993349966724 /* 4 * DECAY_D */
+#define DECAY_Q_X4 3.9718641257948453 /* 4 * DECAY_Q */
 #define ADVANCE_POLE_PAIRS 0.00030000000000000003 /* ADVANCE * POLE_PAIRS */
 
 /* Adding and subtracting it rounds to the nearest integer. */
@@ -240,116 +242,97 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
     const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
     const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-    const float64 part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 part_of_even_psi_d_mid_0_2 = D_0 * 4.0 * part_of_even_psi_d_mid_0;
-    const float64 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
-        part_of_even_psi_d_mid_0_2 * odd_psi_beta_0;
-    const float64 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0;
-    const float64 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-        psi_beta_2 * part_of_even_psi_d_mid_0;
-    const float64 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
-        part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0;
-    const float64 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-        psi_alpha_2 * part_of_even_psi_d_mid_0;
     const float64 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
     const float64 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-    const float64 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
-    const float64 gain_d_times_v_d = GAIN_D * v_d;
-    const float64 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
-    const float64 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
-    const float64 gain_d_times_v_q = GAIN_D * v_q;
-    const float64 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0;
-    const float64 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
-    const float64 gain_q_times_v_q = GAIN_Q * v_q;
-    const float64 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
-    const float64 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
-    const float64 v_d_times_gain_q = v_d * GAIN_Q;
-    const float64 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0;
+    const float64 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+    const float64 psi_d_next = part_of_psi_d_next + MAGNET_D;
+    const float64 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+    const float64 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
+        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
+    const float64 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0;
+    const float64 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
+    const float64 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+        part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
+    const float64 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+    const float64 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
+        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
+    const float64 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
+    const float64 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+        part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
     const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
-    const float64 part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float64 part_of_even_psi_d_mid_1_2 = 4.0 * D_1 * part_of_even_psi_d_mid_1;
-    const float64 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
-        odd_psi_beta_1 * part_of_even_psi_d_mid_1_2;
-    const float64 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0;
-    const float64 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-        psi_beta_2 * part_of_even_psi_d_mid_1;
-    const float64 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
-        odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2;
-    const float64 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-        psi_alpha_2 * part_of_even_psi_d_mid_1;
-    const float64 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
-    const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1;
-    const float64 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
-    const float64 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1;
+    const float64 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
+    const float64 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
+        DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
+    const float64 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0;
+    const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+        part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
+    const float64 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
+        DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
+    const float64 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+        part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
     const float64 odd_theta_mid_2 = L_32 + 0.00015000000000000001;
-    const float64 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
-        gain_d_times_v_d * cosm1_theta_mid_2;
-    const float64 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
-    const float64 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float64 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
-        gain_d_times_v_q * part_of_even_psi_alpha_next_2_2;
-    const float64 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
-        gain_q_times_v_q * cosm1_theta_mid_2;
-    const float64 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
-        gain_d_times_v_d * cosm1_theta_mid_3;
-    const float64 odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 +
-        gain_d_times_v_q * sinc_theta_mid_3;
-    const float64 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
-        gain_q_times_v_q * cosm1_theta_mid_3;
+    const float64 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
+    const float64 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
+    const float64 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
+    const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_next;
     const float64 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
+    const float64 part_of_even_psi_alpha_next_0_2 = 4.0 * part_of_even_psi_d_next_0_2;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0;
+        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
+        part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0;
     const float64 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
+    const float64 part_of_even_psi_alpha_next_1_2 = 4.0 * part_of_even_psi_d_next_1_2;
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1;
+        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
+        part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1;
     const float64 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
-    const float64 part_of_even_psi_alpha_next_2_3 = 4.0 * D_2 * part_of_even_psi_alpha_next_2_2;
-    const float64 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
+    const float64 part_of_even_psi_alpha_next_2_2 = 4.0 * part_of_odd_psi_q_next_0_2;
+    const float64 part_of_even_psi_alpha_next_2_3 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 part_of_even_psi_alpha_next_2_4 =
-        psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
-        v_d_times_gain_q * part_of_even_psi_alpha_next_2_2;
+        part_of_even_psi_alpha_next_2_3 * (D_2 * part_of_even_psi_alpha_next_2_3);
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 +
         cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
-        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4;
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_2_4;
     const float64 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
-    const float64 part_of_even_psi_alpha_next_3_2 = 4.0 * D_3 * sinc_theta_mid_3;
-    const float64 part_of_even_psi_alpha_next_3_3 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
-        v_d_times_gain_q * sinc_theta_mid_3;
+    const float64 part_of_even_psi_alpha_next_3_2 = sinc_theta_mid_3 * (D_3 * sinc_theta_mid_3);
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 +
         cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
+        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_3_2;
     const float64 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-    const float64 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0);
+    const float64 even_psi_beta_next_0 = part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 +
+        even_psi_q_next_0 + cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
     const float64 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-    const float64 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1);
-    const float64 part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2;
-    const float64 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 +
-        (even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2);
+    const float64 even_psi_beta_next_1 = part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 +
+        even_psi_q_next_1 + cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
+    const float64 part_of_even_psi_beta_next_2 = 4.0 * part_of_odd_psi_d_next_0;
+    const float64 part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2;
+    const float64 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_4 * part_of_even_psi_beta_next_2 +
+        even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2;
     const float64 part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3;
-    const float64 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 +
-        (even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3);
-    const float64 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-        part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0;
-    const float64 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-        part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1;
-    const float64 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0;
-    const float64 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2;
-    const float64 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0;
-    const float64 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+    const float64 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * part_of_even_psi_beta_next_2 +
+        even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3;
+    const float64 odd_psi_alpha_next_0 = part_of_odd_psi_q_next_0 * odd_psi_d_next_0 -
+        part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
+    const float64 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
+        part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
+    const float64 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0);
+    const float64 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
+        part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
+    const float64 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0);
+    const float64 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
         sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
-    const float64 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
-        part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
-    const float64 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
-        part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
-    const float64 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
-        part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2;
+    const float64 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+        part_of_odd_psi_q_next_0 * odd_psi_q_next_0;
+    const float64 odd_psi_beta_next_1 = part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+        part_of_odd_psi_q_next_1 * odd_psi_q_next_1;
+    const float64 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_3 -
+        part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
     const float64 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3;
-    const float64 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
-    const float64 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
+        part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
+    const float64 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
+    const float64 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
     const float64 odd_theta_next_2 = L_32 + 0.00030000000000000003;
 
     /* --- eq. 16: x_pred = mean X_i' */
@@ -357,11 +340,13 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         even_psi_alpha_next_3) * 0.25;
     const float64 offset_psi_beta = 0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2
         + even_psi_beta_next_3);
-    const float64 psi_alpha_pred = odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
-        (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta);
-    const float64 psi_beta_pred = odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
-        (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta);
-    const float64 theta_pred = theta + ADVANCE_POLE_PAIRS * omega;
+    const float64 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
+    const float64 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
+    const float64 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
+        odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
+    const float64 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
+        odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
+    const float64 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
@@ -617,17 +602,17 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
     const float64 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
-    const float64 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + (even_i_q_pred_0 +
-        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0);
+    const float64 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0;
     const float64 i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1;
-    const float64 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + (even_i_q_pred_1 +
-        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1);
+    const float64 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1;
     const float64 i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2;
-    const float64 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + (even_i_q_pred_2 +
-        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2);
+    const float64 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2;
     const float64 i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3;
-    const float64 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + (even_i_q_pred_3 +
-        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3);
+    const float64 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3;
     const float64 odd_y_i_alpha_0 = part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
         L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
     const float64 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
@@ -676,9 +661,9 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
 
     /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
     const float64 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
-        (i_d_pred + offset_y_i_alpha);
-    const float64 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas -
-        (i_q_pred + offset_y_i_beta);
+        i_d_pred - offset_y_i_alpha;
+    const float64 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred
+        - offset_y_i_beta;
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
     const float64 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
     const float64 part_of_span_first = larger(noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3,

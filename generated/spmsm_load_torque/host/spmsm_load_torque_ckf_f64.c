@@ -254,17 +254,12 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
     const float64 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
     const float64 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
-    const float64 i_alpha_mid = 0.5 * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha));
+    const float64 i_alpha_mid = 0.5 * (1.7087082180764481 * i_alpha_2 + drive_alpha);
     const float64 part_of_even_i_alpha_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 part_of_even_i_alpha_next_0_2 = D_0 * 5.0 * part_of_even_i_alpha_next_0;
     const float64 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0_2;
     const float64 even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5;
-    const float64 i_beta_mid = 0.5 * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta));
-    const float64 part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0;
-    const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0;
-    const float64 odd_torque_0 =
-        GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
-        part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0));
+    const float64 i_beta_mid = 0.5 * (1.7087082180764481 * i_beta_2 - emf_step + drive_beta);
     const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
     const float64 odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1;
     const float64 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
@@ -272,54 +267,53 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_even_i_alpha_next_1_2 = 5.0 * D_1 * part_of_even_i_alpha_next_1;
     const float64 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1_2;
     const float64 even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5;
-    const float64 part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0;
-    const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1;
-    const float64 odd_torque_1 =
-        GAIN_TORQUE * (0.5 * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
-        part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1));
     const float64 odd_theta_mid_2 = L_32 + 0.0002;
     const float64 part_of_even_i_alpha_next_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 part_of_even_i_alpha_next_2_2 = 5.0 * D_2 * part_of_even_i_alpha_next_2;
     const float64 even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2_2;
     const float64 even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5;
     const float64 part_of_dev_i_beta_4 = emf_step * cosm1_theta_mid_0;
-    const float64 part_of_even_omega_next_0 = part_of_dev_i_beta_4 * 0.5;
+    const float64 part_of_even_omega_next_0 = cosm1_theta_mid_0 + 1.0;
     const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_even_i_alpha_next_0;
-    const float64 even_omega_next_0 =
-        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0) -
-        part_of_even_omega_next_0 -
+    const float64 even_omega_next_0 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * i_beta_mid -
+        part_of_dev_i_beta_4 * 0.5 * part_of_even_omega_next_0 -
         part_of_even_i_alpha_next_0_2 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0));
     const float64 part_of_dev_i_beta_4_2 = emf_step * cosm1_theta_mid_1;
-    const float64 part_of_even_omega_next_1 = part_of_dev_i_beta_4_2 * 0.5;
+    const float64 part_of_even_omega_next_1 = cosm1_theta_mid_1 + 1.0;
     const float64 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_even_i_alpha_next_1;
-    const float64 even_omega_next_1 =
-        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1) -
-        part_of_even_omega_next_1 -
+    const float64 even_omega_next_1 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * i_beta_mid -
+        part_of_dev_i_beta_4_2 * 0.5 * part_of_even_omega_next_1 -
         part_of_even_i_alpha_next_1_2 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1));
     const float64 part_of_dev_i_beta_4_3 = emf_step * cosm1_theta_mid_2;
-    const float64 part_of_even_omega_next_2 = part_of_dev_i_beta_4_3 * 0.5;
+    const float64 part_of_even_omega_next_2 = cosm1_theta_mid_2 + 1.0;
     const float64 odd_i_alpha_next_2 = emf_step * part_of_even_i_alpha_next_2;
-    const float64 even_omega_next_2 =
-        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2) -
-        part_of_even_omega_next_2 - part_of_even_i_alpha_next_2_2 * 0.5 * odd_i_alpha_next_2);
+    const float64 even_omega_next_2 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * i_beta_mid -
+        part_of_dev_i_beta_4_3 * 0.5 * part_of_even_omega_next_2 -
+        part_of_even_i_alpha_next_2_2 * 0.5 * odd_i_alpha_next_2);
     const float64 part_of_dev_i_beta_4_4 = emf_step * cosm1_theta_mid_3;
-    const float64 part_of_even_omega_next_3 = part_of_dev_i_beta_4_4 * 0.5;
     const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3;
     const float64 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
-    const float64 even_omega_next_3 =
-        GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * (i_beta_mid - part_of_even_omega_next_3) -
-        part_of_even_omega_next_3 - 2.5 * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3);
+    const float64 even_omega_next_3 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * i_beta_mid -
+        part_of_dev_i_beta_4_4 * 0.5 * (cosm1_theta_mid_3 + 1.0) -
+        2.5 * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3);
     const float64 even_theta_next_0 = even_omega_next_0 * HALF_P_T;
     const float64 even_theta_next_1 = even_omega_next_1 * HALF_P_T;
     const float64 even_theta_next_2 = even_omega_next_2 * HALF_P_T;
     const float64 even_theta_next_3 = even_omega_next_3 * HALF_P_T;
-    const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40);
-    const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41);
-    const float64 part_of_P_pred_00_2 = cosm1_theta_mid_2 + 1.0;
-    const float64 part_of_P_pred_00_3 = 0.07092321646834308 * part_of_P_pred_00_2;
+    const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_even_omega_next_0;
+    const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_even_omega_next_1;
+    const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
+        0.006562417969775382 * part_of_even_omega_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0) -
+        GAIN_OMEGA * L_40;
+    const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA +
+        0.006562417969775382 * part_of_even_omega_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1) -
+        GAIN_OMEGA * L_41;
+    const float64 part_of_P_pred_00_2 = 0.07092321646834308 * part_of_even_omega_next_2;
     const float64 odd_omega_next_2 = DECAY_OMEGA -
-        GAIN_OMEGA * (GAIN_TORQUE * (0.5 * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
-        part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42);
+        GAIN_OMEGA * (0.5249999999999999 * part_of_even_omega_next_2 * part_of_P_pred_00_2 + L_42) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2);
     const float64 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
     const float64 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
     const float64 odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2);
@@ -335,14 +329,14 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
     const float64 dev_i_beta_4 = 0.2 * (part_of_dev_i_beta_4 + part_of_dev_i_beta_4_2 + part_of_dev_i_beta_4_3
         + part_of_dev_i_beta_4_4);
-    const float64 i_alpha_pred = part_of_i_alpha_pred +
-        (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4);
+    const float64 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * offset_i_alpha +
+        odd_i_alpha_1 * dev_i_beta_4;
     const float64 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
-    const float64 i_beta_pred = part_of_i_beta_pred +
-        (odd_i_alpha_1 * offset_i_alpha - odd_i_beta_1 * dev_i_beta_4);
+    const float64 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * offset_i_alpha -
+        odd_i_beta_1 * dev_i_beta_4;
     const float64 part_of_omega_pred = omega * DECAY_OMEGA +
-        GAIN_OMEGA * (GAIN_TORQUE * (odd_i_beta_1 * 0.5 * (i_beta + part_of_i_beta_pred) -
-        odd_i_alpha_1 * 0.5 * (i_alpha + part_of_i_alpha_pred)) - load_torque);
+        0.006562417969775382 * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
+        0.006562417969775382 * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque;
     const float64 omega_pred = part_of_omega_pred + offset_omega;
     const float64 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
 
@@ -362,23 +356,23 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 dev_theta_1 = even_theta_next_1 - offset_theta;
     const float64 dev_theta_2 = even_theta_next_2 - offset_theta;
     const float64 dev_theta_3 = even_theta_next_3 - offset_theta;
-    const float64 offset_i_alpha_sq = offset_i_alpha * offset_i_alpha;
     const float64 part_of_P_pred_00 = D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
         D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + D_2 * odd_i_alpha_next_2 * odd_i_alpha_next_2 +
         odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2 * (dev_i_alpha_0 * dev_i_alpha_0 +
-        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + offset_i_alpha_sq +
-        offset_i_alpha_sq);
+        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2) +
+        offset_i_alpha * offset_i_alpha * 0.4;
     const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
     const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
-    const float64 D_2_times_part_of_P_pred_00_3 = D_2 * part_of_P_pred_00_3;
+    const float64 D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2;
+    const float64 part_of_P_pred_00_3 = 0.2 * offset_i_alpha;
     const float64 part_of_P_pred_00_4 = odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
-        + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
-        offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4);
+        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_2
+        + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2) -
+        part_of_P_pred_00_3 * (dev_i_beta_3 + dev_i_beta_4);
     const float64 part_of_P_pred_00_5 = odd_i_alpha_1 * part_of_P_pred_00_4;
     const float64 part_of_P_pred_00_6 = odd_i_beta_1 * part_of_P_pred_00_4;
     const float64 part_of_P_pred_00_7 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2
         + 0.2 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
         dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4);
     const float64 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_5) -
@@ -394,10 +388,10 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_P_pred_20_2 = odd_i_alpha_next_0 * D_0_times_odd_omega_next_0 +
         odd_i_alpha_next_1 * D_1_times_odd_omega_next_1 + odd_i_alpha_next_2 * D_2_times_odd_omega_next_2 -
         odd_i_alpha_next_3 * D_3_times_part_of_P_pred_20 + 0.2 * (dev_i_alpha_0 * dev_omega_0 +
-        dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2 - offset_i_alpha * dev_omega_3 +
-        offset_i_alpha * offset_omega);
+        dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2) -
+        part_of_P_pred_00_3 * (dev_omega_3 - offset_omega);
     const float64 part_of_P_pred_20_3 = odd_i_beta_next_0 * D_0_times_odd_omega_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_3 * D_2_times_odd_omega_next_2 +
+        odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_2 * D_2_times_odd_omega_next_2 +
         0.2 * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 + dev_i_beta_2 * dev_omega_2 +
         dev_i_beta_3 * dev_omega_3 - dev_i_beta_4 * offset_omega);
     const float64 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_2 - odd_i_alpha_1 * part_of_P_pred_20_3;
@@ -415,10 +409,10 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_P_pred_30 = odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
         odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
         odd_i_alpha_next_3 * D_3_times_odd_theta_next_3 + 0.2 * (dev_i_alpha_0 * dev_theta_0 +
-        dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2 - offset_i_alpha * dev_theta_3 +
-        offset_i_alpha * offset_theta);
+        dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2) -
+        part_of_P_pred_00_3 * (dev_theta_3 - offset_theta);
     const float64 part_of_P_pred_30_2 = odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_3 * D_2_times_odd_theta_next_2 +
+        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_2 * D_2_times_odd_theta_next_2 +
         0.2 * (dev_i_beta_0 * dev_theta_0 + dev_i_beta_1 * dev_theta_1 + dev_i_beta_2 * dev_theta_2 +
         dev_i_beta_3 * dev_theta_3 - dev_i_beta_4 * offset_theta);
     const float64 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
@@ -442,7 +436,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         odd_i_alpha_next_1 * D_1_times_L_41 + odd_i_alpha_next_2 * D_2_times_L_42 +
         odd_i_alpha_next_3 * D_3_times_L_43;
     const float64 part_of_P_pred_40_2 = odd_i_beta_next_0 * D_0_times_L_40 +
-        odd_i_beta_next_1 * D_1_times_L_41 - part_of_P_pred_00_3 * D_2_times_L_42;
+        odd_i_beta_next_1 * D_1_times_L_41 - part_of_P_pred_00_2 * D_2_times_L_42;
     const float64 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
     const float64 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
     const float64 P_pred_42 = odd_omega_next_0 * D_0_times_L_40 + odd_omega_next_1 * D_1_times_L_41 +
@@ -547,16 +541,17 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
     const float64 part_of_i_alpha_new_2 = 1.0 / span_second;
     const float64 part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2;
-    const float64 i_alpha_new = i_alpha_pred + part_of_i_alpha_new +
-        part_of_span_second_2 * part_of_i_alpha_new_3;
+    const float64 part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3;
+    const float64 i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4;
     const float64 i_beta_new = i_beta_pred + part_of_innovation_after_first +
         part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3);
-    const float64 omega_new = omega_pred + part_of_i_alpha_new * L_pred_20 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20);
-    const float64 theta_new = wrap_angle(theta_pred + part_of_i_alpha_new * L_pred_30 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30));
-    const float64 load_torque_new = load_torque_pred + part_of_i_alpha_new * L_pred_40 +
-        part_of_i_alpha_new_3 * (D_pred_1 * L_pred_41 + part_of_span_second_2 * L_pred_40);
+    const float64 part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4;
+    const float64 part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3;
+    const float64 omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21;
+    const float64 theta_new = wrap_angle(theta_pred + part_of_omega_new * L_pred_30 +
+        part_of_omega_new_2 * L_pred_31);
+    const float64 load_torque_new = load_torque_pred + part_of_omega_new * L_pred_40 +
+        part_of_omega_new_2 * L_pred_41;
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2;

@@ -1,0 +1,119 @@
+"""a x + b x = (a + b) x: sums collected in the factor that is known last.
+
+Along the columns of L the same combination of constants and base values, a + b, meets another x each time;
+collected, it is computed once for all columns. Products of sums that serve nothing else are multiplied out first.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from codegen.graph import Graph
+
+Term = tuple[bool, list[int]]
+"""A term of a sum: negative?, and its factors as nodes of the old graph."""
+
+
+def collect(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
+    """Multiply out, then collect, every sum.
+
+    >>> g = Graph()
+    >>> a, b, x, y = (g.input(name) for name in "abxy")
+    >>> sums = [g.op("add", g.op("mul", a, x), g.op("mul", b, x)), g.op("add", g.op("mul", a, y), g.op("mul", b, y))]
+    >>> new, moved = collect(g, sums)
+    >>> [node.op for node in new.nodes]
+    ['input', 'input', 'input', 'add', 'mul', 'input', 'mul']
+    """
+    return _Collector(graph, roots).run()
+
+
+class _Collector:
+    def __init__(self, graph: Graph, roots: list[int]) -> None:
+        self.graph = graph
+        self.order = graph.reachable(roots)
+        self.rank = {index: k for k, index in enumerate(self.order)}
+        uses = Counter(arg for index in self.order for arg in graph[index].args)
+        self.once = {index for index in self.order if uses[index] == 1 and index not in set(roots)}
+        self.new = Graph()
+        self.moved: dict[int, int] = {}
+
+    def run(self) -> tuple[Graph, dict[int, int]]:
+        for index in self.order:
+            node = self.graph[index]
+            if node.op in {"add", "sub"}:
+                self.moved[index] = self._sum(self._terms(index))
+            else:
+                self.moved[index] = self.new.adopt(node, [self.moved[arg] for arg in node.args])
+        return self.new, self.moved
+
+    def _terms(self, index: int) -> list[Term]:
+        """A sum as terms; inner sums and products of sums opened where nothing else uses them."""
+        node = self.graph[index]
+        if node.op in {"add", "sub"}:
+            left, right = (self._open(arg) for arg in node.args)
+            return left + [(negative != (node.op == "sub"), factors) for negative, factors in right]
+        return self._product(index)
+
+    def _open(self, index: int) -> list[Term]:
+        return self._terms(index) if index in self.once else [(False, [index])]
+
+    def _product(self, index: int) -> list[Term]:
+        node = self.graph[index]
+        if node.op != "mul":
+            return [(False, [index])]
+        left, right = (self._open(arg) for arg in node.args)
+        if len(left) > 1 and len(right) > 1:  # both sums: nothing is gained by multiplying them out
+            return [(False, list(node.args))]
+        return [(a != b, [*p, *q]) for a, p in left for b, q in right]
+
+    def _sum(self, terms: list[Term]) -> int:
+        """The terms added up, collected in one factor after the other."""
+        terms = list(terms)
+        while True:
+            count = Counter(factor for _, factors in terms for factor in set(factors))
+            shared = [factor for factor, number in count.items() if number > 1 and factor >= 0]
+            if not shared:
+                return self._added([(negative, self._multiplied(factors)) for negative, factors in terms])
+            factor = max(shared, key=lambda f: (self.graph[f].op != "const", self.rank[f]))
+            held = [k for k, (_, factors) in enumerate(terms) if factor in factors]
+            inner = []
+            for k in held:
+                negative, factors = terms[k]
+                rest = list(factors)
+                rest.remove(factor)
+                inner.append((negative, rest))
+            terms[held[0]] = self._wrap(factor, inner)
+            for k in reversed(held[1:]):
+                del terms[k]
+
+    def _wrap(self, factor: int, inner: list[Term]) -> Term:
+        """factor * (sum of inner), as one term; its sign is the first inner term's."""
+        flip = inner[0][0]
+        total = self._sum([(negative != flip, factors) for negative, factors in inner])
+        return flip, [self._collected(self.new.op("mul", total, self.moved[factor]))]
+
+    def _collected(self, node: int) -> int:
+        """A node of the new graph under a name of its own among the old ones."""
+        alias = -1 - node
+        self.moved[alias] = node
+        self.rank[alias] = len(self.rank)
+        return alias
+
+    def _multiplied(self, factors: list[int]) -> int:
+        if not factors:
+            return self.new.const(1.0)
+        value = self.moved[factors[0]]
+        for factor in factors[1:]:
+            value = self.new.op("mul", value, self.moved[factor])
+        return value
+
+    def _added(self, terms: list[tuple[bool, int]]) -> int:
+        """Left to right, beginning with a positive term if there is one."""
+        first = next((k for k, (negative, _) in enumerate(terms) if not negative), None)
+        if first is None:
+            return self.new.op("neg", self._added([(False, value) for _, value in terms]))
+        ordered = [terms[first], *terms[:first], *terms[first + 1 :]]
+        value = ordered[0][1]
+        for negative, other in ordered[1:]:
+            value = self.new.op("sub" if negative else "add", value, other)
+        return value
