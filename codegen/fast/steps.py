@@ -10,6 +10,7 @@ import casadi as ca
 from codegen.fast.expr import Expr, GraphBlock, GraphBuilder
 from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import AngleFinder, Frame, turns_freely
+from codegen.fast.rows import common_factor
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.turns import split_turns
 from codegen.graph import read_tape
@@ -115,12 +116,11 @@ class Shape:
         if self.turning:
             frame = tape.frame(b, [x, u])
         run = self._along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
-        offset = self._offset(b, run, number("16"), self.states)
+        offset, P = self._moments(b, run, D, (number("16"), number("17")), self.states)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
         labels = [f"{s}_pred" for s in self.states]
         b.stage("x_pred", number("16"), "x_pred = mean X_i'", x_pred, labels, scale="state")
-        P = self._covariance(b, run, offset, D, number("17"), self.states)
         P = frame.out_matrix(P) if frame else P
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
@@ -323,29 +323,32 @@ class Shape:
         """Of a pair of points."""
         return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
 
-    def _offset(self, b: GraphBuilder, run: Spread, equation: str, names: list[str]) -> Vector:
-        """Mean of the even parts: what the mean of the points' images lies off the image of the mean."""
-        offset = [_sum(row) * self._weight() for row in run.even]
-        b.stage(f"offset_{names[0]}", equation, "", offset, [f"offset_{name}" for name in names], scale="none")
-        return offset
+    def _moments(
+        self, b: GraphBuilder, run: Spread, D: Vector, equations: tuple[str, str], names: list[str], linear: bool = True
+    ) -> tuple[Vector, Matrix]:
+        """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
 
-    def _covariance(
-        self, b: GraphBuilder, run: Spread, offset: Vector, D: Vector, equation: str, names: list[str]
-    ) -> Matrix:
-        """Weighted mean of the outer products of the deviations, odd and even parts apart; lower triangle."""
-        dev = [[e - m if not m.is_zero() else e for e in row] for row, m in zip(run.even, offset, strict=True)]
+        The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
+        ``linear`` leaves the odd parts out.
+        """
+        weight = self._weight()
+        scale, even = zip(*(common_factor(row) for row in run.even), strict=True)
+        mean = [_sum(row) * weight for row in even]
+        offset = [k * m for k, m in zip(scale, mean, strict=True)]
+        b.stage(f"offset_{names[0]}", equations[0], "", offset, [f"offset_{name}" for name in names], scale="none")
+        dev = [[e - m for e in row] if not m.is_zero() else row for row, m in zip(even, mean, strict=True)]
         labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
-        b.stage(f"dev_{names[0]}", equation, "", [e for row in dev for e in row], labels, scale="none")
-        scale, odd = zip(*(_common_constant(row) for row in run.odd), strict=True)
+        b.stage(f"dev_{names[0]}", equations[1], "", [e for row in dev for e in row], labels, scale="none")
+        slope, odd = zip(*(common_factor(row) for row in run.odd), strict=True)
         weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
         centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
-        m = len(run.base)
-        P = [[D[0] * 0.0] * m for _ in range(m)]
-        for i in range(m):
+        P = [[D[0] * 0.0] * len(names) for _ in names]
+        for i in range(len(names)):
             for j in range(i + 1):
-                bend = _dot(dev[i], dev[j]) * self._weight() + offset[i] * offset[j] * centre
-                P[i][j] = P[j][i] = scale[i] * scale[j] * _dot(weighted[i], odd[j]) + bend
-        return P
+                bend = scale[i] * scale[j] * weight * _dot(dev[i], dev[j]) + offset[i] * offset[j] * centre
+                spread = slope[i] * slope[j] * _dot(weighted[i], odd[j]) if linear else bend * 0.0
+                P[i][j] = P[j][i] = spread + bend
+        return offset, P
 
     def _seen(
         self,
@@ -367,11 +370,9 @@ class Shape:
         frame = tape.frame(b, [x]) if self.turning else None
         measured = [f"y_{quantity.name}" for quantity in OUTPUTS]
         run = self._along(b, tape, x, L, D, [], self._equation("20"), measured, frame)
-        offset = self._offset(b, run, self._equation("21"), measured)
         zero = D[0] * 0.0
-        bend = self._covariance(
-            b, Spread(run.base, run.even, [[zero] * self.n] * 2), offset, D, self._equation("22"), measured
-        )
+        numbers = self._equation("21"), self._equation("22")
+        offset, bend = self._moments(b, run, D, numbers, measured, linear=False)
         noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
         if frame:  # cos^2 R_0 + sin^2 R_1: no less than the smaller one, whatever sine and cosine are rounded to
             noise[0][0] = noise[0][0].apply("max", self._floor(R))
@@ -509,31 +510,6 @@ def _sum(terms: Vector) -> Expr:
     for term in terms[1:]:
         total = total + term
     return total
-
-
-def _common_constant(row: Vector) -> tuple[Expr, Vector]:
-    """A constant that every entry of a row which is not zero holds as a factor, and the row without it."""
-    one = row[0] * 0.0 + 1.0
-    held: set[int] | None = None
-    for entry in row:
-        if not entry.is_zero():
-            item = entry.graph[entry.node]
-            factors = {entry.node} if entry.value is not None else set(item.args) if item.op == "mul" else set()
-            constants = {node for node in factors if entry.graph[node].op == "const" and entry.graph[node].value != 1.0}
-            held = constants if held is None else held & constants
-    if not held:
-        return one, row
-    constant = Expr(row[0].graph, min(held))
-    return constant, [_without(entry, constant) for entry in row]
-
-
-def _without(entry: Expr, constant: Expr) -> Expr:
-    if entry.is_zero():
-        return entry
-    if entry.node == constant.node:
-        return entry * 0.0 + 1.0
-    a, b = entry.graph[entry.node].args
-    return Expr(entry.graph, b if a == constant.node else a)
 
 
 def _dot(a: Vector, b: Vector) -> Expr:

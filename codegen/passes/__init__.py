@@ -58,8 +58,8 @@ def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tu
 
 
 __all__ = [
-    "collect",
     "PIPELINES",
+    "collect",
     "pull_signs",
     "run_passes",
     "share_products",

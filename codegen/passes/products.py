@@ -92,12 +92,20 @@ def _folded(graph: Graph, found: Counter[int]) -> Counter[Factor]:
         key=lambda k: (graph[k].name, graph[k].value),
     )
     rest: Counter[Factor] = Counter({index: count for index, count in found.items() if graph[index].op != "const"})
-    value = math.prod(graph[index].value for index in constants)
     if len(constants) == 1:
         rest[constants[0]] += 1
-    elif constants and value != 1.0:
-        rest[Folded(value, _product_name(graph, constants), _formula(graph, constants))] += 1
+    elif constants and folded(graph, constants).value != 1.0:
+        rest[folded(graph, constants)] += 1
     return rest
+
+
+def folded(graph: Graph, constants: list[int]) -> Folded:
+    """Constants of a graph as one number, named after them."""
+    constants = sorted(constants, key=lambda k: (graph[k].name, graph[k].value))
+    value = math.prod(graph[index].value for index in constants)
+    if len(constants) == 1:
+        return Folded(value, graph[constants[0]].name, graph[constants[0]].formula)
+    return Folded(value, _product_name(graph, constants), _formula(graph, constants))
 
 
 def _product_name(graph: Graph, constants: list[int]) -> str:

@@ -351,11 +351,23 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS
     odd_theta_next_2 = L_32 + 0.00030000000000000003
 
-    # --- eq. 16: x_pred = mean X_i'
+    # --- eq. 16
     offset_psi_alpha = ((even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25)
     offset_psi_beta = (0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3))
+
+    # --- eq. 17
+    dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha
+    dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha
+    dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha
+    dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha
+    dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta
+    dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta
+    dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta
+    dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta
+
+    # --- eq. 16: x_pred = mean X_i'
     part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha
     psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta
     psi_alpha_pred = (odd_psi_beta_1 * part_of_psi_alpha_pred -
@@ -365,14 +377,6 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     theta_pred = theta + omega * ADVANCE_POLE_PAIRS
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
-    dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha
-    dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha
-    dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha
-    dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha
-    dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta
-    dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta
-    dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta
-    dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta
     D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0
     D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1
     D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2

@@ -347,11 +347,23 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
     const float32 odd_theta_next_2 = L_32 + 0.0003f;
 
-    /* --- eq. 16: x_pred = mean X_i' */
+    /* --- eq. 16 */
     const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25f;
     const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
         even_psi_beta_next_2 + even_psi_beta_next_3);
+
+    /* --- eq. 17 */
+    const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
+    const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
+    const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
+    const float32 dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha;
+    const float32 dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta;
+    const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
+    const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
+    const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
+
+    /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
     const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
@@ -361,14 +373,6 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
-    const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
-    const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
-    const float32 dev_psi_alpha_3 = even_psi_alpha_next_3 - offset_psi_alpha;
-    const float32 dev_psi_beta_0 = even_psi_beta_next_0 - offset_psi_beta;
-    const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
-    const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
-    const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
     const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
     const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
     const float32 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;

@@ -32,15 +32,16 @@ NOT_CONVERGED = 2  # max_iterations passed before (33) held: the last iterate is
 COMMAND_REJECTED = 4  # controller: a command, or a sensed speed or angle, is NaN, infinite or beyond its limit
 
 # Motor data and sample time, folded.
-POLE_PAIRS = 4.0  # p
 DECAY_I = 0.9311377245508982  # 1 - T R / L
-GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
 GAIN_V = 0.023952095808383235  # T / L, A/V
-SAMPLE_TIME = 2e-05  # sample time, s
 DECAY_OMEGA = 0.999995  # 1 - T D / J
+GAIN_E_POLE_PAIRS = 0.016766467065868262  # GAIN_E * POLE_PAIRS
+POLE_PAIRS_SAMPLE_TIME = 8e-05  # POLE_PAIRS * SAMPLE_TIME
+GAIN_E_SQ_POLE_PAIRS_SQ = 0.0002811144178708451  # GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS
 L_D = 0.000835  # L_d, H
 L_Q = 0.000835  # L_q, H
 PSI_M = 0.175  # magnet flux linkage, Wb
+POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
 GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
@@ -246,101 +247,105 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_i_alpha_1, odd_i_beta_1 = math.sin_cos(theta)
     odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10
     odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1
-    omega_e = POLE_PAIRS * omega
-    odd_omega_e_0 = POLE_PAIRS * L_20
-    emf_step = GAIN_E * omega_e
-    odd_emf_step_0 = GAIN_E * odd_omega_e_0
-    odd_omega_e_1 = POLE_PAIRS * L_21
-    odd_emf_step_1 = GAIN_E * odd_omega_e_1
+    gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega
     L_30_times_sinc_theta_0 = L_30 * sinc_theta_0
-    even_i_alpha_next_0 = D_0 * 4.0 * odd_emf_step_0 * L_30_times_sinc_theta_0
+    odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0
     L_31_times_sinc_theta_1 = L_31 * sinc_theta_1
-    even_i_alpha_next_1 = 4.0 * D_1 * odd_emf_step_1 * L_31_times_sinc_theta_1
-    L_32_times_sinc_theta_2 = L_32 * sinc_theta_2
-    even_i_alpha_next_2 = 0.06706586826347305 * D_2 * L_32_times_sinc_theta_2
-    odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * L_30_times_sinc_theta_0
-    odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * L_31_times_sinc_theta_1
-    odd_i_alpha_next_2 = emf_step * L_32_times_sinc_theta_2
-    odd_i_alpha_next_3 = emf_step * sinc_theta_3
-    odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * (cosm1_theta_0 + 1.0)
-    odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * (cosm1_theta_1 + 1.0)
-    odd_theta_next_0 = L_30 + odd_omega_e_0 * SAMPLE_TIME
-    odd_theta_next_1 = L_31 + odd_omega_e_1 * SAMPLE_TIME
+    odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1
+    odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - GAIN_E_POLE_PAIRS * L_20 * (cosm1_theta_0 + 1.0)
+    odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - GAIN_E_POLE_PAIRS * L_21 * (cosm1_theta_1 + 1.0)
+    odd_theta_next_0 = L_30 + L_20 * POLE_PAIRS_SAMPLE_TIME
+    odd_theta_next_1 = L_31 + L_21 * POLE_PAIRS_SAMPLE_TIME
     odd_theta_next_2 = L_32 + 8e-05
 
+    # --- eq. 17
+    L_20_times_D_0 = L_20 * D_0
+    part_of_i_alpha_pred_3 = L_30_times_sinc_theta_0 * L_20_times_D_0
+    L_21_times_D_1 = L_21 * D_1
+    part_of_i_alpha_pred_4 = L_31_times_sinc_theta_1 * L_21_times_D_1
+    L_32_times_sinc_theta_2 = L_32 * sinc_theta_2
+    part_of_i_alpha_pred_5 = L_32_times_sinc_theta_2 * D_2
+    part_of_i_alpha_pred_6 = part_of_i_alpha_pred_3 + part_of_i_alpha_pred_4 + part_of_i_alpha_pred_5
+    part_of_dev_i_alpha_0 = part_of_i_alpha_pred_6 * 0.25
+    dev_i_alpha_0 = part_of_i_alpha_pred_3 - part_of_dev_i_alpha_0
+    dev_i_alpha_1 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0
+    dev_i_alpha_2 = part_of_i_alpha_pred_5 - part_of_dev_i_alpha_0
+    part_of_i_alpha_pred = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3
+    part_of_dev_i_beta_0 = part_of_i_alpha_pred * 0.25
+    dev_i_beta_0 = cosm1_theta_0 - part_of_dev_i_beta_0
+    dev_i_beta_1 = cosm1_theta_1 - part_of_dev_i_beta_0
+    dev_i_beta_2 = cosm1_theta_2 - part_of_dev_i_beta_0
+    dev_i_beta_3 = cosm1_theta_3 - part_of_dev_i_beta_0
+
     # --- eq. 16: x_pred = mean X_i'
-    offset_i_alpha = 0.25 * (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2)
-    emf_step_times_cosm1_theta_0 = emf_step * cosm1_theta_0
-    emf_step_times_cosm1_theta_1 = emf_step * cosm1_theta_1
-    emf_step_times_cosm1_theta_2 = emf_step * cosm1_theta_2
-    emf_step_times_cosm1_theta_3 = emf_step * cosm1_theta_3
-    part_of_i_alpha_pred = ((emf_step_times_cosm1_theta_0 + emf_step_times_cosm1_theta_1 +
-        emf_step_times_cosm1_theta_2 + emf_step_times_cosm1_theta_3) * 0.25)
-    part_of_i_alpha_pred_2 = emf_step + part_of_i_alpha_pred
+    part_of_i_alpha_pred_2 = (gain_e_pole_pairs_times_omega +
+        omega * 0.004191616766467066 * part_of_i_alpha_pred)
+    part_of_i_alpha_pred_7 = 0.016766467065868262 * part_of_i_alpha_pred_6
     i_alpha_pred = (DECAY_I * i_alpha + part_of_i_alpha_pred_2 * odd_i_alpha_1 + GAIN_V * v_alpha +
-        odd_i_beta_1 * offset_i_alpha)
+        odd_i_beta_1 * part_of_i_alpha_pred_7)
     i_beta_pred = (DECAY_I * i_beta - part_of_i_alpha_pred_2 * odd_i_beta_1 + GAIN_V * v_beta +
-        odd_i_alpha_1 * offset_i_alpha)
+        odd_i_alpha_1 * part_of_i_alpha_pred_7)
     omega_pred = omega * DECAY_OMEGA
-    theta_pred = theta + omega_e * SAMPLE_TIME
+    theta_pred = theta + omega * POLE_PAIRS_SAMPLE_TIME
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
-    dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha
-    dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha
-    dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha
-    dev_i_beta_0 = part_of_i_alpha_pred - emf_step_times_cosm1_theta_0
-    dev_i_beta_1 = part_of_i_alpha_pred - emf_step_times_cosm1_theta_1
-    dev_i_beta_2 = part_of_i_alpha_pred - emf_step_times_cosm1_theta_2
-    dev_i_beta_3 = part_of_i_alpha_pred - emf_step_times_cosm1_theta_3
-    D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2
-    D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3
-    part_of_P_pred_00 = (D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
-        D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2 +
-        odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.25 * (dev_i_alpha_0 * dev_i_alpha_0 +
-        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + offset_i_alpha * offset_i_alpha))
-    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
-    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
-    part_of_P_pred_00_2 = 0.016766467065868262 * (cosm1_theta_2 + 1.0)
-    D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2
-    part_of_P_pred_00_3 = (odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_2
-        + 0.25 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
-        offset_i_alpha * dev_i_beta_3))
+    D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
+    D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
+    omega_sq = omega * omega
+    sinc_theta_3_times_D_3 = sinc_theta_3 * D_3
+    part_of_P_pred_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+        omega_sq * (L_32_times_sinc_theta_2 * part_of_i_alpha_pred_5 +
+        sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
+        0.0011244576714833803 * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
+        dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625))
+    part_of_P_pred_00_2 = cosm1_theta_2 + 1.0
+    part_of_P_pred_00_3 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
+        omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
+        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
+        part_of_dev_i_alpha_0 * dev_i_beta_3) * 0.0002811144178708451)
     part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3
     part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3
+    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
+    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
+    D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2
     part_of_P_pred_00_6 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2
-        + 0.25 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
-        dev_i_beta_3 * dev_i_beta_3))
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+        part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2 * 0.0002811144178708451 +
+        omega_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
+        dev_i_beta_3 * dev_i_beta_3) * 7.027860446771127e-05)
     P_pred_00 = (odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
         odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_6) + Q_0)
     part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5
     part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_6
     P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2
     P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1
-    D_0_times_L_20 = D_0 * L_20
-    D_1_times_L_21 = D_1 * L_21
-    part_of_P_pred_20 = (DECAY_OMEGA * (odd_i_alpha_next_0 * D_0_times_L_20 +
-        odd_i_alpha_next_1 * D_1_times_L_21 + D_2_times_odd_i_alpha_next_2))
-    part_of_P_pred_20_2 = (DECAY_OMEGA * (odd_i_beta_next_0 * D_0_times_L_20 +
-        odd_i_beta_next_1 * D_1_times_L_21 - D_2_times_part_of_P_pred_00_2))
-    P_pred_20 = odd_i_beta_1 * part_of_P_pred_20 - odd_i_alpha_1 * part_of_P_pred_20_2
-    P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20 + odd_i_beta_1 * part_of_P_pred_20_2
-    P_pred_22 = 0.9999900000249999 * (L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2) + Q_2
-    D_0_times_odd_theta_next_0 = D_0 * odd_theta_next_0
-    D_1_times_odd_theta_next_1 = D_1 * odd_theta_next_1
-    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
-    part_of_P_pred_30 = (odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
-        D_3_times_odd_i_alpha_next_3)
-    part_of_P_pred_30_2 = (odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_2 * D_2_times_odd_theta_next_2)
+    odd_i_beta_1_times_decay_omega = odd_i_beta_1 * DECAY_OMEGA
+    part_of_P_pred_20 = gain_e_pole_pairs_times_omega * part_of_i_alpha_pred_5
+    part_of_P_pred_20_2 = (L_20_times_D_0 * odd_i_alpha_next_0 + L_21_times_D_1 * odd_i_alpha_next_1 +
+        part_of_P_pred_20)
+    odd_i_alpha_1_times_decay_omega = odd_i_alpha_1 * DECAY_OMEGA
+    part_of_P_pred_20_3 = 0.016766467065868262 * D_2_times_part_of_P_pred_00_2
+    part_of_P_pred_20_4 = (L_20_times_D_0 * odd_i_beta_next_0 + L_21_times_D_1 * odd_i_beta_next_1 -
+        part_of_P_pred_20_3)
+    P_pred_20 = (odd_i_beta_1_times_decay_omega * part_of_P_pred_20_2 -
+        odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_4)
+    P_pred_21 = (odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_2 +
+        odd_i_beta_1_times_decay_omega * part_of_P_pred_20_4)
+    P_pred_22 = 0.9999900000249999 * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2
+    part_of_P_pred_30 = (D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
+        gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3)
+    part_of_P_pred_30_2 = (D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_3 * odd_theta_next_2)
     P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2
     P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2
-    P_pred_32 = (DECAY_OMEGA * (L_20 * D_0_times_odd_theta_next_0 + L_21 * D_1_times_odd_theta_next_1 +
+    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
+    P_pred_32 = (DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 + L_21_times_D_1 * odd_theta_next_1 +
         D_2_times_odd_theta_next_2))
-    P_pred_33 = (odd_theta_next_0 * D_0_times_odd_theta_next_0 + odd_theta_next_1 * D_1_times_odd_theta_next_1
-        + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
+    P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
+        odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
 
     # --- eq. 18: L D L^T = P_pred
     D_pred_0 = _larger(P_pred_00, Q_0)

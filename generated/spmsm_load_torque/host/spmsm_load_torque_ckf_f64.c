@@ -14,17 +14,18 @@
 #define N_STATES 5
 
 /* Motor data and sample time, folded. */
-#define POLE_PAIRS 4.0 /* p */
 #define DECAY_I 0.708708218076448 /* exp(-T R / L) */
 #define GAIN_V 0.10131888066906156 /* (1 - exp(-T R / L)) / R, A/V */
-#define GAIN_E 0.01773080411708577 /* psi_m (1 - exp(-T R / L)) / R, A s/rad */
-#define HALF_T 5e-05 /* T / 2, s */
 #define DECAY_OMEGA 0.9999750003124974 /* exp(-T D / J) */
 #define GAIN_OMEGA 0.01249984375195311 /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
 #define HALF_P_T 0.0002 /* p T / 2, s */
-#define GAIN_TORQUE 1.0499999999999998 /* 1.5 p psi_m, N m/A */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
+#define GAIN_E_POLE_PAIRS 0.07092321646834308 /* GAIN_E * POLE_PAIRS */
+#define GAIN_E_SQ_POLE_PAIRS_SQ 0.005030102634215452 /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
 #define GAIN_OMEGA_GAIN_TORQUE 0.013124835939550763 /* GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_E_GAIN_OMEGA_POLE_PAIRS 0.0008865291242402362 /* GAIN_E * GAIN_OMEGA * POLE_PAIRS */
+#define GAIN_OMEGA_SQ 0.0001562460938232412 /* GAIN_OMEGA * GAIN_OMEGA */
+#define GAIN_OMEGA_HALF_P_T 2.499968750390622e-06 /* GAIN_OMEGA * HALF_P_T */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -239,8 +240,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 cosm1_theta_mid_3 = turn[7];
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 omega_e = POLE_PAIRS * omega;
-    const float64 theta_mid = theta + omega_e * HALF_T;
+    const float64 theta_mid = theta + omega * HALF_T_POLE_PAIRS;
     const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 odd_i_alpha_1 = sincos_theta_mid.sine;
     const float64 odd_i_beta_1 = sincos_theta_mid.cosine;
@@ -248,92 +248,104 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
     const float64 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
     const float64 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
-    const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
-    const float64 odd_theta_mid_0 = L_30 + HALF_T * odd_omega_e_0;
-    const float64 emf_step = GAIN_E * omega_e;
-    const float64 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
+    const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 emf_step = GAIN_E_POLE_PAIRS * omega;
     const float64 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
     const float64 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
-    const float64 i_alpha_mid = 0.5 * (1.7087082180764481 * i_alpha_2 + drive_alpha);
-    const float64 part_of_even_i_alpha_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 part_of_even_i_alpha_next_0_2 = D_0 * 5.0 * part_of_even_i_alpha_next_0;
-    const float64 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0_2;
-    const float64 even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5;
-    const float64 i_beta_mid = 0.5 * (1.7087082180764481 * i_beta_2 - emf_step + drive_beta);
-    const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
-    const float64 odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1;
-    const float64 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
-    const float64 part_of_even_i_alpha_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float64 part_of_even_i_alpha_next_1_2 = 5.0 * D_1 * part_of_even_i_alpha_next_1;
-    const float64 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1_2;
-    const float64 even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5;
+    const float64 part_of_i_alpha_mid = 1.7087082180764481 * i_alpha_2 + drive_alpha;
+    const float64 i_alpha_mid = 0.5 * part_of_i_alpha_mid;
+    const float64 part_of_i_alpha_pred_2 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0;
+    const float64 part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3;
+    const float64 even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804117085772;
+    const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1;
+    const float64 part_of_i_alpha_pred_7 = L_21 * part_of_i_alpha_pred_6;
+    const float64 even_i_alpha_mid_1 = part_of_i_alpha_pred_7 * 0.17730804117085772;
     const float64 odd_theta_mid_2 = L_32 + 0.0002;
-    const float64 part_of_even_i_alpha_next_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float64 part_of_even_i_alpha_next_2_2 = 5.0 * D_2 * part_of_even_i_alpha_next_2;
-    const float64 even_i_alpha_next_2 = 0.07092321646834308 * part_of_even_i_alpha_next_2_2;
-    const float64 even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5;
-    const float64 part_of_dev_i_beta_4 = emf_step * cosm1_theta_mid_0;
-    const float64 part_of_even_omega_next_0 = cosm1_theta_mid_0 + 1.0;
-    const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_even_i_alpha_next_0;
-    const float64 even_omega_next_0 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * i_beta_mid -
-        part_of_dev_i_beta_4 * 0.5 * part_of_even_omega_next_0 -
-        part_of_even_i_alpha_next_0_2 * 0.5 * (odd_i_alpha_0 + odd_i_alpha_next_0));
-    const float64 part_of_dev_i_beta_4_2 = emf_step * cosm1_theta_mid_1;
-    const float64 part_of_even_omega_next_1 = cosm1_theta_mid_1 + 1.0;
-    const float64 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_even_i_alpha_next_1;
-    const float64 even_omega_next_1 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * i_beta_mid -
-        part_of_dev_i_beta_4_2 * 0.5 * part_of_even_omega_next_1 -
-        part_of_even_i_alpha_next_1_2 * 0.5 * (odd_i_alpha_1 + odd_i_alpha_next_1));
-    const float64 part_of_dev_i_beta_4_3 = emf_step * cosm1_theta_mid_2;
-    const float64 part_of_even_omega_next_2 = cosm1_theta_mid_2 + 1.0;
-    const float64 odd_i_alpha_next_2 = emf_step * part_of_even_i_alpha_next_2;
-    const float64 even_omega_next_2 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * i_beta_mid -
-        part_of_dev_i_beta_4_3 * 0.5 * part_of_even_omega_next_2 -
-        part_of_even_i_alpha_next_2_2 * 0.5 * odd_i_alpha_next_2);
-    const float64 part_of_dev_i_beta_4_4 = emf_step * cosm1_theta_mid_3;
-    const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3;
-    const float64 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
-    const float64 even_omega_next_3 = GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * i_beta_mid -
-        part_of_dev_i_beta_4_4 * 0.5 * (cosm1_theta_mid_3 + 1.0) -
-        2.5 * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3);
-    const float64 even_theta_next_0 = even_omega_next_0 * HALF_P_T;
-    const float64 even_theta_next_1 = even_omega_next_1 * HALF_P_T;
-    const float64 even_theta_next_2 = even_omega_next_2 * HALF_P_T;
-    const float64 even_theta_next_3 = even_omega_next_3 * HALF_P_T;
-    const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_even_omega_next_0;
-    const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_even_omega_next_1;
+    const float64 part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2;
+    const float64 even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804117085772;
+    const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2;
+    const float64 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5;
+    const float64 part_of_offset_omega_2 = cosm1_theta_mid_0 + 1.0;
+    const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
+        GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2;
+    const float64 part_of_offset_omega_5 = cosm1_theta_mid_1 + 1.0;
+    const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
+        GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5;
     const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
-        0.006562417969775382 * part_of_even_omega_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
-        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0) -
+        0.006562417969775382 * part_of_offset_omega_2 * (odd_i_beta_0 + odd_i_beta_next_0) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_2 * (i_alpha_mid + even_i_alpha_mid_0) -
         GAIN_OMEGA * L_40;
     const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA +
-        0.006562417969775382 * part_of_even_omega_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
-        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1) -
+        0.006562417969775382 * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
         GAIN_OMEGA * L_41;
-    const float64 part_of_P_pred_00_2 = 0.07092321646834308 * part_of_even_omega_next_2;
+    const float64 part_of_offset_omega_7 = cosm1_theta_mid_2 + 1.0;
     const float64 odd_omega_next_2 = DECAY_OMEGA -
-        GAIN_OMEGA * (0.5249999999999999 * part_of_even_omega_next_2 * part_of_P_pred_00_2 + L_42) -
-        GAIN_OMEGA_GAIN_TORQUE * part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2);
+        GAIN_OMEGA * (part_of_offset_omega_7 * part_of_offset_omega_7 * 0.037234688645880115 + L_42) -
+        GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_8 * (i_alpha_mid + even_i_alpha_mid_2);
     const float64 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
     const float64 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
     const float64 odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2);
-    const float64 part_of_P_pred_20 = GAIN_OMEGA * (GAIN_TORQUE * sinc_theta_mid_3 * i_alpha_mid + L_43);
-    const float64 odd_theta_next_3 = 1.0 - HALF_P_T * part_of_P_pred_20;
+    const float64 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.5249999999999999 + L_43;
+    const float64 odd_theta_next_3 = 1.0 - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
+
+    /* --- eq. 16 */
+    const float64 part_of_offset_omega = 0.5 * (1.7087082180764481 * i_beta_2 - emf_step + drive_beta);
+    const float64 part_of_offset_omega_3 = omega * 0.03546160823417154;
+    const float64 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
+        cosm1_theta_mid_0 * part_of_offset_omega_2 * part_of_offset_omega_3 -
+        part_of_i_alpha_pred_3 * (odd_i_alpha_0 + odd_i_alpha_next_0) * 2.5;
+    const float64 part_of_offset_omega_6 = cosm1_theta_mid_1 * part_of_offset_omega -
+        cosm1_theta_mid_1 * part_of_offset_omega_3 * part_of_offset_omega_5 -
+        part_of_i_alpha_pred_6 * 2.5 * (odd_i_alpha_1 + odd_i_alpha_next_1);
+    const float64 part_of_offset_omega_8 = part_of_i_alpha_pred_8 * part_of_i_alpha_pred_9;
+    const float64 part_of_offset_omega_9 = omega * 0.17730804117085772;
+    const float64 part_of_offset_omega_10 = cosm1_theta_mid_2 * part_of_offset_omega -
+        cosm1_theta_mid_2 * part_of_offset_omega_3 * part_of_offset_omega_7 -
+        part_of_offset_omega_8 * part_of_offset_omega_9;
+    const float64 sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3;
+    const float64 part_of_offset_omega_11 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3;
+    const float64 part_of_offset_omega_12 = cosm1_theta_mid_3 * part_of_offset_omega -
+        cosm1_theta_mid_3 * part_of_offset_omega_3 * (cosm1_theta_mid_3 + 1.0) -
+        part_of_offset_omega_9 * part_of_offset_omega_11;
+    const float64 part_of_offset_omega_13 = part_of_offset_omega_4 + part_of_offset_omega_6 +
+        part_of_offset_omega_10 + part_of_offset_omega_12;
+    const float64 offset_omega = 0.002624967187910153 * part_of_offset_omega_13;
+    const float64 offset_theta = part_of_offset_omega_13 * 5.249934375820306e-07;
+
+    /* --- eq. 17 */
+    const float64 part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 +
+        part_of_i_alpha_pred_9;
+    const float64 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2;
+    const float64 dev_i_alpha_0 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0;
+    const float64 dev_i_alpha_1 = part_of_i_alpha_pred_7 - part_of_dev_i_alpha_0;
+    const float64 dev_i_alpha_2 = part_of_i_alpha_pred_9 - part_of_dev_i_alpha_0;
+    const float64 part_of_i_alpha_pred_12 = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 +
+        cosm1_theta_mid_3;
+    const float64 part_of_dev_i_beta_0 = part_of_i_alpha_pred_12 * 0.2;
+    const float64 dev_i_beta_0 = cosm1_theta_mid_0 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_1 = cosm1_theta_mid_1 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_2 = cosm1_theta_mid_2 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_3 = cosm1_theta_mid_3 - part_of_dev_i_beta_0;
+    const float64 part_of_dev_omega_0 = part_of_offset_omega_13 * 0.2;
+    const float64 dev_omega_0 = part_of_offset_omega_4 - part_of_dev_omega_0;
+    const float64 dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0;
+    const float64 dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0;
+    const float64 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2) * 0.2;
-    const float64 offset_omega = 0.2 * (even_omega_next_0 + even_omega_next_1 + even_omega_next_2 +
-        even_omega_next_3);
-    const float64 offset_theta = 0.2 * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 +
-        even_theta_next_3);
     const float64 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
-    const float64 dev_i_beta_4 = 0.2 * (part_of_dev_i_beta_4 + part_of_dev_i_beta_4_2 + part_of_dev_i_beta_4_3
-        + part_of_dev_i_beta_4_4);
-    const float64 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * offset_i_alpha +
-        odd_i_alpha_1 * dev_i_beta_4;
+    const float64 part_of_i_alpha_pred_11 = 0.07092321646834308 * part_of_i_alpha_pred_10;
+    const float64 part_of_i_alpha_pred_13 = omega * 0.014184643293668617 * part_of_i_alpha_pred_12;
+    const float64 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * part_of_i_alpha_pred_11 +
+        odd_i_alpha_1 * part_of_i_alpha_pred_13;
     const float64 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
-    const float64 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * offset_i_alpha -
-        odd_i_beta_1 * dev_i_beta_4;
+    const float64 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
+        odd_i_beta_1 * part_of_i_alpha_pred_13;
     const float64 part_of_omega_pred = omega * DECAY_OMEGA +
         0.006562417969775382 * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
         0.006562417969775382 * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque;
@@ -341,108 +353,97 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-    const float64 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
-    const float64 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
-    const float64 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
-    const float64 dev_i_beta_0 = dev_i_beta_4 - part_of_dev_i_beta_4;
-    const float64 dev_i_beta_1 = dev_i_beta_4 - part_of_dev_i_beta_4_2;
-    const float64 dev_i_beta_2 = dev_i_beta_4 - part_of_dev_i_beta_4_3;
-    const float64 dev_i_beta_3 = dev_i_beta_4 - part_of_dev_i_beta_4_4;
-    const float64 dev_omega_0 = even_omega_next_0 - offset_omega;
-    const float64 dev_omega_1 = even_omega_next_1 - offset_omega;
-    const float64 dev_omega_2 = even_omega_next_2 - offset_omega;
-    const float64 dev_omega_3 = even_omega_next_3 - offset_omega;
-    const float64 dev_theta_0 = even_theta_next_0 - offset_theta;
-    const float64 dev_theta_1 = even_theta_next_1 - offset_theta;
-    const float64 dev_theta_2 = even_theta_next_2 - offset_theta;
-    const float64 dev_theta_3 = even_theta_next_3 - offset_theta;
-    const float64 part_of_P_pred_00 = D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
-        D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + D_2 * odd_i_alpha_next_2 * odd_i_alpha_next_2 +
-        odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2 * (dev_i_alpha_0 * dev_i_alpha_0 +
-        dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2) +
-        offset_i_alpha * offset_i_alpha * 0.4;
+    const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
+    const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+    const float64 omega_sq = omega * omega;
+    const float64 part_of_P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+        omega_sq * (part_of_offset_omega_8 + part_of_offset_omega_11) * GAIN_E_SQ_POLE_PAIRS_SQ +
+        (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
+        dev_i_alpha_2 * dev_i_alpha_2) * 0.025150513171077263 +
+        0.0020120410536861814 * part_of_i_alpha_pred_10 * part_of_i_alpha_pred_10;
+    const float64 part_of_P_pred_00_2 = part_of_i_alpha_pred_12 * 0.04000000000000001;
+    const float64 part_of_P_pred_00_3 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
+        omega * (part_of_i_alpha_pred_9 * part_of_offset_omega_7 + dev_i_alpha_0 * dev_i_beta_0 +
+        dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 - part_of_dev_i_alpha_0 * dev_i_beta_3 +
+        part_of_i_alpha_pred_10 * part_of_P_pred_00_2) * 0.005030102634215452;
+    const float64 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
+    const float64 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
     const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
     const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
-    const float64 D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2;
-    const float64 part_of_P_pred_00_3 = 0.2 * offset_i_alpha;
-    const float64 part_of_P_pred_00_4 = odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_2
-        + 0.2 * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2) -
-        part_of_P_pred_00_3 * (dev_i_beta_3 + dev_i_beta_4);
-    const float64 part_of_P_pred_00_5 = odd_i_alpha_1 * part_of_P_pred_00_4;
-    const float64 part_of_P_pred_00_6 = odd_i_beta_1 * part_of_P_pred_00_4;
+    const float64 part_of_P_pred_00_6 = D_2 * part_of_offset_omega_7;
     const float64 part_of_P_pred_00_7 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2
-        + 0.2 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
-        dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4);
-    const float64 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_5) -
-        odd_i_alpha_1 * (part_of_P_pred_00_6 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
-    const float64 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_6;
-    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_5 + odd_i_beta_1 * part_of_P_pred_00_7;
+        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+        part_of_offset_omega_7 * part_of_P_pred_00_6 * 0.005030102634215452 +
+        omega_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
+        dev_i_beta_3 * dev_i_beta_3 + part_of_i_alpha_pred_12 * part_of_P_pred_00_2) * 0.0010060205268430905;
+    const float64 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
+        odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
+    const float64 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
+    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_7;
     const float64 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
     const float64 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+    const float64 part_of_P_pred_20 = emf_step * part_of_i_alpha_pred_9;
+    const float64 part_of_P_pred_20_3 = part_of_offset_omega_13 * 0.04000000000000001;
+    const float64 part_of_P_pred_20_4 = dev_i_alpha_0 * dev_omega_0 + dev_i_alpha_1 * dev_omega_1 +
+        dev_i_alpha_2 * dev_omega_2 - part_of_dev_i_alpha_0 * dev_omega_3 +
+        part_of_i_alpha_pred_10 * part_of_P_pred_20_3;
+    const float64 part_of_P_pred_20_5 = D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + part_of_P_pred_20 * odd_omega_next_2 -
+        omega * sinc_theta_mid_3_times_D_3 * GAIN_E_GAIN_OMEGA_POLE_PAIRS * part_of_P_pred_20_2 +
+        0.000930855580452248 * part_of_P_pred_20_4;
+    const float64 part_of_P_pred_20_6 = 0.07092321646834308 * part_of_P_pred_00_6;
+    const float64 part_of_P_pred_20_7 = omega * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 +
+        dev_i_beta_2 * dev_omega_2 + dev_i_beta_3 * dev_omega_3 +
+        part_of_offset_omega_13 * part_of_P_pred_00_2);
+    const float64 part_of_P_pred_20_8 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
+        D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - part_of_P_pred_20_6 * odd_omega_next_2 -
+        0.0001861711160904496 * part_of_P_pred_20_7;
+    const float64 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_5 - odd_i_alpha_1 * part_of_P_pred_20_8;
+    const float64 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_5 + odd_i_beta_1 * part_of_P_pred_20_8;
     const float64 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
     const float64 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
     const float64 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
-    const float64 D_3_times_part_of_P_pred_20 = D_3 * part_of_P_pred_20;
-    const float64 part_of_P_pred_20_2 = odd_i_alpha_next_0 * D_0_times_odd_omega_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_omega_next_1 + odd_i_alpha_next_2 * D_2_times_odd_omega_next_2 -
-        odd_i_alpha_next_3 * D_3_times_part_of_P_pred_20 + 0.2 * (dev_i_alpha_0 * dev_omega_0 +
-        dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2) -
-        part_of_P_pred_00_3 * (dev_omega_3 - offset_omega);
-    const float64 part_of_P_pred_20_3 = odd_i_beta_next_0 * D_0_times_odd_omega_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_2 * D_2_times_odd_omega_next_2 +
-        0.2 * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 + dev_i_beta_2 * dev_omega_2 +
-        dev_i_beta_3 * dev_omega_3 - dev_i_beta_4 * offset_omega);
-    const float64 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_2 - odd_i_alpha_1 * part_of_P_pred_20_3;
-    const float64 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_2 + odd_i_beta_1 * part_of_P_pred_20_3;
-    const float64 part_of_P_pred_22 = D_4 * 0.01249984375195311;
+    const float64 part_of_P_pred_22 = dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1 +
+        dev_omega_2 * dev_omega_2 + dev_omega_3 * dev_omega_3 + part_of_offset_omega_13 * part_of_P_pred_20_3;
     const float64 P_pred_22 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
         odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
-        part_of_P_pred_20 * D_3_times_part_of_P_pred_20 + 0.01249984375195311 * part_of_P_pred_22 +
-        0.2 * (dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1 + dev_omega_2 * dev_omega_2 +
-        dev_omega_3 * dev_omega_3 + offset_omega * offset_omega) + Q_2;
-    const float64 D_0_times_odd_theta_next_0 = D_0 * odd_theta_next_0;
-    const float64 D_1_times_odd_theta_next_1 = D_1 * odd_theta_next_1;
-    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+        D_3 * part_of_P_pred_20_2 * part_of_P_pred_20_2 * GAIN_OMEGA_SQ + 0.0001562460938232412 * D_4 +
+        3.445226368802467e-05 * part_of_P_pred_22 + Q_2;
+    const float64 part_of_P_pred_30 = emf_step * sinc_theta_mid_3_times_D_3;
+    const float64 part_of_P_pred_30_2 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
+        part_of_P_pred_30 * odd_theta_next_3 + part_of_P_pred_20_4 * 1.8617111609044962e-07;
+    const float64 part_of_P_pred_30_3 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_6 * odd_theta_next_2 -
+        part_of_P_pred_20_7 * 3.723422321808992e-08;
+    const float64 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30_2 - odd_i_alpha_1 * part_of_P_pred_30_3;
+    const float64 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30_2 + odd_i_beta_1 * part_of_P_pred_30_3;
+    const float64 part_of_P_pred_32 = GAIN_OMEGA * part_of_P_pred_20_2;
     const float64 D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3;
-    const float64 part_of_P_pred_30 = odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
-        odd_i_alpha_next_3 * D_3_times_odd_theta_next_3 + 0.2 * (dev_i_alpha_0 * dev_theta_0 +
-        dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2) -
-        part_of_P_pred_00_3 * (dev_theta_3 - offset_theta);
-    const float64 part_of_P_pred_30_2 = odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_2 * D_2_times_odd_theta_next_2 +
-        0.2 * (dev_i_beta_0 * dev_theta_0 + dev_i_beta_1 * dev_theta_1 + dev_i_beta_2 * dev_theta_2 +
-        dev_i_beta_3 * dev_theta_3 - dev_i_beta_4 * offset_theta);
-    const float64 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
-    const float64 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2;
-    const float64 part_of_P_pred_32 = D_4 * 2.499968750390622e-06;
-    const float64 P_pred_32 = odd_omega_next_0 * D_0_times_odd_theta_next_0 +
-        odd_omega_next_1 * D_1_times_odd_theta_next_1 + odd_omega_next_2 * D_2_times_odd_theta_next_2 -
-        part_of_P_pred_20 * D_3_times_odd_theta_next_3 + 0.01249984375195311 * part_of_P_pred_32 +
-        0.2 * (dev_omega_0 * dev_theta_0 + dev_omega_1 * dev_theta_1 + dev_omega_2 * dev_theta_2 +
-        dev_omega_3 * dev_theta_3 + offset_omega * offset_theta);
-    const float64 P_pred_33 = odd_theta_next_0 * D_0_times_odd_theta_next_0 +
-        odd_theta_next_1 * D_1_times_odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 +
-        odd_theta_next_3 * D_3_times_odd_theta_next_3 + 2.499968750390622e-06 * part_of_P_pred_32 +
-        0.2 * (dev_theta_0 * dev_theta_0 + dev_theta_1 * dev_theta_1 + dev_theta_2 * dev_theta_2 +
-        dev_theta_3 * dev_theta_3 + offset_theta * offset_theta) + Q_3;
+    const float64 P_pred_32 = D_0_times_odd_omega_next_0 * odd_theta_next_0 +
+        D_1_times_odd_omega_next_1 * odd_theta_next_1 + D_2_times_odd_omega_next_2 * odd_theta_next_2 -
+        part_of_P_pred_32 * D_3_times_odd_theta_next_3 + D_4 * 3.124921876464824e-08 +
+        part_of_P_pred_22 * 6.8904527376049355e-09;
+    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
+        D_1 * odd_theta_next_1 * odd_theta_next_1 + D_2 * odd_theta_next_2 * odd_theta_next_2 +
+        odd_theta_next_3 * D_3_times_odd_theta_next_3 + D_4 * 6.249843752929649e-12 +
+        part_of_P_pred_22 * 1.3780905475209873e-12 + Q_3;
+    const float64 part_of_P_pred_40 = D_0_times_odd_i_alpha_next_0 * L_40 +
+        D_1_times_odd_i_alpha_next_1 * L_41 + part_of_P_pred_20 * L_42 + part_of_P_pred_30 * L_43;
+    const float64 part_of_P_pred_40_2 = D_0_times_odd_i_beta_next_0 * L_40 +
+        D_1_times_odd_i_beta_next_1 * L_41 - part_of_P_pred_20_6 * L_42;
+    const float64 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
+    const float64 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
     const float64 D_0_times_L_40 = D_0 * L_40;
     const float64 D_1_times_L_41 = D_1 * L_41;
     const float64 D_2_times_L_42 = D_2 * L_42;
     const float64 D_3_times_L_43 = D_3 * L_43;
-    const float64 part_of_P_pred_40 = odd_i_alpha_next_0 * D_0_times_L_40 +
-        odd_i_alpha_next_1 * D_1_times_L_41 + odd_i_alpha_next_2 * D_2_times_L_42 +
-        odd_i_alpha_next_3 * D_3_times_L_43;
-    const float64 part_of_P_pred_40_2 = odd_i_beta_next_0 * D_0_times_L_40 +
-        odd_i_beta_next_1 * D_1_times_L_41 - part_of_P_pred_00_2 * D_2_times_L_42;
-    const float64 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
-    const float64 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
-    const float64 P_pred_42 = odd_omega_next_0 * D_0_times_L_40 + odd_omega_next_1 * D_1_times_L_41 +
-        odd_omega_next_2 * D_2_times_L_42 - part_of_P_pred_20 * D_3_times_L_43 - part_of_P_pred_22;
-    const float64 P_pred_43 = odd_theta_next_0 * D_0_times_L_40 + odd_theta_next_1 * D_1_times_L_41 +
-        odd_theta_next_2 * D_2_times_L_42 + odd_theta_next_3 * D_3_times_L_43 - part_of_P_pred_32;
+    const float64 P_pred_42 = D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
+        D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * part_of_P_pred_32 - D_4 * 0.01249984375195311;
+    const float64 P_pred_43 = D_0_times_L_40 * odd_theta_next_0 + D_1_times_L_41 * odd_theta_next_1 +
+        D_2_times_L_42 * odd_theta_next_2 + D_3_times_L_43 * odd_theta_next_3 - D_4 * 2.499968750390622e-06;
     const float64 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
         L_43 * D_3_times_L_43 + D_4 + Q_4;
 
