@@ -122,9 +122,7 @@ def _passed(block: GraphBlock) -> tuple[Graph, dict[str, list[int]], dict[str, l
         **{stage.name: [entry.node for entry in stage.entries] for stage in block.stages},
         **{f"output {port.name}": [entry.node for entry in port.entries] for port in block.outputs},
     }
-    kept = [stage.name for stage in block.stages if stage.scale != "none"]
-    roots = [node for name in (*(f"output {port.name}" for port in block.outputs), *kept) for node in nodes[name]]
-    graph, moved = run_passes(block.graph, roots)
+    graph, moved = run_passes(block.graph, block.roots)
     stages = {stage.name: [moved.get(node, -1) for node in nodes[stage.name]] for stage in block.stages}
     outputs = {port.name: [moved[node] for node in nodes[f"output {port.name}"]] for port in block.outputs}
     return graph, outputs, stages

@@ -25,9 +25,9 @@ from codegen.trig import SINGLE, Precision, helper_listing, polynomial
 #: Largest z the polynomials serve: |d| <= 0.7071 rad, two sigmas of theta at sigma = 20 degrees.
 LIMIT = 0.5
 
-#: How often d may be halved, and the z that this leaves small: |d| <= 11.3 rad. A wider turn counts as that one:
-#: whoever knows an angle to no better than 5.6 rad, two sigmas being 11.3, knows nothing of it.
-DOUBLINGS = 4
+#: How often d may be halved, and the z that this leaves small: |d| <= 5.66 rad. A wider turn counts as that one: with
+#: sqrt(n) sigma beyond nearly a whole turn the points alias, and the angle is not known at all.
+DOUBLINGS = 3
 WIDEST = LIMIT * 4.0**DOUBLINGS
 
 #: sinc = 1 + z (S0 + S1 z + S2 z^2),  cosm1 = z (C0 + C1 z + C2 z^2)

@@ -94,6 +94,12 @@ class GraphBlock(Block):
 
     graph: Graph
 
+    @property
+    def roots(self) -> list[int]:
+        """Nodes that must survive every pass as values: outputs and compared stages."""
+        stages = (entry.node for stage in self.stages if stage.scale != "none" for entry in stage.entries)
+        return [*(entry.node for port in self.outputs for entry in port.entries), *stages]
+
 
 class GraphBuilder(BlockBuilder):
     """Collects a block like its parent, with :class:`Expr` for CasADi's scalars."""

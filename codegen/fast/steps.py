@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -31,11 +32,8 @@ RULES: dict[str, Rule | None] = {"ckf": CUBATURE, "ickf": CUBATURE, "ukf": UNSCE
 def build_fast_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
     """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
     literal = build_filter(model, kind, gain)
-    frames = (False, True) if turns_freely(model) else (False,)
-    shapes = [Shape(model, kind, literal.gain, RULES[kind], turning) for turning in frames]
-    looped = kind == "ickf" and literal.iteration_proof is None
-    (time_update,) = _cheapest([[shape.time_update()] for shape in shapes])
-    if looped:
+    shapes = _shapes(model, kind, literal.gain)
+    if kind == "ickf" and literal.iteration_proof is None:
         iterate, finish = _cheapest([[shape.iterate(), shape.finish()] for shape in shapes])
         *turns, iterate = split_turns(iterate, "_pred")
         head = tuple(Call(block) for block in turns)
@@ -44,23 +42,32 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterSte
     else:
         (measurement,) = _cheapest([[shape.measurement_update()] for shape in shapes])
         update = tuple(Call(block) for block in split_turns(measurement, "_pred"))
-    before = tuple(Call(block) for block in split_turns(time_update, ""))
+    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind))
     body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(shapes[0].coast()),)))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
+
+
+def _shapes(model: StateSpaceModel, kind: str, gain: str) -> list[Shape]:
+    """The blocks' builders: in the stator frame and, where f and h allow it, in a turning one."""
+    frames = (False, True) if turns_freely(model) else (False,)
+    return [Shape(model, kind, gain, RULES[kind], turning) for turning in frames]
+
+
+@cache
+def _time_update(model: StateSpaceModel, kind: str) -> list[GraphBlock]:
+    """The time update, which CKF and ICKF share, behind its turns."""
+    (block,) = _cheapest([[shape.time_update()] for shape in _shapes(model, kind, "cubature")])
+    return split_turns(block, "")
 
 
 def _cheapest(forms: list[list[GraphBlock]]) -> list[GraphBlock]:
     """The form that computes its outputs with the least work."""
 
-    def work(blocks: list[GraphBlock]) -> int:
-        total = 0
-        for block in blocks:
-            roots = [entry.node for port in block.outputs for entry in port.entries]
-            graph, moved = run_passes(block.graph, roots)
-            total += weight(graph, [moved[root] for root in roots])
-        return total
+    def work(block: GraphBlock) -> int:
+        graph, moved = run_passes(block.graph, block.roots)
+        return weight(graph, [moved[entry.node] for port in block.outputs for entry in port.entries])
 
-    return min(forms, key=work)
+    return min(forms, key=lambda blocks: sum(work(block) for block in blocks))
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,11 @@ def weight(graph: Graph, roots: Iterable[int]) -> int:
 def run_passes(graph: Graph, roots: Iterable[int]) -> tuple[Graph, dict[int, int]]:
     """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes."""
     roots = list(dict.fromkeys(roots))
-    results = [run_pipeline(graph, roots, pipeline) for pipeline in PIPELINES]
-    return min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
+    key = tuple(roots)
+    if key not in graph.rewritten:
+        results = [run_pipeline(graph, roots, pipeline) for pipeline in PIPELINES]
+        graph.rewritten[key] = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
+    return graph.rewritten[key]
 
 
 def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tuple[Graph, dict[int, int]]:

@@ -124,31 +124,50 @@ def _formula(graph: Graph, constants: list[int]) -> str:
 
 
 def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[tuple[Factor, Factor]]:
-    """Replace the most frequent pair until none is frequent; returns the pairs in the order made."""
+    """Replace the most frequent pair until none is frequent; returns the pairs in the order made.
+
+    Among equally frequent pairs the one known first is taken, so that what does not change is computed first.
+    """
+    rank: dict[Factor, float] = {
+        factor: float(ranks[factor]) if isinstance(factor, int) else -1.0
+        for held in factors.values()
+        for factor in held
+    }
     pairs: list[tuple[Factor, Factor]] = []
+    holders: dict[tuple[Factor, Factor], set[int]] = {}
+    for top, held in factors.items():
+        for pair in _pairs(held, rank):
+            holders.setdefault(pair, set()).add(top)
     while True:
-        count: Counter[tuple[Factor, Factor]] = Counter()
-        for held in factors.values():
-            if sum(held.values()) < 2:
-                continue
-            distinct = sorted(held, key=lambda f: _rank(f, ranks, pairs))
-            for a, b in combinations_with_replacement(distinct, 2):
-                if a != b or held[a] >= 2:
-                    count[a, b] += 1
-        if not count:
+        most = max((len(tops) for tops in holders.values()), default=0)
+        if most < 2:
             return pairs
-        best = max(count, key=lambda pair: (count[pair], [-_rank(f, ranks, pairs) for f in reversed(pair)]))
-        if count[best] < 2:
-            return pairs
+        best = min(
+            (pair for pair, tops in holders.items() if len(tops) == most),
+            key=lambda pair: (rank[pair[1]], rank[pair[0]]),
+        )
+        made = Shared(len(pairs))
         pairs.append(best)
-        made = Shared(len(pairs) - 1)
-        for held in factors.values():
+        rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(pairs)
+        for top in sorted(holders[best]):
+            held = factors[top]
+            for pair in _pairs(held, rank):
+                holders[pair].discard(top)
             while (held[best[0]] >= 2) if best[0] == best[1] else (held[best[0]] and held[best[1]]):
-                for factor in best:
-                    held[factor] -= 1
-                    if not held[factor]:
-                        del held[factor]
+                held.subtract(best)
                 held[made] += 1
+            for factor in [factor for factor, number in held.items() if not number]:
+                del held[factor]
+            for pair in _pairs(held, rank):
+                holders.setdefault(pair, set()).add(top)
+
+
+def _pairs(held: Counter[Factor], rank: dict[Factor, float]) -> list[tuple[Factor, Factor]]:
+    """Every pair of factors that a product holds, the earlier first."""
+    if sum(held.values()) < 2:
+        return []
+    distinct = sorted(held, key=lambda factor: (rank[factor], str(factor)))
+    return [(a, b) for a, b in combinations_with_replacement(distinct, 2) if a != b or held[a] >= 2]
 
 
 def _rank(factor: Factor, ranks: dict[int, int], pairs: list[tuple[Factor, Factor]]) -> float:

@@ -95,23 +95,29 @@ class CPrinter(ExpressionPrinter):
         for port, used in listing.used_inputs.items():
             lines += [f"{INDENT}const {self.target.real} {name} = {port}[{k}];" for k, name in used]
         lines += [*self.format_body(listing), ""]
-        for port, nodes in listing.outputs.items():
-            lines += [
-                wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT)
-                for k, node in enumerate(nodes)
-            ]
-        return "\n".join([*lines, *self._widening(listing), "}"])
+        turned = [s for section in listing.sections for s in section.statements if s.function is SMALL_ANGLE]
+        written = {port: self._written(listing, port) for port in listing.outputs}
+        if turned:
+            squares, turns = written
+            lines += [*written[turns], *self._widening(listing, turned, written[squares])]
+        else:
+            lines += [line for port in written.values() for line in port]
+        return "\n".join([*lines, "}"])
+
+    def _written(self, listing: Listing, port: str) -> list[str]:
+        return [
+            wrap_line(f"{port}_out[{k}] = {self.reference(listing, node)};", INDENT, INDENT)
+            for k, node in enumerate(listing.outputs[port])
+        ]
 
     @staticmethod
-    def _widening(listing: Listing) -> list[str]:
+    def _widening(listing: Listing, turned: list[Statement], squares: list[str]) -> list[str]:
         """Where a block takes small angles: those that are not small, once all are written."""
-        turned = [s for section in listing.sections for s in section.statements if s.function is SMALL_ANGLE]
-        if not turned:
-            return []
         z, turn = listing.outputs
         test = " || ".join(f"({listing.names[s.node]} > SMALL_TURN)" for s in turned)
         return [
             wrap_line(f"if ({test}) {{", INDENT, INDENT),
+            *(INDENT + line for line in squares),
             f"{INDENT * 2}widen({z}_out, {turn}_out, {len(turned)});",
             f"{INDENT}}}",
         ]

@@ -191,10 +191,6 @@ static void time_update_turns(const float32 LD[15], float32 z_out[4], float32 tu
     const float32 cosm1_theta_mid_3 = ((COSM1_3 * d_theta_mid_sq_3 + COSM1_2) * d_theta_mid_sq_3 +
         COSM1_1) * d_theta_mid_sq_3;
 
-    z_out[0] = d_theta_mid_sq_0;
-    z_out[1] = d_theta_mid_sq_1;
-    z_out[2] = d_theta_mid_sq_2;
-    z_out[3] = d_theta_mid_sq_3;
     turn_out[0] = sinc_theta_mid_0;
     turn_out[1] = cosm1_theta_mid_0;
     turn_out[2] = sinc_theta_mid_1;
@@ -205,6 +201,10 @@ static void time_update_turns(const float32 LD[15], float32 z_out[4], float32 tu
     turn_out[7] = cosm1_theta_mid_3;
     if ((d_theta_mid_sq_0 > SMALL_TURN) || (d_theta_mid_sq_1 > SMALL_TURN) || (d_theta_mid_sq_2 > SMALL_TURN)
         || (d_theta_mid_sq_3 > SMALL_TURN)) {
+        z_out[0] = d_theta_mid_sq_0;
+        z_out[1] = d_theta_mid_sq_1;
+        z_out[2] = d_theta_mid_sq_2;
+        z_out[3] = d_theta_mid_sq_3;
         widen(z_out, turn_out, 4);
     }
 }
