@@ -3,7 +3,7 @@
 #include "ipmsm_flux_ckf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,25 +34,35 @@ static const ipmsm_flux_ckf_foc_vector VECTORS[N_VECTORS] = {
     {{0x3F8B2000UL, 0x4032F000UL}, {0x41A00000UL, 0x44070000UL}, 0,
      {0x3C2BB460UL, 0x3F7D512EUL, 0x3EA5B14EUL, 0x3E960142UL, 0xC0CA87EEUL, 0x4101671BUL},
      {112, 112, 115, 107, 115, 116}},
-    /* 5: phase = -0.0875854, 2.99902 A; command = 20, 540 rad/s, V -> 0.0283043, 0.971696, 0.212756 |
-       0.365674, -7.54619, 10.2092 */
-    {{0xBDB36000UL, 0x403FF000UL}, {0x41A00000UL, 0x44070000UL}, 0,
-     {0x3CE7DE70UL, 0x3F78C10CUL, 0x3E59DC94UL, 0x3EBB39ADUL, 0xC0F17A64UL, 0x412358FEUL},
-     {112, 112, 115, 108, 116, 117}},
-    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.27498, 0.733152, 0.266848 | 0.39769,
-       -7.66161, 11.1399 */
+    /* 5: phase = -0.0875854, nan A; command = 20, 540 rad/s, V -> 0.0118607, 0.988139, 0.31249 | 0.365674,
+       -7.95601, 10.2007 */
+    {{0xBDB36000UL, 0x7FC00000UL}, {0x41A00000UL, 0x44070000UL}, 1,
+     {0x3C425360UL, 0x3F7CF6B2UL, 0x3E9FFEAAUL, 0x3EBB39AEUL, 0xC0FE97A1UL, 0x41233636UL},
+     {112, 112, 115, 108, 116, 116}},
+    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.333109, 0.674248, 0.325752 | 0.393384,
+       -7.99805, 10.8278 */
     {{0xBF9FD000UL, 0x402E9000UL}, {0x41A00000UL, 0x44070000UL}, 0,
-     {0x3E8CCA2EUL, 0x3F3BAFDAUL, 0x3E88A04CUL, 0x3ECB9E0BUL, 0xC0F52BF2UL, 0x41323CF2UL},
+     {0x3EAA8D52UL, 0x3F2C9B7CUL, 0x3EA6C908UL, 0x3EC96997UL, 0xC0FFF00CUL, 0x412D3E86UL},
      {118, 118, 118, 114, 119, 121}},
-    /* 7: phase = -2.21191, 2.02637 A; command = 200, 540 rad/s, V -> 0.0917431, 0.940956, 0.0590441 |
-       0.470072, -7.76514, 12.709 */
-    {{0xC00D9000UL, 0x4001B000UL}, {0x43480000UL, 0x44070000UL}, 0,
-     {0x3DBBE3CCUL, 0x3F70E27CUL, 0x3D71D840UL, 0x3EF0AD48UL, 0xC0F87C02UL, 0x414B5811UL},
-     {115, 113, 113, 114, 119, 121}},
-    /* 8: phase = -2.82715, 1.00488 A; command = 200, 540 rad/s, V -> 0.106247, 0.945331, 0.0546692 |
-       0.542237, -7.60946, 13.9039 */
-    {{0xC034F000UL, 0x3F80A000UL}, {0x43480000UL, 0x44070000UL}, 0,
-     {0x3DD99824UL, 0x3F720133UL, 0x3D5FECD0UL, 0x3F0AD009UL, 0xC0F380B9UL, 0x415E7662UL},
+    /* 7: phase = -2.21191, 2.02637 A; command = inf, nan rad/s, V -> 0.762637, 0.0235471, 0.976453 |
+       0.318629, -8.05862, 7.97971 */
+    {{0xC00D9000UL, 0x4001B000UL}, {0x7F800000UL, 0x7FC00000UL}, 4,
+     {0x3F433C26UL, 0x3CC0E5D0UL, 0x3F79F8D2UL, 0x3EA32348UL, 0xC100F020UL, 0x40FF59CCUL},
+     {115, 112, 112, 114, 119, 121}},
+    /* 8: phase = -2.82715, 1.00488 A; command = 20, 540 rad/s, V -> 0.871256, 0.048274, 0.951726 | 0.244098,
+       -7.90927, 4.80212 */
+    {{0xC034F000UL, 0x3F80A000UL}, {0x41A00000UL, 0x44070000UL}, 0,
+     {0x3F5F0A9FUL, 0x3D45BAF8UL, 0x3F73A450UL, 0x3E79F4BCUL, 0xC0FD18C7UL, 0x4099AAF4UL},
+     {114, 112, 112, 114, 119, 121}},
+    /* 9: phase = -2.99512, -0.17511 A; command = 200, 540 rad/s, V -> 0.106327, 0.945354, 0.0546458 |
+       0.31694, -7.72139, 5.85109 */
+    {{0xC03FB000UL, 0xBE335000UL}, {0x43480000UL, 0x44070000UL}, 0,
+     {0x3DD9C1C4UL, 0x3F7202BCUL, 0x3D5FD448UL, 0x3EA24602UL, 0xC0F7159DUL, 0x40BB3C18UL},
+     {116, 114, 114, 114, 119, 121}},
+    /* 10: phase = -2.69043, -1.32764 A; command = 200, 540 rad/s, V -> 0.114533, 0.947741, 0.0522593 |
+       0.389565, -7.68083, 6.76859 */
+    {{0xC02C3000UL, 0xBFA9F000UL}, {0x43480000UL, 0x44070000UL}, 0,
+     {0x3DEA9058UL, 0x3F729F22UL, 0x3D560DE0UL, 0x3EC77501UL, 0xC0F5C95FUL, 0x40D89852UL},
      {114, 112, 112, 114, 119, 121}}
 };
 
@@ -97,7 +107,7 @@ static int replay(ipmsm_flux_ckf_foc_t *c, const ipmsm_flux_ckf_foc_vector *v, f
     }
     status = ipmsm_flux_ckf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

@@ -3,7 +3,7 @@
 #include "ipmsm_flux_ickf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,26 +34,36 @@ static const ipmsm_flux_ickf_foc_vector VECTORS[N_VECTORS] = {
     {{0x3F8B2000UL, 0x4032F000UL}, {0x41A00000UL, 0x44070000UL}, 2,
      {0x3E3CEF02UL, 0x3F773436UL, 0x3D0CBC98UL, 0x3E960142UL, 0xC0BF28B6UL, 0x4103C221UL},
      {116, 113, 113, 108, 117, 115}},
-    /* 5: phase = -0.0875854, 2.99902 A; command = 20, 540 rad/s, V -> 0.0661137, 0.933886, 0.0696189 |
-       0.365674, -6.96905, 10.188 */
-    {{0xBDB36000UL, 0x403FF000UL}, {0x41A00000UL, 0x44070000UL}, 2,
-     {0x3D87669CUL, 0x3F6F132CUL, 0x3D8E9458UL, 0x3EBB39AEUL, 0xC0DF0276UL, 0x4123023EUL},
-     {114, 114, 116, 108, 118, 116}},
-    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.640235, 0.00659874, 0.993401 |
-       0.291002, -7.2238, 7.42369 */
+    /* 5: phase = -0.0875854, nan A; command = 20, 540 rad/s, V -> 0.0857107, 0.939076, 0.0609236 | 0.365674,
+       -7.69131, 10.2473 */
+    {{0xBDB36000UL, 0x7FC00000UL}, {0x41A00000UL, 0x44070000UL}, 1,
+     {0x3DAF8918UL, 0x3F706750UL, 0x3D798B00UL, 0x3EBB39AEUL, 0xC0F61F36UL, 0x4123F512UL},
+     {116, 114, 114, 108, 118, 116}},
+    /* 6: phase = -1.24854, 2.72754 A; command = 20, 540 rad/s, V -> 0.504445, 6.61612e-06, 0.999993 |
+       0.291002, -7.85154, 7.46638 */
     {{0xBF9FD000UL, 0x402E9000UL}, {0x41A00000UL, 0x44070000UL}, 2,
-     {0x3F23E669UL, 0x3BD83A40UL, 0x3F7E4F8CUL, 0x3E94FE44UL, 0xC0E7295CUL, 0x40ED8EDCUL},
-     {117, 114, 114, 108, 117, 116}},
-    /* 7: phase = -2.21191, 2.02637 A; command = 200, 540 rad/s, V -> 0.311697, 0.988038, 0.0119624 |
-       0.363704, -7.15056, 8.45365 */
-    {{0xC00D9000UL, 0x4001B000UL}, {0x43480000UL, 0x44070000UL}, 2,
-     {0x3E9F96D0UL, 0x3F7CF008UL, 0x3C43FDE0UL, 0x3EBA3776UL, 0xC0E4D15AUL, 0x41074227UL},
-     {119, 116, 116, 109, 117, 117}},
-    /* 8: phase = -2.82715, 1.00488 A; command = 200, 540 rad/s, V -> 0.19508, 0.967983, 0.0320172 | 0.436188,
-       -6.99742, 9.12691 */
-    {{0xC034F000UL, 0x3F80A000UL}, {0x43480000UL, 0x44070000UL}, 2,
-     {0x3E47C2F2UL, 0x3F77CDB8UL, 0x3D032480UL, 0x3EDF5412UL, 0xC0DFEAE5UL, 0x411207D0UL},
-     {118, 116, 116, 109, 116, 118}}
+     {0x3F012350UL, 0x36DE0000UL, 0x3F7FFF91UL, 0x3E94FE44UL, 0xC0FB3FC9UL, 0x40EEEC90UL},
+     {117, 110, 109, 108, 117, 116}},
+    /* 7: phase = -2.21191, 2.02637 A; command = inf, nan rad/s, V -> 0.838848, 0.0398616, 0.960138 |
+       0.216554, -7.89519, 4.12142 */
+    {{0xC00D9000UL, 0x4001B000UL}, {0x7F800000UL, 0x7FC00000UL}, 6,
+     {0x3F56BEBAUL, 0x3D2345E0UL, 0x3F75CBA2UL, 0x3E5DC06FUL, 0xC0FCA56AUL, 0x4083E2B6UL},
+     {117, 114, 114, 109, 116, 116}},
+    /* 8: phase = -2.82715, 1.00488 A; command = 20, 540 rad/s, V -> 0.910497, 0.059738, 0.940262 | 0.14233,
+       -7.72061, 0.445103 */
+    {{0xC034F000UL, 0x3F80A000UL}, {0x41A00000UL, 0x44070000UL}, 2,
+     {0x3F69165CUL, 0x3D74AFD0UL, 0x3F70B503UL, 0x3E11BEE2UL, 0xC0F70F37UL, 0x3EE3E490UL},
+     {120, 118, 118, 110, 118, 118}},
+    /* 9: phase = -2.99512, -0.17511 A; command = 200, 540 rad/s, V -> 0.441404, 0.998854, 0.00114587 |
+       0.180282, -7.31615, 0.848798 */
+    {{0xC03FB000UL, 0xBE335000UL}, {0x43480000UL, 0x44070000UL}, 2,
+     {0x3EE1FFB2UL, 0x3F7FB4E8UL, 0x3A963100UL, 0x3E389BC2UL, 0xC0EA1DF0UL, 0x3F594AD2UL},
+     {124, 120, 120, 121, 124, 123}},
+    /* 10: phase = -2.69043, -1.32764 A; command = 200, 540 rad/s, V -> 0.838897, 0.161103, 0.416028 |
+       0.120619, -6.40115, -2.0587 */
+    {{0xC02C3000UL, 0xBFA9F000UL}, {0x43480000UL, 0x44070000UL}, 2,
+     {0x3F56C1EDUL, 0x3E24F84CUL, 0x3ED501A7UL, 0x3DF706F5UL, 0xC0CCD62FUL, 0xC003C1B6UL},
+     {119, 119, 121, 121, 124, 124}}
 };
 
 typedef union {
@@ -97,7 +107,7 @@ static int replay(ipmsm_flux_ickf_foc_t *c, const ipmsm_flux_ickf_foc_vector *v,
     }
     status = ipmsm_flux_ickf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

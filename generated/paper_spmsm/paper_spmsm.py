@@ -109,12 +109,12 @@ def _small_angle_f32(z):
     wide = z > 0.5
     if not np.any(wide):
         return _polynomial_small_angle_f32(z)
-    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
-    for _ in range(4):
+    part, doublings = np.where(wide, _smaller(z, 32.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(3):
         halved = part > 0.5
         part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
     sinc, cosm1 = _polynomial_small_angle_f32(part)
-    for j in range(4):
+    for j in range(3):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
@@ -136,12 +136,12 @@ def _small_angle_f64(z):
     wide = z > 0.5
     if not np.any(wide):
         return _polynomial_small_angle_f64(z)
-    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
-    for _ in range(4):
+    part, doublings = np.where(wide, _smaller(z, 32.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(3):
         halved = part > 0.5
         part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
     sinc, cosm1 = _polynomial_small_angle_f64(part)
-    for j in range(4):
+    for j in range(3):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]

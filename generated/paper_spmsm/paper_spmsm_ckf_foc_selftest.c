@@ -3,7 +3,7 @@
 #include "paper_spmsm_ckf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,26 +34,36 @@ static const paper_spmsm_ckf_foc_vector VECTORS[N_VECTORS] = {
     {{0x400B2000UL, 0x40B2F000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
      {0x3F164743UL, 0x3ED3717AUL, 0x3F1521F1UL, 0x3D4E40B0UL, 0xC000CA3EUL, 0x40A91F0EUL},
      {108, 108, 107, 106, 111, 112}},
-    /* 5: phase = -0.175171, 5.99805 A; command = 20, 311 rad/s, V -> 0.606533, 0.393467, 0.513982 |
-       0.0629244, -2.56115, 6.79664 */
-    {{0xBE336000UL, 0x40BFF000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
-     {0x3F1B45C0UL, 0x3EC97480UL, 0x3F039456UL, 0x3D80DE88UL, 0xC023E9D8UL, 0x40D97E14UL},
-     {108, 108, 107, 106, 111, 113}},
-    /* 6: phase = -2.49707, 5.45508 A; command = 20, 311 rad/s, V -> 0.610763, 0.389237, 0.427876 | 0.0754867,
-       -2.98779, 8.32195 */
+    /* 5: phase = -0.175171, nan A; command = 20, 311 rad/s, V -> 0.58372, 0.41628, 0.579224 | 0.0629245,
+       -2.54859, 6.66648 */
+    {{0xBE336000UL, 0x7FC00000UL}, {0x41A00000UL, 0x439B8000UL}, 1,
+     {0x3F156EA5UL, 0x3ED522B6UL, 0x3F144804UL, 0x3D80DE89UL, 0xC0231C0AUL, 0x40D553D6UL},
+     {108, 108, 108, 106, 111, 112}},
+    /* 6: phase = -2.49707, 5.45508 A; command = 20, 311 rad/s, V -> 0.594921, 0.405079, 0.432348 | 0.0754867,
+       -2.9879, 8.22148 */
     {{0xC01FD000UL, 0x40AE9000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
-     {0x3F1C5AF1UL, 0x3EC74A1DUL, 0x3EDB12A0UL, 0x3D9A98C4UL, 0xC03F37E2UL, 0x410526B2UL},
-     {108, 108, 107, 107, 111, 113}},
-    /* 7: phase = -4.42383, 4.05273 A; command = 200, 311 rad/s, V -> 0.632424, 0.431528, 0.367576 |
-       0.0880414, -3.29759, 9.75847 */
-    {{0xC08D9000UL, 0x4081B000UL}, {0x43480000UL, 0x439B8000UL}, 0,
-     {0x3F21E68FUL, 0x3EDCF146UL, 0x3EBC32E2UL, 0x3DB44F0CUL, 0xC0530BA7UL, 0x411C22B2UL},
+     {0x3F184CC4UL, 0x3ECF6677UL, 0x3EDD5CADUL, 0x3D9A98C5UL, 0xC03F39C6UL, 0x41038B32UL},
      {108, 108, 108, 107, 111, 113}},
-    /* 8: phase = -5.6543, 2.00977 A; command = 200, 311 rad/s, V -> 0.662471, 0.506715, 0.337529 | 0.100589,
-       -3.52316, 11.0435 */
-    {{0xC0B4F000UL, 0x4000A000UL}, {0x43480000UL, 0x439B8000UL}, 0,
-     {0x3F2997B4UL, 0x3F01B817UL, 0x3EACD099UL, 0x3DCE015FUL, 0xC0617B77UL, 0x4130B229UL},
-     {108, 108, 108, 108, 111, 114}}
+    /* 7: phase = -4.42383, 4.05273 A; command = inf, nan rad/s, V -> 0.611502, 0.437163, 0.388498 |
+       0.0880414, -3.29766, 9.65797 */
+    {{0xC08D9000UL, 0x4081B000UL}, {0x7F800000UL, 0x7FC00000UL}, 4,
+     {0x3F1C8B6BUL, 0x3EDFD3E3UL, 0x3EC6E92AUL, 0x3DB44F0EUL, 0xC0530CEDUL, 0x411A8707UL},
+     {108, 108, 108, 107, 111, 113}},
+    /* 8: phase = -5.6543, 2.00977 A; command = 20, 311 rad/s, V -> 0.640594, 0.505299, 0.359406 | 0.100589,
+       -3.5296, 10.9463 */
+    {{0xC0B4F000UL, 0x4000A000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
+     {0x3F23FDF5UL, 0x3F015B41UL, 0x3EB80416UL, 0x3DCE0163UL, 0xC061E4EDUL, 0x412F2416UL},
+     {108, 107, 108, 107, 111, 113}},
+    /* 9: phase = -5.99023, -0.35022 A; command = 200, 311 rad/s, V -> 0.655598, 0.578782, 0.344402 |
+       0.113128, -3.71719, 12.0859 */
+    {{0xC0BFB000UL, 0xBEB35000UL}, {0x43480000UL, 0x439B8000UL}, 0,
+     {0x3F27D54BUL, 0x3F142B0EUL, 0x3EB0556AUL, 0x3DE7AFC5UL, 0xC06DE679UL, 0x41415FB3UL},
+     {108, 108, 108, 108, 111, 113}},
+    /* 10: phase = -5.38086, -2.65527 A; command = 200, 311 rad/s, V -> 0.65261, 0.649268, 0.34739 | 0.12566,
+       -3.88768, 13.1255 */
+    {{0xC0AC3000UL, 0xC029F000UL}, {0x43480000UL, 0x439B8000UL}, 0,
+     {0x3F271174UL, 0x3F263674UL, 0x3EB1DD17UL, 0x3E00AD1CUL, 0xC078CFBDUL, 0x415201ECUL},
+     {108, 107, 108, 108, 111, 114}}
 };
 
 typedef union {
@@ -97,7 +107,7 @@ static int replay(paper_spmsm_ckf_foc_t *c, const paper_spmsm_ckf_foc_vector *v,
     }
     status = paper_spmsm_ckf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

@@ -50,6 +50,9 @@ PSI_M = 0.175  # magnet flux linkage, Wb
 POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
+GAIN_E = 0.01773080411708577  # psi_m (1 - exp(-T R / L)) / R, A s/rad
+HALF_T = 5e-05  # T / 2, s
+GAIN_TORQUE = 1.0499999999999998  # 1.5 p psi_m, N m/A
 
 
 def _smaller(a, b):
@@ -113,12 +116,12 @@ def _small_angle_f32(z):
     wide = z > 0.5
     if not np.any(wide):
         return _polynomial_small_angle_f32(z)
-    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
-    for _ in range(4):
+    part, doublings = np.where(wide, _smaller(z, 32.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(3):
         halved = part > 0.5
         part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
     sinc, cosm1 = _polynomial_small_angle_f32(part)
-    for j in range(4):
+    for j in range(3):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
@@ -140,12 +143,12 @@ def _small_angle_f64(z):
     wide = z > 0.5
     if not np.any(wide):
         return _polynomial_small_angle_f64(z)
-    part, doublings = np.where(wide, _smaller(z, 128.0), z)[()], np.where(wide, 0, 0)
-    for _ in range(4):
+    part, doublings = np.where(wide, _smaller(z, 32.0), z)[()], np.where(wide, 0, 0)
+    for _ in range(3):
         halved = part > 0.5
         part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
     sinc, cosm1 = _polynomial_small_angle_f64(part)
-    for j in range(4):
+    for j in range(3):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]

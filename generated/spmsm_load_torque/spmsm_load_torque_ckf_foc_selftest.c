@@ -3,7 +3,7 @@
 #include "spmsm_load_torque_ckf_foc_selftest.h"
 
 #define N_WORDS 6 /* duty cycles, integrators */
-#define N_VECTORS 8
+#define N_VECTORS 10
 
 typedef struct {
     Uint32 phase[2];
@@ -34,26 +34,36 @@ static const spmsm_load_torque_ckf_foc_vector VECTORS[N_VECTORS] = {
     {{0x400B2000UL, 0x40B2F000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
      {0x3EF02DF3UL, 0x3F16BE2EUL, 0x3ED283A5UL, 0x3E77CC0BUL, 0xC0EA764EUL, 0x41B4ACCCUL},
      {105, 107, 107, 104, 113, 114}},
-    /* 5: phase = -0.175171, 5.99805 A; command = 20, 311 rad/s, V -> 0.478474, 0.606377, 0.393623 | 0.303695,
-       -7.08866, 28.197 */
-    {{0xBE336000UL, 0x40BFF000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
-     {0x3EF4FA7BUL, 0x3F1B3B8CUL, 0x3EC988E8UL, 0x3E9B7DE7UL, 0xC0E2D651UL, 0x41E1938CUL},
+    /* 5: phase = -0.175171, nan A; command = 20, 311 rad/s, V -> 0.479482, 0.604614, 0.395386 | 0.304111,
+       -7.19293, 27.9854 */
+    {{0xBE336000UL, 0x7FC00000UL}, {0x41A00000UL, 0x439B8000UL}, 1,
+     {0x3EF57E9BUL, 0x3F1AC7F6UL, 0x3ECA7014UL, 0x3E9BB466UL, 0xC0E62C82UL, 0x41DFE200UL},
      {105, 107, 108, 105, 113, 114}},
-    /* 6: phase = -2.49707, 5.45508 A; command = 20, 311 rad/s, V -> 0.477401, 0.626621, 0.373379 | 0.362558,
-       -6.04209, 34.2704 */
+    /* 6: phase = -2.49707, 5.45508 A; command = 20, 311 rad/s, V -> 0.475287, 0.62583, 0.37417 | 0.362857,
+       -6.16019, 34.036 */
     {{0xC01FD000UL, 0x40AE9000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
-     {0x3EF46DE0UL, 0x3F206A38UL, 0x3EBF2B91UL, 0x3EB9A133UL, 0xC0C158D4UL, 0x420914E4UL},
-     {105, 107, 108, 105, 113, 115}},
-    /* 7: phase = -4.42383, 4.05273 A; command = 200, 311 rad/s, V -> 0.47433, 0.658511, 0.341489 | 0.42447,
-       -4.21308, 41.8302 */
-    {{0xC08D9000UL, 0x4081B000UL}, {0x43480000UL, 0x439B8000UL}, 0,
-     {0x3EF2DB52UL, 0x3F28942AUL, 0x3EAED7ADUL, 0x3ED9542BUL, 0xC086D188UL, 0x42275228UL},
-     {107, 108, 108, 108, 113, 115}},
-    /* 8: phase = -5.6543, 2.00977 A; command = 200, 311 rad/s, V -> 0.510175, 0.696965, 0.303035 | 0.486197,
-       -1.77123, 50.8411 */
-    {{0xC0B4F000UL, 0x4000A000UL}, {0x43480000UL, 0x439B8000UL}, 0,
-     {0x3F029ADAUL, 0x3F326C45UL, 0x3E9B2776UL, 0x3EF8EECCUL, 0xBFE2B794UL, 0x424B5D4EUL},
-     {108, 108, 108, 109, 113, 116}}
+     {0x3EF358C6UL, 0x3F20365EUL, 0x3EBF9344UL, 0x3EB9C855UL, 0xC0C52047UL, 0x420824E5UL},
+     {105, 108, 108, 105, 113, 115}},
+    /* 7: phase = -4.42383, 4.05273 A; command = inf, nan rad/s, V -> 0.47116, 0.648093, 0.351907 | 0.416121,
+       -4.347, 40.3853 */
+    {{0xC08D9000UL, 0x4081B000UL}, {0x7F800000UL, 0x7FC00000UL}, 4,
+     {0x3EF13BEEUL, 0x3F25E966UL, 0x3EB42D34UL, 0x3ED50DD1UL, 0xC08B1AA4UL, 0x42218A94UL},
+     {107, 108, 108, 105, 113, 115}},
+    /* 8: phase = -5.6543, 2.00977 A; command = 20, 311 rad/s, V -> 0.507728, 0.675346, 0.324654 | 0.461775,
+       -1.90239, 47.1745 */
+    {{0xC0B4F000UL, 0x4000A000UL}, {0x41A00000UL, 0x439B8000UL}, 0,
+     {0x3F01FA72UL, 0x3F2CE375UL, 0x3EA63916UL, 0x3EEC6DBCUL, 0xBFF381A6UL, 0x423CB2A4UL},
+     {107, 108, 108, 105, 113, 115}},
+    /* 9: phase = -5.99023, -0.35022 A; command = 200, 311 rad/s, V -> 0.614356, 0.724297, 0.275703 |
+       0.523389, 0.213822, 58.0288 */
+    {{0xC0BFB000UL, 0xBEB35000UL}, {0x43480000UL, 0x439B8000UL}, 0,
+     {0x3F1D4673UL, 0x3F396B85UL, 0x3E8D28F6UL, 0x3F05FCD9UL, 0x3E5AF440UL, 0x42681D84UL},
+     {108, 109, 109, 108, 113, 116}},
+    /* 10: phase = -5.38086, -2.65527 A; command = 200, 311 rad/s, V -> 0.662204, 0.763883, 0.236117 |
+       0.584819, 1.63818, 69.8852 */
+    {{0xC0AC3000UL, 0xC029F000UL}, {0x43480000UL, 0x439B8000UL}, 0,
+     {0x3F29862CUL, 0x3F438DDCUL, 0x3E71C890UL, 0x3F15B6B7UL, 0x3FD1AFDBUL, 0x428BC53DUL},
+     {108, 109, 109, 109, 113, 116}}
 };
 
 typedef union {
@@ -97,7 +107,7 @@ static int replay(spmsm_load_torque_ckf_foc_t *c, const spmsm_load_torque_ckf_fo
     }
     status = spmsm_load_torque_ckf_foc_step(c, phase, command, duty);
     if (tolerance > 0.0f) {
-        status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);
+        status = (status & ~PMSM_NOT_CONVERGED) | (v->status & PMSM_NOT_CONVERGED);
     }
     if (status != v->status) {
         return 1;

@@ -77,8 +77,8 @@ static float64 larger(float64 a, float64 b)
 #define COSM1_8 4.779477332387385e-14
 #define COSM1_9 -1.5619206968586225e-16
 #define SMALL_TURN 0.5 /* rad^2 */
-#define DOUBLINGS 4
-#define WIDEST_TURN 128.0 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
+#define DOUBLINGS 3
+#define WIDEST_TURN 32.0 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 
 /* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. */
 static void widen(const float64 z[], float64 turn[], int count)
