@@ -25,8 +25,9 @@ from codegen.trig import SINGLE, Precision, helper_listing, polynomial
 #: Largest z the polynomials serve: |d| <= 0.7071 rad, two sigmas of theta at sigma = 20 degrees.
 LIMIT = 0.5
 
-#: How often d may be halved, and the z that this leaves small: |d| <= 5.66 rad. A wider turn counts as that one: with
-#: sqrt(n) sigma beyond nearly a whole turn the points alias, and the angle is not known at all.
+#: How often d may be halved, and the z that this leaves small: |d| <= 5.66 rad. With sqrt(n) sigma beyond nearly a
+#: whole turn the points alias and the angle is not known at all: its sine and cosine then average out, sinc = 0 and
+#: cosm1 = -1. (To alias them truly would not be better, and would cost a square root and a division.)
 DOUBLINGS = 3
 WIDEST = LIMIT * 4.0**DOUBLINGS
 

@@ -125,7 +125,8 @@ def _small_angle_f32(z):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
-    return sinc, cosm1
+    unknown = z > 32.0
+    return np.where(unknown, 0.0 * part, sinc)[()], np.where(unknown, 0.0 * part - 1.0, cosm1)[()]
 
 
 def _polynomial_small_angle_f64(z):
@@ -152,7 +153,8 @@ def _small_angle_f64(z):
         more = j < doublings
         sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
         cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
-    return sinc, cosm1
+    unknown = z > 32.0
+    return np.where(unknown, 0.0 * part, sinc)[()], np.where(unknown, 0.0 * part - 1.0, cosm1)[()]
 
 
 class Float32:

@@ -107,7 +107,8 @@ static float32 larger(float32 a, float32 b)
 #define DOUBLINGS 3
 #define WIDEST_TURN 32.0f /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 
-/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. */
+/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. Beyond WIDEST_TURN
+ * the angle is unknown, and its sine and cosine average out. */
 static void widen(const float32 z[], float32 turn[], int count)
 {
     int k;
@@ -132,8 +133,8 @@ static void widen(const float32 z[], float32 turn[], int count)
                     cosm1 = larger(2.0f * cosm1 * (cosm1 + 2.0f), -2.0f);
                 }
             }
-            turn[2 * k] = sinc;
-            turn[(2 * k) + 1] = cosm1;
+            turn[2 * k] = (z[k] > WIDEST_TURN) ? 0.0f : sinc;
+            turn[(2 * k) + 1] = (z[k] > WIDEST_TURN) ? -1.0f : cosm1;
         }
     }
 }

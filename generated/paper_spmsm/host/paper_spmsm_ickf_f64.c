@@ -75,7 +75,8 @@ static float64 larger(float64 a, float64 b)
 #define DOUBLINGS 3
 #define WIDEST_TURN 32.0 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 
-/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. */
+/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. Beyond WIDEST_TURN
+ * the angle is unknown, and its sine and cosine average out. */
 static void widen(const float64 z[], float64 turn[], int count)
 {
     int k;
@@ -100,8 +101,8 @@ static void widen(const float64 z[], float64 turn[], int count)
                     cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
                 }
             }
-            turn[2 * k] = sinc;
-            turn[(2 * k) + 1] = cosm1;
+            turn[2 * k] = (z[k] > WIDEST_TURN) ? 0.0 : sinc;
+            turn[(2 * k) + 1] = (z[k] > WIDEST_TURN) ? -1.0 : cosm1;
         }
     }
 }
