@@ -55,12 +55,13 @@ def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
 class Measured:
     """A covariance and an estimate while scalar measurements are taken from them, one after another.
 
-    ``rows``: measurements still to come, as rows of H L; they turn with the columns of L.
+    ``rows``: measurements still to come, as rows of H L; they turn with the columns of L. ``correction``: what
+    the measurements add to the estimate, summed apart from it, because an angle's last digits are coarser.
     """
 
     L: Matrix
     D: list[Expr]
-    x: list[Expr]
+    correction: list[Expr]
     rows: Matrix
     innovations: list[Expr]
     variances: list[Expr]
@@ -94,7 +95,7 @@ class Measured:
             self.D[j] = self.D[j] * a / grown
             a = grown
         share = nu / a
-        self.x = [value + k * share for value, k in zip(self.x, gathered[:n], strict=True)]
+        self.correction = [sum_ + k * share for sum_, k in zip(self.correction, gathered[:n], strict=True)]
         self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
         self.spans.append(a)
 

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import casadi as ca
 
 from codegen.fast.expr import Expr, GraphBlock, GraphBuilder
 from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
-from codegen.fast.frame import AngleFinder, Frame, turns_freely
-from codegen.fast.rows import common_factor
-from codegen.fast.split import Split, SplitAlgebra
+from codegen.fast.frame import Frame, turns_freely
+from codegen.fast.split import SplitAlgebra
+from codegen.fast.spread import Spread, Spreading, dot
+from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns
-from codegen.graph import read_tape
 from codegen.passes import run_passes, weight
 from model.filters import build_filter
 from model.filters.cubature import CUBATURE, Rule
 from model.filters.program import Call, Copy, FilterStep, IfAccepted, Node, Repeat
 from model.filters.ukf import UNSCENTED
-from model.quantities import Constant
 from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
 
 Vector = list[Expr]
@@ -71,19 +69,6 @@ def _cheapest(forms: list[list[GraphBlock]]) -> list[GraphBlock]:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """A function along the columns of L: base (m), and its even and odd parts (m rows, n columns).
-
-    ``jacobian`` (m rows, n columns) where the odd parts are derivatives.
-    """
-
-    base: Vector
-    even: Matrix
-    odd: Matrix
-    jacobian: Matrix | None = None
-
-
-@dataclass(frozen=True)
 class Seen:
     """A measurement as the filter takes it: rows of H L (2, n), noise (2, 2), innovation (2,).
 
@@ -97,33 +82,26 @@ class Seen:
     where: str
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(Spreading):
     """Builds the blocks of one filter of one model."""
-
-    model: StateSpaceModel
-    kind: str
-    gain: str
-    rule: Rule | None
-    turning: bool = False
 
     # --- blocks
 
     def time_update(self) -> GraphBlock:
         """Eq. 13-17 along the columns of L, and L D L^T of P_pred."""
         name = {"ckf": "time_update", "ickf": "time_update"}.get(self.kind, f"{self.kind}_time_update")
-        number = self._equation
-        b = GraphBuilder(name, f"Time update{', eq. 13-18' if self._is_paper else ' of the ' + self.kind.upper()}")
+        number = self.equation
+        b = GraphBuilder(name, f"Time update{', eq. 13-18' if self.is_paper else ' of the ' + self.kind.upper()}")
         x, L, D = self._inputs(b, "x", "LD", "", "")
         Q = b.input("Q", [f"Q_{i}" for i in range(self.n)])
         u = b.input("u", [quantity.name for quantity in INPUTS])
         f, named = self.model.propagate(ca.vertsplit(self.model.x), ca.vertsplit(self.model.u))
-        tape = _Tape(self.model, [self.model.x, self.model.u], f, named)
+        tape = Tape(self.model, [self.model.x, self.model.u], f, named)
         here, frame = tape.at(b, [x, u]), None
         if self.turning:
             frame = tape.frame(b, [x, u])
-        run = self._along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
-        offset, P = self._moments(b, run, D, (number("16"), number("17")), self.states)
+        run = self.along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
+        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
         labels = [f"{s}_pred" for s in self.states]
@@ -150,12 +128,12 @@ class Shape:
         R, y = self._measured(b)
         seen = self._seen(b, x_pred, L, D, R, y)
         one_pass = self.kind == "ickf"
-        number = self._equation("31" if one_pass else "25")
+        number = self.equation("31" if one_pass else "25")
         b.stage("innovation", number, f"y - y_pred{seen.where}", seen.innovation, _innovation_names(), scale="none")
-        state = self._take(b, number, x_pred, (L, D), seen)
+        x, state = self._take(b, number, x_pred, (L, D), seen)
         if one_pass:
-            b.stage("x_next", "31", "x^{j+1}", state.x, [f"{s}_after" for s in self.states], scale="state")
-        self._close(b, state, ("34", "32") if one_pass else (self._equation("25"), self._equation("26")))
+            b.stage("x_next", "31", "x^{j+1}", x, [f"{s}_after" for s in self.states], scale="state")
+        self._close(b, x, state, ("34", "32") if one_pass else (self.equation("25"), self.equation("26")))
         return b.build()
 
     def iterate(self) -> GraphBlock:
@@ -171,18 +149,18 @@ class Shape:
         b.stage("innovation", "31", meaning, seen.innovation, _innovation_names(), scale="none")
         rows = seen.rows
         weighted = [[d * f for d, f in zip(D, row, strict=True)] for row in rows]
-        Pyy = [[_dot(weighted[i], rows[j]) + seen.noise[i][j] for j in range(i + 1)] for i in range(2)]
+        Pyy = [[dot(weighted[i], rows[j]) + seen.noise[i][j] for j in range(i + 1)] for i in range(2)]
         entries = [Pyy[0][0], Pyy[1][0], Pyy[1][1]]
         b.stage("Pyy", "22", f"Pyy^j{seen.where}", entries, ["Pyy_00", "Pyy_10", "Pyy_11"], scale="none")
         share = _solved(Pyy, seen.innovation, seen.floor)
         b.stage("share", "28", "Pyy^-1 innovation", share, ["share_0", "share_1"], scale="none")
         along = [weighted[0][c] * share[0] + weighted[1][c] * share[1] for c in range(self.n)]
         b.stage("along", "31", "K innovation = L along", along, [f"along_{c}" for c in range(self.n)], scale="none")
-        x_next = [x_pred[i] + _dot(L[i], along) for i in range(self.n)]
+        x_next = [x_pred[i] + dot(L[i], along) for i in range(self.n)]
         b.stage("x_next", "31", "x^{j+1}", x_next, [f"{s}_after" for s in self.states], scale="state")
         moved = [after - before for after, before in zip(x_next, x_j, strict=True)]
         b.stage("moved", "33", "x^{j+1} - x^j", moved, [f"moved_{s}" for s in self.states], scale="none")
-        change = _dot(moved, moved)
+        change = dot(moved, moved)
         b.stage("change", "33", "|x^{j+1} - x^j|^2", [change], ["change"], scale="none")
         b.output("x_j", x_next)
         b.output("HL", [*rows[0], *rows[1]])
@@ -202,8 +180,8 @@ class Shape:
         off = zero if self.gain == "jacobian" and not self.turning else noise[1]
         rows = [HL[: self.n], HL[self.n :]]
         seen = Seen(rows, [[noise[0], off], [off, noise[2]]], [zero, zero], self._floor(R), "")
-        state = self._take(b, "32", x, (L, D), seen)
-        self._close(b, state, ("34", "32"))
+        x, state = self._take(b, "32", x, (L, D), seen)
+        self._close(b, x, state, ("34", "32"))
         return b.build()
 
     def coast(self) -> GraphBlock:
@@ -216,21 +194,6 @@ class Shape:
 
     # --- pieces
 
-    @property
-    def n(self) -> int:
-        return len(self.model.states)
-
-    @property
-    def states(self) -> list[str]:
-        return [state.name for state in self.model.states]
-
-    @property
-    def _is_paper(self) -> bool:
-        return self.kind in {"ckf", "ickf"}
-
-    def _equation(self, number: str) -> str:
-        return number if self._is_paper else self.kind.upper()
-
     def _inputs(
         self, b: GraphBuilder, state: str, factors: str, tag: str, suffix: str
     ) -> tuple[Vector, Matrix, Vector]:
@@ -241,121 +204,6 @@ class Shape:
     @staticmethod
     def _measured(b: GraphBuilder) -> tuple[Vector, Vector]:
         return b.input("R", ["R_0", "R_1"]), b.input("y", [f"{quantity.name}_meas" for quantity in OUTPUTS])
-
-    def _along(
-        self,
-        b: GraphBuilder,
-        tape: _Tape,
-        x: Vector,
-        L: Matrix,
-        D: Vector,
-        others: list[Vector],
-        equation: str,
-        names: list[str],
-        frame: Frame | None = None,
-    ) -> Spread:
-        """A function's base, even and odd parts along every column, the working quantities named."""
-        if self.rule is None or (self.kind == "ickf" and self.gain == "jacobian" and not others):
-            return self._derived(b, tape, x, L, others, equation, names, frame)
-        parts = []
-        for c in range(self.n):
-            column = [L[i][c] for i in range(self.n)]
-            algebra = SplitAlgebra(D[c] * (self.n + self.rule.kappa), frame.angle if frame else None)
-            values, named = self._replay(b, tape, algebra, x, column, others, frame)
-            _suggest_parts(b, equation, named, algebra, c)
-            parts.append(values)
-        even, odd = (
-            [[getattr(part[i], side) for part in parts] for i in range(len(names))] for side in ("even", "odd")
-        )
-        for label, rows, meaning in (("even", even, ""), ("odd", odd, _PARTS)):
-            labels = [f"{label}_{name}_{c}" for name in names for c in range(self.n)]
-            entries = [entry for row in rows for entry in row]
-            b.stage(f"{label}_{names[0]}", equation, meaning, entries, labels, scale="none")
-        return Spread([value.base for value in parts[0]], even, odd)
-
-    def _derived(
-        self,
-        b: GraphBuilder,
-        tape: _Tape,
-        x: Vector,
-        L: Matrix,
-        others: list[Vector],
-        equation: str,
-        names: list[str],
-        frame: Frame | None,
-    ) -> Spread:
-        """The same to first order: the Jacobian by dual numbers, then its product with L."""
-        zero = x[0] * 0.0
-        columns = []
-        for k in range(self.n):
-            unit = [zero + float(i == k) for i in range(self.n)]
-            algebra = SplitAlgebra(zero, frame.angle if frame else None)
-            values, named = self._replay(b, tape, algebra, x, unit, others, frame, unit)
-            b.suggest(equation, {name: part.base for name, part in named.items()})
-            columns.append(values)
-        jacobian = [[column[i].odd for column in columns] for i in range(len(names))]
-        labels = [f"slope_{name}_{k}" for name in names for k in range(self.n)]
-        entries = [entry for row in jacobian for entry in row]
-        meaning = "Jacobian" + (", in the turned frame" if frame else "")
-        b.stage(f"jacobian_{names[0]}", equation, meaning, entries, labels, scale="none")
-        turned = [
-            frame.into([L[i][c] for i in range(self.n)]) if frame else [L[i][c] for i in range(self.n)]
-            for c in range(self.n)
-        ]
-        odd = [[_dot(row, column) for column in turned] for row in jacobian]
-        return Spread([value.base for value in columns[0]], [[zero] * self.n for _ in names], odd, jacobian)
-
-    def _replay(
-        self,
-        b: GraphBuilder,
-        tape: _Tape,
-        algebra: SplitAlgebra,
-        x: Vector,
-        direction: Vector,
-        others: list[Vector],
-        frame: Frame | None,
-        turned: Vector | None = None,
-    ) -> tuple[list[Split], dict[str, Split]]:
-        """A tape along a direction of the stator frame (or, ``turned``, of the turned one), by name."""
-        if frame:
-            x, others = frame.into(x), [frame.into(vector) for vector in others]
-            direction = turned if turned is not None else frame.into(direction)
-        point = [algebra.along(value, slope) for value, slope in zip(x, direction, strict=True)]
-        constants = [algebra.constant(b.const(k.value, k.name, k.formula)) for k in self.model.constants]
-        inputs = [point, *([algebra.constant(value) for value in vector] for vector in others)]
-        values, named = tape.replay(algebra, inputs, constants)
-        return values, {**dict(zip(tape.inputs, point, strict=True)), **named}
-
-    def _weight(self) -> float:
-        """Of a pair of points."""
-        return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
-
-    def _moments(
-        self, b: GraphBuilder, run: Spread, D: Vector, equations: tuple[str, str], names: list[str], linear: bool = True
-    ) -> tuple[Vector, Matrix]:
-        """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
-
-        The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
-        ``linear`` leaves the odd parts out.
-        """
-        weight = self._weight()
-        scale, even = zip(*(common_factor(row) for row in run.even), strict=True)
-        mean = [_sum(row) * weight for row in even]
-        offset = [k * m for k, m in zip(scale, mean, strict=True)]
-        b.stage(f"offset_{names[0]}", equations[0], "", offset, [f"offset_{name}" for name in names], scale="none")
-        dev = [[e - m for e in row] if not m.is_zero() else row for row, m in zip(even, mean, strict=True)]
-        labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
-        b.stage(f"dev_{names[0]}", equations[1], "", [e for row in dev for e in row], labels, scale="none")
-        slope, odd = zip(*(common_factor(row) for row in run.odd), strict=True)
-        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
-        centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
-        P = [[D[0] * 0.0] * len(names) for _ in names]
-        for i in range(len(names)):
-            for j in range(i + 1):
-                bend = scale[i] * scale[j] * weight * _dot(dev[i], dev[j]) + offset[i] * offset[j] * centre
-                spread = slope[i] * slope[j] * _dot(weighted[i], odd[j]) if linear else bend * 0.0
-                P[i][j] = P[j][i] = spread + bend
-        return offset, P
 
     def _seen(
         self,
@@ -373,19 +221,19 @@ class Shape:
         """
         h, named = self.model.measure(ca.vertsplit(self.model.x))
         tag = "pred" if back is None else "j"
-        tape = _Tape(self.model, [self.model.x], h, {f"{name}_{tag}": value for name, value in named.items()})
+        tape = Tape(self.model, [self.model.x], h, {f"{name}_{tag}": value for name, value in named.items()})
         frame = tape.frame(b, [x]) if self.turning else None
         measured = [f"y_{quantity.name}" for quantity in OUTPUTS]
-        run = self._along(b, tape, x, L, D, [], self._equation("20"), measured, frame)
+        run = self.along(b, tape, x, L, D, [], self.equation("20"), measured, frame)
         zero = D[0] * 0.0
-        numbers = self._equation("21"), self._equation("22")
-        offset, bend = self._moments(b, run, D, numbers, measured, linear=False)
+        numbers = self.equation("21"), self.equation("22")
+        offset, bend = self.moments(b, run, D, numbers, measured, linear=False)
         noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
         if frame:  # cos^2 R_0 + sin^2 R_1: no less than the smaller one, whatever sine and cosine are rounded to
             noise[0][0] = noise[0][0].apply("max", self._floor(R))
         noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
         entries = [noise[0][0], noise[1][0], noise[1][1]]
-        b.stage("noise", self._equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")
+        b.stage("noise", self.equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")
         turned = frame.into(y) if frame else y
         where = ", in the rotor's frame" if frame else ""
         if back is None:
@@ -398,35 +246,42 @@ class Shape:
         return Seen(run.odd, noise, innovation, self._floor(R), where)
 
     def _slope(
-        self, b: GraphBuilder, tape: _Tape, x: Vector, direction: Vector, frame: Frame | None, run: Spread
+        self, b: GraphBuilder, tape: Tape, x: Vector, direction: Vector, frame: Frame | None, run: Spread
     ) -> Vector:
         """H at x times a direction."""
         if run.jacobian is not None:
             turned = frame.into(direction) if frame else direction
-            return [_dot(row, turned) for row in run.jacobian]
+            return [dot(row, turned) for row in run.jacobian]
         algebra = SplitAlgebra(x[0] * 0.0, frame.angle if frame else None)
-        return [part.odd for part in self._replay(b, tape, algebra, x, direction, [], frame)[0]]
+        return [part.odd for part in self.replay(b, tape, algebra, x, direction, [], frame)[0]]
 
     def _floor(self, R: Vector) -> Expr:
         """What no variance of a measurement, however turned, is below."""
         return R[0].apply("min", R[1]) if self.turning else R[1]
 
-    def _take(self, b: GraphBuilder, equation: str, x: Vector, factors: tuple[Matrix, Vector], seen: Seen) -> Measured:
-        """Both measurements, one after the other."""
+    def _take(
+        self, b: GraphBuilder, equation: str, x: Vector, factors: tuple[Matrix, Vector], seen: Seen
+    ) -> tuple[Vector, Measured]:
+        """Both measurements, one after the other: the estimate after them, and the factors."""
         L, D = factors
         rows, innovation, variances = decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)
         state = Measured(
-            [list(row) for row in L], list(D), list(x), [list(row) for row in rows], list(innovation), variances
+            [list(row) for row in L],
+            list(D),
+            [x[0] * 0.0] * self.n,
+            [list(row) for row in rows],
+            list(innovation),
+            variances,
         )
         state.take()
         if not innovation[1].is_zero():
             b.stage("second", equation, "", state.innovations, ["innovation_after_first"], scale="none")
         state.take()
         b.stage("spans", equation, "", state.spans, ["span_first", "span_second"], scale="none")
-        return state
+        return [value + change for value, change in zip(x, state.correction, strict=True)], state
 
-    def _close(self, b: GraphBuilder, state: Measured, equations: tuple[str, str]) -> None:
-        x = self._wrapped(state.x)
+    def _close(self, b: GraphBuilder, x: Vector, state: Measured, equations: tuple[str, str]) -> None:
+        x = self._wrapped(x)
         b.stage("x", equations[0], "theta wrapped", x, [f"{s}_new" for s in self.states], scale="state")
         self._name_factors(b, equations[1], "_new", state.L, state.D)
         b.output("x", x)
@@ -442,65 +297,6 @@ class Shape:
 
 #: What eq. 22 adds to the odd parts.
 _NOISE = "R, and what the bend of h adds to it"
-#: What the lines under eq. 15 and 20 are.
-_PARTS = "along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c"
-
-
-@dataclass(frozen=True)
-class _Tape:
-    """f or h with its named intermediates, ready to be replayed."""
-
-    model: StateSpaceModel
-    arguments: list[Any]
-    values: list[Any]
-    named: dict[str, Any]
-
-    @property
-    def constants(self) -> list[Constant]:
-        return self.model.constants
-
-    @property
-    def inputs(self) -> list[str]:
-        return [state.name for state in self.model.states]
-
-    def at(self, b: GraphBuilder, inputs: list[Vector]) -> Vector:
-        """The function at a point."""
-        return [Expr(b.graph, node) for node in read_tape(b.graph, self.function, self._nodes(b, inputs))[0]]
-
-    def frame(self, b: GraphBuilder, inputs: list[Vector]) -> Frame | None:
-        """The frame that follows the first angle the function takes a sine of."""
-        finder = AngleFinder(b.graph)
-        read_tape(finder, self.function, self._nodes(b, inputs))
-        return Frame.at(Expr(b.graph, finder.angles[0])) if finder.angles else None
-
-    def _nodes(self, b: GraphBuilder, inputs: list[Vector]) -> list[list[int]]:
-        constants = [b.graph.const(k.value, k.name, k.formula) for k in self.constants]
-        return [*([value.node for value in vector] for vector in inputs), constants]
-
-    @property
-    def function(self) -> Any:
-        symbols = ca.vertcat(*(constant.symbol for constant in self.constants))
-        named = ca.vertcat(*self.named.values()) if self.named else ca.SX(0, 1)
-        return ca.Function(
-            "tape", [*self.arguments, symbols], [ca.densify(ca.vertcat(*self.values)), ca.densify(named)]
-        )
-
-    def replay(
-        self, algebra: SplitAlgebra, inputs: list[list[Split]], constants: list[Split]
-    ) -> tuple[list[Split], dict[str, Split]]:
-        values, named = read_tape(algebra, self.function, [*inputs, constants])
-        return values, dict(zip(self.named, named, strict=True))
-
-
-def _suggest_parts(b: GraphBuilder, equation: str, named: dict[str, Split], algebra: SplitAlgebra, column: int) -> None:
-    """Names for the parts of named quantities, and for how far the column turns an angle."""
-    known = {part.base.node: name for name, part in reversed(named.items())}
-    for angle, z in algebra.turns:
-        name = known.get(angle.base.node, "angle")
-        halves = {f"sinc_{name}_{column}": z.apply("sinc"), f"cosm1_{name}_{column}": z.apply("cosm1")}
-        b.suggest(equation, {f"d_{name}_sq_{column}": z, **halves})
-    for name, part in named.items():
-        b.suggest(equation, {name: part.base, f"even_{name}_{column}": part.even, f"odd_{name}_{column}": part.odd})
 
 
 def _factor_names(tag: str, n: int) -> list[str]:
@@ -510,17 +306,6 @@ def _factor_names(tag: str, n: int) -> list[str]:
 
 def _innovation_names() -> list[str]:
     return [f"innovation_{quantity.name}" for quantity in OUTPUTS]
-
-
-def _sum(terms: Vector) -> Expr:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
-
-
-def _dot(a: Vector, b: Vector) -> Expr:
-    return _sum([p * q for p, q in zip(a, b, strict=True)])
 
 
 def _solved(Pyy: Matrix, nu: Vector, floor: Expr) -> Vector:

@@ -73,6 +73,7 @@ class _Collector:
             count = Counter(factor for _, factors in terms for factor in set(factors))
             shared = [factor for factor, number in count.items() if number > 1 and factor >= 0]
             if not shared:
+                terms.sort(key=lambda term: self._is_input(term[1]))
                 return self._added([(negative, self._multiplied(factors)) for negative, factors in terms])
             factor = max(shared, key=lambda f: (self.graph[f].op != "const", self.rank[f]))
             held = [k for k, (_, factors) in enumerate(terms) if factor in factors]
@@ -85,6 +86,10 @@ class _Collector:
             terms[held[0]] = self._wrap(factor, inner)
             for k in reversed(held[1:]):
                 del terms[k]
+
+    def _is_input(self, factors: list[int]) -> bool:
+        """A bare input is added last: what corrects a state is small beside it, and is summed up first."""
+        return len(factors) == 1 and factors[0] >= 0 and self.graph[factors[0]].op == "input"
 
     def _wrap(self, factor: int, inner: list[Term]) -> Term:
         """factor * (sum of inner), as one term; its sign is the first inner term's."""

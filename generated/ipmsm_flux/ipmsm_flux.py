@@ -229,11 +229,11 @@ def time_update_turns(LD, math, stages=None):
     D_3 = LD[9]
 
     # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
-    part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30
     d_theta_mid_sq_0 = D_0 * 4.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0
-    part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     d_theta_mid_sq_1 = 4.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1
-    part_of_d_theta_mid_sq_2 = L_32 + 0.00015000000000000001
+    part_of_d_theta_mid_sq_2 = 0.00015000000000000001 + L_32
     d_theta_mid_sq_2 = 4.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2
     d_theta_mid_sq_3 = 4.0 * D_3
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.small_angle(d_theta_mid_sq_0)
@@ -258,13 +258,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3) = turn
 
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    theta_mid = theta + HALF_T_POLE_PAIRS * omega
+    theta_mid = HALF_T_POLE_PAIRS * omega + theta
     odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_mid)
     psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta
     odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10
     psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1
     odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1
-    odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
     v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta
     v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha
     part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d
@@ -273,7 +273,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0
     even_psi_d_next_0 = (part_of_psi_d_next * cosm1_theta_mid_0 +
         DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0)
-    part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0
+    part_of_odd_psi_q_next_0 = 1.0 + cosm1_theta_mid_0
     part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q
     odd_psi_d_next_0 = (DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0)
@@ -283,19 +283,19 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q
     odd_psi_q_next_0 = (odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2)
-    odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1
     part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1
     even_psi_d_next_1 = (part_of_psi_d_next * cosm1_theta_mid_1 +
         DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2)
-    part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0
+    part_of_odd_psi_q_next_1 = 1.0 + cosm1_theta_mid_1
     odd_psi_d_next_1 = (DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0)
     even_psi_q_next_1 = (cosm1_theta_mid_1 * psi_q_next -
         DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2)
     odd_psi_q_next_1 = (odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1)
-    odd_theta_mid_2 = L_32 + 0.00015000000000000001
+    odd_theta_mid_2 = 0.00015000000000000001 + L_32
     even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2
     even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next
     even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3
@@ -335,10 +335,10 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0)
     odd_psi_alpha_next_1 = (part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
         part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1)
-    part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0)
+    part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (1.0 + cosm1_theta_mid_2)
     odd_psi_alpha_next_2 = (part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
         part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2)
-    part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0)
+    part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (1.0 + cosm1_theta_mid_3)
     odd_psi_alpha_next_3 = (part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
         sinc_theta_mid_3 * part_of_even_psi_beta_next_3)
     odd_psi_beta_next_0 = (part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
@@ -349,9 +349,9 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2)
     odd_psi_beta_next_3 = (part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3)
-    odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS
-    odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS
-    odd_theta_next_2 = L_32 + 0.00030000000000000003
+    odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30
+    odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31
+    odd_theta_next_2 = 0.00030000000000000003 + L_32
 
     # --- eq. 16
     offset_psi_alpha = ((even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
@@ -376,7 +376,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta)
     psi_beta_pred = (odd_psi_alpha_1 * part_of_psi_alpha_pred +
         odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta)
-    theta_pred = theta + omega * ADVANCE_POLE_PAIRS
+    theta_pred = omega * ADVANCE_POLE_PAIRS + theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
     D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0
@@ -503,14 +503,14 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_pred)
-    psi_alpha = psi_alpha_pred * odd_psi_beta_1 + odd_psi_alpha_1 * psi_beta_pred
+    psi_alpha = odd_psi_beta_1 * psi_alpha_pred + odd_psi_alpha_1 * psi_beta_pred
     odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10
-    psi_beta = odd_psi_beta_1 * psi_beta_pred - psi_alpha_pred * odd_psi_alpha_1
+    psi_beta = odd_psi_beta_1 * psi_beta_pred - odd_psi_alpha_1 * psi_alpha_pred
     odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1
     L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0
     part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0
     even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0
-    part_of_odd_psi_d_pred_0 = cosm1_theta_0 + 1.0
+    part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_0
     odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 + L_pred_30_times_sinc_theta_0 * psi_beta
     even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0
     odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 - L_pred_30_times_sinc_theta_0 * psi_alpha
@@ -523,7 +523,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1
     part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1
     even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1
-    part_of_odd_psi_q_pred_1 = cosm1_theta_1 + 1.0
+    part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_1
     odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 + psi_beta * L_pred_31_times_sinc_theta_1
     even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1
     odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 - psi_alpha * L_pred_31_times_sinc_theta_1
@@ -573,10 +573,10 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0)
     odd_y_i_alpha_1 = (part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
         L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1)
-    part_of_odd_y_i_alpha_2 = cosm1_theta_2 + 1.0
+    part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_2
     odd_y_i_alpha_2 = (part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
         L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2)
-    part_of_odd_y_i_alpha_3 = cosm1_theta_3 + 1.0
+    part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_3
     odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 - sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3
     odd_y_i_beta_0 = (L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
         part_of_odd_psi_d_pred_0 * odd_i_q_pred_0)
@@ -608,8 +608,6 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 +
         dev_y_i_alpha_1 * dev_y_i_beta_1 + dev_y_i_alpha_2 * dev_y_i_beta_2 +
         dev_y_i_alpha_3 * dev_y_i_beta_3))
-    noise_11 = (R_0 + R_1 - part_of_noise_00 + 0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
-        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3))
 
     # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
     innovation_i_alpha = (odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas - i_d_pred -
@@ -639,7 +637,9 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     innovation_after_first = (innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
         part_of_psi_alpha_new_2 * (part_of_span_second_8 +
         D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2))
-    part_of_span_second_13 = _larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1)
+    part_of_span_second_13 = (_larger(0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
+        part_of_noise_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1))
     part_of_span_second_14 = 1.0 / part_of_span_first
     part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14
     part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15
@@ -667,19 +667,19 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         part_of_span_second_13))
     part_of_psi_alpha_new_3 = 1.0 / span_second
     part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3
-    psi_alpha_new = (psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
-        part_of_span_second_12 * part_of_psi_alpha_new_4)
+    psi_alpha_new = (D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
+        part_of_span_second_12 * part_of_psi_alpha_new_4 + psi_alpha_pred)
     part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_10
-    psi_beta_new = (psi_beta_pred + part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
+    psi_beta_new = (part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
         L_pred_10 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_span_second_27 +
-        part_of_span_second_12 * part_of_psi_beta_new))
+        part_of_span_second_12 * part_of_psi_beta_new) + psi_beta_pred)
     part_of_omega_new = D_pred_2_times_odd_y_i_alpha_2 + D_pred_1_times_odd_y_i_alpha_1 * L_pred_21
     part_of_omega_new_2 = L_pred_21 - D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_24
     part_of_omega_new_3 = part_of_span_second_22 + part_of_span_second_27 * part_of_omega_new_2
     part_of_omega_new_4 = L_pred_20 - part_of_span_second_10 * part_of_omega_new
-    omega_new = (omega_pred + part_of_psi_alpha_new_2 * (part_of_omega_new +
-        D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) + part_of_psi_alpha_new_4 * (part_of_omega_new_3 +
-        part_of_span_second_12 * part_of_omega_new_4))
+    omega_new = (part_of_psi_alpha_new_2 * (part_of_omega_new + D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) +
+        part_of_psi_alpha_new_4 * (part_of_omega_new_3 + part_of_span_second_12 * part_of_omega_new_4) +
+        omega_pred)
     part_of_theta_new = D_pred_3_times_odd_y_i_alpha_3 + L_pred_32 * D_pred_2_times_odd_y_i_alpha_2
     part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1
     part_of_theta_new_3 = L_pred_32 - D_pred_3_times_odd_y_i_alpha_3 * part_of_span_second_18
@@ -687,9 +687,9 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     part_of_theta_new_5 = L_pred_31 - part_of_span_second_24 * part_of_theta_new
     part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_27 * part_of_theta_new_5
     part_of_theta_new_7 = L_pred_30 - part_of_span_second_10 * part_of_theta_new_2
-    theta_new = (math.wrap(theta_pred + part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
+    theta_new = (math.wrap(part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
         L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_theta_new_6 +
-        part_of_span_second_12 * part_of_theta_new_7)))
+        part_of_span_second_12 * part_of_theta_new_7) + theta_pred))
 
     # --- eq. 26: L D L^T = P_new
     D_new_0 = part_of_span_second * part_of_span_second_28 * part_of_psi_alpha_new_3
@@ -759,15 +759,15 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     slope_y_i_alpha_3 = (cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
         part_of_slope_y_i_alpha_3_2 + sin_theta_j_times_inv_l_q * psi_d_j)
     slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j + cos_theta_j * cos_theta_j_times_inv_l_q
-    part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m
-    part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j
-    slope_y_i_beta_3 = (inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-        cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha_2)
+    part_of_innovation_i_alpha_2 = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m
+    part_of_innovation_i_alpha = sin_theta_j_times_inv_l_q * psi_q_j
+    slope_y_i_beta_3 = (inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha_2 -
+        cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha)
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
-    innovation_i_alpha = (i_alpha_meas - part_of_innovation_i_alpha + part_of_innovation_i_alpha_2 -
+    innovation_i_alpha = (part_of_innovation_i_alpha - part_of_innovation_i_alpha_2 -
         slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
-        slope_y_i_alpha_3 * back_theta)
+        slope_y_i_alpha_3 * back_theta + i_alpha_meas)
     innovation_i_beta = (i_beta_meas - part_of_slope_y_i_alpha_3 - part_of_slope_y_i_alpha_3_2 -
         slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3)
 
@@ -789,29 +789,29 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     Pyy_10 = (D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
         part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
         part_of_Pyy_00_5 * slope_y_i_beta_3)
-    D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10
-    D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2
-    D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3
-    Pyy_11 = (part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10 +
-        part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3)
-        + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 + R_1)
 
     # --- eq. 28: Pyy^-1 innovation
     part_of_share_0 = 1.0 / Pyy_00
     part_of_share_0_times_Pyy_10 = part_of_share_0 * Pyy_10
+    D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10
+    D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2
+    D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3
     share_1 = ((innovation_i_beta -
-        innovation_i_alpha * part_of_share_0_times_Pyy_10) / _larger(Pyy_11 - Pyy_10 * part_of_share_0_times_Pyy_10, R_1))
+        innovation_i_alpha * part_of_share_0_times_Pyy_10) / _larger(part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10
+        + part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 +
+        part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3) + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3
+        - Pyy_10 * part_of_share_0_times_Pyy_10 + R_1, R_1))
     share_0 = innovation_i_alpha * part_of_share_0 - part_of_share_0_times_Pyy_10 * share_1
 
     # --- eq. 31: K innovation = L along; x^{j+1}
     along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1
     along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 + D_pred_1_times_part_of_Pyy_10_2 * share_1
     along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1
-    psi_alpha_after = psi_alpha_pred + along_0
-    psi_beta_after = psi_beta_pred + L_pred_10 * along_0 + along_1
-    omega_after = omega_pred + along_0 * L_pred_20 + along_1 * L_pred_21 + along_2
-    theta_after = (theta_pred + L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-        part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1)
+    psi_alpha_after = along_0 + psi_alpha_pred
+    psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred
+    omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred
+    theta_after = (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
+        part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1 + theta_pred)
 
     # --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2
     moved_psi_alpha = psi_alpha_after - psi_alpha_j
@@ -843,16 +843,16 @@ def ickf_finish(x_j, LD_pred, HL, noise, math, stages=None):
 
     # --- eq. 32
     HL_03_times_D_pred_3 = HL_03 * D_pred_3
-    part_of_D_new_0 = _larger(noise_00 + HL_03 * HL_03_times_D_pred_3, noise_00)
+    part_of_D_new_0 = _larger(HL_03 * HL_03_times_D_pred_3 + noise_00, noise_00)
     HL_02_times_D_pred_2 = HL_02 * D_pred_2
     part_of_D_new_0_2 = _larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, noise_00)
     HL_01_times_D_pred_1 = HL_01 * D_pred_1
     part_of_D_new_0_3 = _larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, noise_00)
     span_first = _larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, noise_00)
     part_of_D_new_0_5 = 1.0 / part_of_D_new_0
-    part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5
+    part_of_D_new_0_6 = D_pred_3 * noise_00 * part_of_D_new_0_5
     HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6
-    part_of_D_new_0_7 = _larger(noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6, noise_11)
+    part_of_D_new_0_7 = _larger(HL_13 * HL_13_times_part_of_D_new_0_6 + noise_11, noise_11)
     HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5
     part_of_D_new_0_8 = HL_03_times_D_pred_3 * HL_13
     part_of_D_new_0_9 = HL_12 - HL_02_times_part_of_D_new_0_5 * part_of_D_new_0_8
@@ -902,7 +902,7 @@ def ickf_finish(x_j, LD_pred, HL, noise, math, stages=None):
     L_new_31 = part_of_L_new_30_4 - part_of_L_new_21_2 * part_of_L_new_30_3
     part_of_L_new_32 = 1.0 / part_of_D_new_0_7
     L_new_32 = part_of_L_new_30_2 - HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_9 * part_of_L_new_32
-    D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32
+    D_new_3 = part_of_D_new_0_6 * noise_11 * part_of_L_new_32
 
     if stages is not None:
         stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new,)

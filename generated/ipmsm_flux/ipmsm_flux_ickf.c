@@ -6,9 +6,9 @@
  *   estimated 4693 cycles on C28x + FPU32 (k = 2.5; 8443 at k = 5; from published cycles, not measured), 70 words of state.
  * Gain: jacobian. Iteration: loop over one update, at most N_max.
  * float32 against float64, one step, worst of 2000 draws from the operating box:
- *   psi_alpha 3.8e-07 Wb, psi_beta 6.1e-07 Wb, omega 1.3e-04 rad/s, theta 3.8e-06 rad, P 2.0e-04 relative (99 %: 5.0e-05).
+ *   psi_alpha 4.4e-07 Wb, psi_beta 7.6e-07 Wb, omega 1.5e-04 rad/s, theta 1.4e-06 rad, P 2.0e-04 relative (99 %: 5.0e-05).
  * On the chip its division, root and flush to zero are expected to add
- *   psi_alpha 4.8e-07 Wb, psi_beta 6.3e-07 Wb, omega 1.4e-04 rad/s, theta 1.1e-06 rad, P 8.9e-06 relative (99 %: 2.3e-06)
+ *   psi_alpha 4.8e-07 Wb, psi_beta 3.6e-07 Wb, omega 4.6e-05 rad/s, theta 1.5e-06 rad, P 3.1e-05 relative (99 %: 1.8e-06)
  *   (modelled, not measured; seeds after an emulator's tables, unverified on silicon).
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
@@ -181,11 +181,11 @@ static void time_update_turns(const float32 LD[10], float32 z_out[4], float32 tu
     const float32 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float32 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float32 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float32 d_theta_mid_sq_0 = D_0 * 4.0f * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-    const float32 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float32 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float32 d_theta_mid_sq_1 = 4.0f * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-    const float32 part_of_d_theta_mid_sq_2 = L_32 + 0.00015f;
+    const float32 part_of_d_theta_mid_sq_2 = 0.00015f + L_32;
     const float32 d_theta_mid_sq_2 = 4.0f * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
     const float32 d_theta_mid_sq_3 = 4.0f * D_3;
     const float32 sinc_theta_mid_0 = ((SINC_3 * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
@@ -257,7 +257,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 cosm1_theta_mid_3 = turn[7];
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float32 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+    const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
     const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
     const float32 odd_psi_alpha_1 = sincos_theta_mid.sine;
     const float32 odd_psi_beta_1 = sincos_theta_mid.cosine;
@@ -265,7 +265,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
     const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
     const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
-    const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
     const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
     const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
@@ -274,7 +274,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
     const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
         DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
-    const float32 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0f;
+    const float32 part_of_odd_psi_q_next_0 = 1.0f + cosm1_theta_mid_0;
     const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
     const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
@@ -284,19 +284,19 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
     const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
-    const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
     const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
         DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
-    const float32 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0f;
+    const float32 part_of_odd_psi_q_next_1 = 1.0f + cosm1_theta_mid_1;
     const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
     const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
         DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
     const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
-    const float32 odd_theta_mid_2 = L_32 + 0.00015f;
+    const float32 odd_theta_mid_2 = 0.00015f + L_32;
     const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
     const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
     const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
@@ -341,10 +341,10 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
     const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
         part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
-    const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0f);
+    const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (1.0f + cosm1_theta_mid_2);
     const float32 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
         part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
-    const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0f);
+    const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (1.0f + cosm1_theta_mid_3);
     const float32 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
         sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
     const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
@@ -355,9 +355,9 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
     const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
-    const float32 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
-    const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
-    const float32 odd_theta_next_2 = L_32 + 0.0003f;
+    const float32 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
+    const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
+    const float32 odd_theta_next_2 = 0.0003f + L_32;
 
     /* --- eq. 16 */
     const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
@@ -382,7 +382,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
     const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
         odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
-    const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+    const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
@@ -529,15 +529,15 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
         part_of_slope_y_i_alpha_3_2 + sin_theta_j_times_inv_l_q * psi_d_j;
     const float32 slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j +
         cos_theta_j * cos_theta_j_times_inv_l_q;
-    const float32 part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
-    const float32 part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j;
-    const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-        cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha_2;
+    const float32 part_of_innovation_i_alpha_2 = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
+    const float32 part_of_innovation_i_alpha = sin_theta_j_times_inv_l_q * psi_q_j;
+    const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha_2 -
+        cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha;
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-    const float32 innovation_i_alpha = i_alpha_meas - part_of_innovation_i_alpha +
-        part_of_innovation_i_alpha_2 - slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta
-        - slope_y_i_alpha_3 * back_theta;
+    const float32 innovation_i_alpha = part_of_innovation_i_alpha - part_of_innovation_i_alpha_2 -
+        slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
+        slope_y_i_alpha_3 * back_theta + i_alpha_meas;
     const float32 innovation_i_beta = i_beta_meas - part_of_slope_y_i_alpha_3 - part_of_slope_y_i_alpha_3_2 -
         slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
 
@@ -561,18 +561,18 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
         part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
         part_of_Pyy_00_5 * slope_y_i_beta_3;
-    const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
-    const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
-    const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
-    const float32 Pyy_11 = part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10 +
-        part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3)
-        + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 + R_1;
 
     /* --- eq. 28: Pyy^-1 innovation */
     const float32 part_of_share_0 = 1.0f / Pyy_00;
     const float32 part_of_share_0_times_Pyy_10 = part_of_share_0 * Pyy_10;
+    const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
+    const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
+    const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
     const float32 share_1 = (innovation_i_beta -
-        innovation_i_alpha * part_of_share_0_times_Pyy_10) / larger(Pyy_11 - Pyy_10 * part_of_share_0_times_Pyy_10, R_1);
+        innovation_i_alpha * part_of_share_0_times_Pyy_10) / larger(part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10
+        + part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 +
+        part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3) + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3
+        - Pyy_10 * part_of_share_0_times_Pyy_10 + R_1, R_1);
     const float32 share_0 = innovation_i_alpha * part_of_share_0 - part_of_share_0_times_Pyy_10 * share_1;
 
     /* --- eq. 31: K innovation = L along; x^{j+1} */
@@ -580,11 +580,11 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 +
         D_pred_1_times_part_of_Pyy_10_2 * share_1;
     const float32 along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1;
-    const float32 psi_alpha_after = psi_alpha_pred + along_0;
-    const float32 psi_beta_after = psi_beta_pred + L_pred_10 * along_0 + along_1;
-    const float32 omega_after = omega_pred + along_0 * L_pred_20 + along_1 * L_pred_21 + along_2;
-    const float32 theta_after = theta_pred + L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-        part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1;
+    const float32 psi_alpha_after = along_0 + psi_alpha_pred;
+    const float32 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
+    const float32 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
+    const float32 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
+        part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1 + theta_pred;
 
     /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
     const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
@@ -643,16 +643,16 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
 
     /* --- eq. 32 */
     const float32 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
-    const float32 part_of_D_new_0 = larger(noise_00 + HL_03 * HL_03_times_D_pred_3, noise_00);
+    const float32 part_of_D_new_0 = larger(HL_03 * HL_03_times_D_pred_3 + noise_00, noise_00);
     const float32 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
     const float32 part_of_D_new_0_2 = larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, noise_00);
     const float32 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
     const float32 part_of_D_new_0_3 = larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, noise_00);
     const float32 span_first = larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, noise_00);
     const float32 part_of_D_new_0_5 = 1.0f / part_of_D_new_0;
-    const float32 part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5;
+    const float32 part_of_D_new_0_6 = D_pred_3 * noise_00 * part_of_D_new_0_5;
     const float32 HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6;
-    const float32 part_of_D_new_0_7 = larger(noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6, noise_11);
+    const float32 part_of_D_new_0_7 = larger(HL_13 * HL_13_times_part_of_D_new_0_6 + noise_11, noise_11);
     const float32 HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5;
     const float32 part_of_D_new_0_8 = HL_03_times_D_pred_3 * HL_13;
     const float32 part_of_D_new_0_9 = HL_12 - HL_02_times_part_of_D_new_0_5 * part_of_D_new_0_8;
@@ -706,7 +706,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
     const float32 part_of_L_new_32 = 1.0f / part_of_D_new_0_7;
     const float32 L_new_32 = part_of_L_new_30_2 -
         HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_9 * part_of_L_new_32;
-    const float32 D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32;
+    const float32 D_new_3 = part_of_D_new_0_6 * noise_11 * part_of_L_new_32;
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;

@@ -254,11 +254,11 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0
     L_31_times_sinc_theta_1 = L_31 * sinc_theta_1
     odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1
-    odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - GAIN_E_POLE_PAIRS * L_20 * (cosm1_theta_0 + 1.0)
-    odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - GAIN_E_POLE_PAIRS * L_21 * (cosm1_theta_1 + 1.0)
-    odd_theta_next_0 = L_30 + L_20 * POLE_PAIRS_SAMPLE_TIME
-    odd_theta_next_1 = L_31 + L_21 * POLE_PAIRS_SAMPLE_TIME
-    odd_theta_next_2 = L_32 + 8e-05
+    odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_0)
+    odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_1)
+    odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30
+    odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31
+    odd_theta_next_2 = 8e-05 + L_32
 
     # --- eq. 17
     L_20_times_D_0 = L_20 * D_0
@@ -288,7 +288,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     i_beta_pred = (DECAY_I * i_beta - part_of_i_alpha_pred_2 * odd_i_beta_1 + GAIN_V * v_beta +
         odd_i_alpha_1 * part_of_i_alpha_pred_7)
     omega_pred = omega * DECAY_OMEGA
-    theta_pred = theta + omega * POLE_PAIRS_SAMPLE_TIME
+    theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
     D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
@@ -301,7 +301,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
         0.0011244576714833803 * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
         dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625))
-    part_of_P_pred_00_2 = cosm1_theta_2 + 1.0
+    part_of_P_pred_00_2 = 1.0 + cosm1_theta_2
     part_of_P_pred_00_3 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
         omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
@@ -388,30 +388,28 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 25: y - y_pred; theta wrapped
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    innovation_i_beta = i_beta_meas - i_beta_pred
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
-    part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
+    part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10
+    innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred
     R_1_plus_D_pred_1 = R_1 + D_pred_1
     part_of_span_second = R_0 * D_pred_0_per_span_first
     part_of_span_second_2 = part_of_span_second * L_pred_10
     part_of_span_second_3 = L_pred_10 * part_of_span_second_2
     span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
-    part_of_i_alpha_new_2 = 1.0 / span_second
-    part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
-    part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3
-    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4
-    i_beta_new = (i_beta_pred + part_of_innovation_after_first +
-        part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3))
-    part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4
-    part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3
-    omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21
-    theta_new = math.wrap(theta_pred + part_of_omega_new * L_pred_30 + part_of_omega_new_2 * L_pred_31)
+    part_of_i_alpha_new = 1.0 / span_second
+    part_of_i_alpha_new_2 = innovation_after_first * part_of_i_alpha_new
+    part_of_i_alpha_new_3 = part_of_innovation_after_first + part_of_span_second_2 * part_of_i_alpha_new_2
+    i_alpha_new = part_of_i_alpha_new_3 + i_alpha_pred
+    i_beta_new = (part_of_innovation_after_firs_2 + part_of_i_alpha_new_2 * (part_of_span_second_3 + D_pred_1)
+        + i_beta_pred)
+    part_of_omega_new = D_pred_1 * part_of_i_alpha_new_2
+    omega_new = part_of_i_alpha_new_3 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
+    theta_new = math.wrap(part_of_i_alpha_new_3 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10
@@ -451,33 +449,31 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    innovation_i_beta = i_beta_meas - i_beta_pred
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
-    part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
+    part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10
+    innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred
     R_1_plus_D_pred_1 = R_1 + D_pred_1
     part_of_span_second = R_0 * D_pred_0_per_span_first
     part_of_span_second_2 = part_of_span_second * L_pred_10
     part_of_span_second_3 = L_pred_10 * part_of_span_second_2
     span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
-    part_of_i_alpha_after_2 = 1.0 / span_second
-    part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
-    part_of_i_alpha_after_4 = part_of_span_second_2 * part_of_i_alpha_after_3
-    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_i_alpha_after_4
-    i_beta_after = (i_beta_pred + part_of_innovation_after_first +
-        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3))
-    part_of_omega_after = part_of_i_alpha_after + part_of_i_alpha_after_4
-    part_of_omega_after_2 = D_pred_1 * part_of_i_alpha_after_3
-    omega_after = omega_pred + part_of_omega_after * L_pred_20 + part_of_omega_after_2 * L_pred_21
-    theta_after = theta_pred + part_of_omega_after * L_pred_30 + part_of_omega_after_2 * L_pred_31
+    part_of_i_alpha_after = 1.0 / span_second
+    part_of_i_alpha_after_2 = innovation_after_first * part_of_i_alpha_after
+    part_of_i_alpha_after_3 = part_of_innovation_after_first + part_of_span_second_2 * part_of_i_alpha_after_2
+    i_alpha_after = part_of_i_alpha_after_3 + i_alpha_pred
+    i_beta_after = (part_of_innovation_after_firs_2 +
+        part_of_i_alpha_after_2 * (part_of_span_second_3 + D_pred_1) + i_beta_pred)
+    part_of_omega_after = D_pred_1 * part_of_i_alpha_after_2
+    omega_after = part_of_i_alpha_after_3 * L_pred_20 + part_of_omega_after * L_pred_21 + omega_pred
+    theta_after = part_of_i_alpha_after_3 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10

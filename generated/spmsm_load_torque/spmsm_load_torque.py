@@ -229,11 +229,11 @@ def time_update_turns(LD, math, stages=None):
     D_3 = LD[9]
 
     # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
-    part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30
     d_theta_mid_sq_0 = D_0 * 5.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0
-    part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     d_theta_mid_sq_1 = 5.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1
-    part_of_d_theta_mid_sq_2 = L_32 + 0.0002
+    part_of_d_theta_mid_sq_2 = 0.0002 + L_32
     d_theta_mid_sq_2 = 5.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2
     d_theta_mid_sq_3 = 5.0 * D_3
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.small_angle(d_theta_mid_sq_0)
@@ -258,13 +258,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3) = turn
 
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    theta_mid = theta + omega * HALF_T_POLE_PAIRS
+    theta_mid = omega * HALF_T_POLE_PAIRS + theta
     odd_i_alpha_1, odd_i_beta_1 = math.sin_cos(theta_mid)
     i_alpha_2 = i_alpha * odd_i_beta_1 + odd_i_alpha_1 * i_beta
     odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10
     i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1
     odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1
-    odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20
+    odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
     emf_step = GAIN_E_POLE_PAIRS * omega
     drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta)
     drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha)
@@ -274,20 +274,20 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0
     part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3
     even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804117085772
-    odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21
+    odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1
     part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1
     part_of_i_alpha_pred_7 = L_21 * part_of_i_alpha_pred_6
     even_i_alpha_mid_1 = part_of_i_alpha_pred_7 * 0.17730804117085772
-    odd_theta_mid_2 = L_32 + 0.0002
+    odd_theta_mid_2 = 0.0002 + L_32
     part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2
     part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2
     even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804117085772
     odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2
     odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5
-    part_of_offset_omega_2 = cosm1_theta_mid_0 + 1.0
+    part_of_offset_omega_2 = 1.0 + cosm1_theta_mid_0
     odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2
-    part_of_offset_omega_5 = cosm1_theta_mid_1 + 1.0
+    part_of_offset_omega_5 = 1.0 + cosm1_theta_mid_1
     odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5
     odd_omega_next_0 = (L_20 * DECAY_OMEGA +
         0.006562417969775382 * part_of_offset_omega_2 * (odd_i_beta_0 + odd_i_beta_next_0) -
@@ -297,13 +297,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         0.006562417969775382 * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
         GAIN_OMEGA * L_41)
-    part_of_offset_omega_7 = cosm1_theta_mid_2 + 1.0
+    part_of_offset_omega_7 = 1.0 + cosm1_theta_mid_2
     odd_omega_next_2 = (DECAY_OMEGA -
         GAIN_OMEGA * (part_of_offset_omega_7 * part_of_offset_omega_7 * 0.037234688645880115 + L_42) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_8 * (i_alpha_mid + even_i_alpha_mid_2))
-    odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0)
-    odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1)
-    odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2)
+    odd_theta_next_0 = HALF_P_T * (odd_omega_next_0 + L_20) + L_30
+    odd_theta_next_1 = HALF_P_T * (odd_omega_next_1 + L_21) + L_31
+    odd_theta_next_2 = HALF_P_T * (1.0 + odd_omega_next_2) + L_32
     part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.5249999999999999 + L_43
     odd_theta_next_3 = 1.0 - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T
 
@@ -324,7 +324,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3
     part_of_offset_omega_11 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3
     part_of_offset_omega_12 = (cosm1_theta_mid_3 * part_of_offset_omega -
-        cosm1_theta_mid_3 * part_of_offset_omega_3 * (cosm1_theta_mid_3 + 1.0) -
+        cosm1_theta_mid_3 * part_of_offset_omega_3 * (1.0 + cosm1_theta_mid_3) -
         part_of_offset_omega_9 * part_of_offset_omega_11)
     part_of_offset_omega_13 = (part_of_offset_omega_4 + part_of_offset_omega_6 + part_of_offset_omega_10 +
         part_of_offset_omega_12)
@@ -359,10 +359,10 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     i_beta_pred = (part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
         odd_i_beta_1 * part_of_i_alpha_pred_13)
     part_of_omega_pred = (omega * DECAY_OMEGA +
-        0.006562417969775382 * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
-        0.006562417969775382 * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque)
+        0.006562417969775382 * odd_i_beta_1 * (part_of_i_beta_pred + i_beta) -
+        0.006562417969775382 * odd_i_alpha_1 * (part_of_i_alpha_pred + i_alpha) - GAIN_OMEGA * load_torque)
     omega_pred = part_of_omega_pred + offset_omega
-    theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta
+    theta_pred = HALF_P_T * (part_of_omega_pred + omega) + offset_theta + theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
     D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
@@ -507,31 +507,29 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 25: y - y_pred; theta wrapped
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    innovation_i_beta = i_beta_meas - i_beta_pred
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
-    part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
+    part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10
+    innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred
     R_1_plus_D_pred_1 = R_1 + D_pred_1
     part_of_span_second = R_0 * D_pred_0_per_span_first
     part_of_span_second_2 = part_of_span_second * L_pred_10
     part_of_span_second_3 = L_pred_10 * part_of_span_second_2
     span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
-    part_of_i_alpha_new_2 = 1.0 / span_second
-    part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2
-    part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3
-    i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4
-    i_beta_new = (i_beta_pred + part_of_innovation_after_first +
-        part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3))
-    part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4
-    part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3
-    omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21
-    theta_new = math.wrap(theta_pred + part_of_omega_new * L_pred_30 + part_of_omega_new_2 * L_pred_31)
-    load_torque_new = load_torque_pred + part_of_omega_new * L_pred_40 + part_of_omega_new_2 * L_pred_41
+    part_of_i_alpha_new = 1.0 / span_second
+    part_of_i_alpha_new_2 = innovation_after_first * part_of_i_alpha_new
+    part_of_i_alpha_new_3 = part_of_innovation_after_first + part_of_span_second_2 * part_of_i_alpha_new_2
+    i_alpha_new = part_of_i_alpha_new_3 + i_alpha_pred
+    i_beta_new = (part_of_innovation_after_firs_2 + part_of_i_alpha_new_2 * (part_of_span_second_3 + D_pred_1)
+        + i_beta_pred)
+    part_of_omega_new = D_pred_1 * part_of_i_alpha_new_2
+    omega_new = part_of_i_alpha_new_3 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
+    theta_new = math.wrap(part_of_i_alpha_new_3 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
+    load_torque_new = part_of_i_alpha_new_3 * L_pred_40 + part_of_omega_new * L_pred_41 + load_torque_pred
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10
@@ -572,34 +570,33 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    innovation_i_beta = i_beta_meas - i_beta_pred
     span_first = R_0 + D_pred_0
     D_pred_0_per_span_first = D_pred_0 / span_first
-    part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first
-    part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10
-    innovation_after_first = innovation_i_beta - part_of_innovation_after_first
+    part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first
+    part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10
+    innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred
     R_1_plus_D_pred_1 = R_1 + D_pred_1
     part_of_span_second = R_0 * D_pred_0_per_span_first
     part_of_span_second_2 = part_of_span_second * L_pred_10
     part_of_span_second_3 = L_pred_10 * part_of_span_second_2
     span_second = _larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1)
-    part_of_i_alpha_after_2 = 1.0 / span_second
-    part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2
-    part_of_i_alpha_after_4 = part_of_span_second_2 * part_of_i_alpha_after_3
-    i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_i_alpha_after_4
-    i_beta_after = (i_beta_pred + part_of_innovation_after_first +
-        part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3))
-    part_of_omega_after = part_of_i_alpha_after + part_of_i_alpha_after_4
-    part_of_omega_after_2 = D_pred_1 * part_of_i_alpha_after_3
-    omega_after = omega_pred + part_of_omega_after * L_pred_20 + part_of_omega_after_2 * L_pred_21
-    theta_after = theta_pred + part_of_omega_after * L_pred_30 + part_of_omega_after_2 * L_pred_31
-    load_torque_after = load_torque_pred + part_of_omega_after * L_pred_40 + part_of_omega_after_2 * L_pred_41
+    part_of_i_alpha_after = 1.0 / span_second
+    part_of_i_alpha_after_2 = innovation_after_first * part_of_i_alpha_after
+    part_of_i_alpha_after_3 = part_of_innovation_after_first + part_of_span_second_2 * part_of_i_alpha_after_2
+    i_alpha_after = part_of_i_alpha_after_3 + i_alpha_pred
+    i_beta_after = (part_of_innovation_after_firs_2 +
+        part_of_i_alpha_after_2 * (part_of_span_second_3 + D_pred_1) + i_beta_pred)
+    part_of_omega_after = D_pred_1 * part_of_i_alpha_after_2
+    omega_after = part_of_i_alpha_after_3 * L_pred_20 + part_of_omega_after * L_pred_21 + omega_pred
+    theta_after = part_of_i_alpha_after_3 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
+    load_torque_after = (part_of_i_alpha_after_3 * L_pred_40 + part_of_omega_after * L_pred_41 +
+        load_torque_pred)
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2
+    D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after
     D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1
     part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1
     L_new_10 = L_pred_10 - part_of_L_new_10

@@ -142,11 +142,11 @@ static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 tu
     const float64 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float64 d_theta_mid_sq_0 = D_0 * 4.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-    const float64 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 d_theta_mid_sq_1 = 4.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-    const float64 part_of_d_theta_mid_sq_2 = L_32 + 0.00015000000000000001;
+    const float64 part_of_d_theta_mid_sq_2 = 0.00015000000000000001 + L_32;
     const float64 d_theta_mid_sq_2 = 4.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
     const float64 d_theta_mid_sq_3 = 4.0 * D_3;
     const float64 sinc_theta_mid_0 = ((((((((SINC_9 * d_theta_mid_sq_0 + SINC_8) * d_theta_mid_sq_0 +
@@ -234,7 +234,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 cosm1_theta_mid_3 = turn[7];
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+    const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
     const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 odd_psi_alpha_1 = sincos_theta_mid.sine;
     const float64 odd_psi_beta_1 = sincos_theta_mid.cosine;
@@ -242,7 +242,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
     const float64 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
     const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
-    const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float64 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
     const float64 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
     const float64 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
@@ -251,7 +251,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
     const float64 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
         DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
-    const float64 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0;
+    const float64 part_of_odd_psi_q_next_0 = 1.0 + cosm1_theta_mid_0;
     const float64 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
     const float64 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
@@ -261,19 +261,19 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
     const float64 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
-    const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float64 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
     const float64 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
         DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
-    const float64 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0;
+    const float64 part_of_odd_psi_q_next_1 = 1.0 + cosm1_theta_mid_1;
     const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
     const float64 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
         DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
     const float64 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
-    const float64 odd_theta_mid_2 = L_32 + 0.00015000000000000001;
+    const float64 odd_theta_mid_2 = 0.00015000000000000001 + L_32;
     const float64 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
     const float64 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
     const float64 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
@@ -318,10 +318,10 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
     const float64 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
         part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
-    const float64 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0);
+    const float64 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (1.0 + cosm1_theta_mid_2);
     const float64 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
         part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
-    const float64 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0);
+    const float64 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (1.0 + cosm1_theta_mid_3);
     const float64 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
         sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
     const float64 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
@@ -332,9 +332,9 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
     const float64 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
         part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
-    const float64 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
-    const float64 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
-    const float64 odd_theta_next_2 = L_32 + 0.00030000000000000003;
+    const float64 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
+    const float64 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
+    const float64 odd_theta_next_2 = 0.00030000000000000003 + L_32;
 
     /* --- eq. 16 */
     const float64 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
@@ -359,7 +359,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
     const float64 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
         odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
-    const float64 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+    const float64 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
@@ -548,14 +548,14 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
     const float64 odd_psi_alpha_1 = sincos_theta_pred.sine;
     const float64 odd_psi_beta_1 = sincos_theta_pred.cosine;
-    const float64 psi_alpha = psi_alpha_pred * odd_psi_beta_1 + odd_psi_alpha_1 * psi_beta_pred;
+    const float64 psi_alpha = odd_psi_beta_1 * psi_alpha_pred + odd_psi_alpha_1 * psi_beta_pred;
     const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10;
-    const float64 psi_beta = odd_psi_beta_1 * psi_beta_pred - psi_alpha_pred * odd_psi_alpha_1;
+    const float64 psi_beta = odd_psi_beta_1 * psi_beta_pred - odd_psi_alpha_1 * psi_alpha_pred;
     const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1;
     const float64 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
     const float64 part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0;
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0;
-    const float64 part_of_odd_psi_d_pred_0 = cosm1_theta_0 + 1.0;
+    const float64 part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_0;
     const float64 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 +
         L_pred_30_times_sinc_theta_0 * psi_beta;
     const float64 even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0;
@@ -570,7 +570,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
     const float64 part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1;
     const float64 even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1;
-    const float64 part_of_odd_psi_q_pred_1 = cosm1_theta_1 + 1.0;
+    const float64 part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_1;
     const float64 odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 +
         psi_beta * L_pred_31_times_sinc_theta_1;
     const float64 even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1;
@@ -622,10 +622,10 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
     const float64 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
         L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1;
-    const float64 part_of_odd_y_i_alpha_2 = cosm1_theta_2 + 1.0;
+    const float64 part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_2;
     const float64 odd_y_i_alpha_2 = part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
         L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2;
-    const float64 part_of_odd_y_i_alpha_3 = cosm1_theta_3 + 1.0;
+    const float64 part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_3;
     const float64 odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
         sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3;
     const float64 odd_y_i_beta_0 = L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
@@ -661,8 +661,6 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
         0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
-    const float64 noise_11 = R_0 + R_1 - part_of_noise_00 + 0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
-        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3);
 
     /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
     const float64 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
@@ -696,7 +694,9 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
         part_of_psi_alpha_new_2 * (part_of_span_second_8 +
         D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2);
-    const float64 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1);
+    const float64 part_of_span_second_13 = larger(0.25 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
+        part_of_noise_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
     const float64 part_of_span_second_14 = 1.0 / part_of_span_first;
     const float64 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
     const float64 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;
@@ -727,20 +727,20 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         part_of_span_second_11 * part_of_span_second_12, part_of_span_second_13);
     const float64 part_of_psi_alpha_new_3 = 1.0 / span_second;
     const float64 part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3;
-    const float64 psi_alpha_new = psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
-        part_of_span_second_12 * part_of_psi_alpha_new_4;
+    const float64 psi_alpha_new = D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
+        part_of_span_second_12 * part_of_psi_alpha_new_4 + psi_alpha_pred;
     const float64 part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_10;
-    const float64 psi_beta_new = psi_beta_pred + part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
+    const float64 psi_beta_new = part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
         L_pred_10 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_span_second_27 +
-        part_of_span_second_12 * part_of_psi_beta_new);
+        part_of_span_second_12 * part_of_psi_beta_new) + psi_beta_pred;
     const float64 part_of_omega_new = D_pred_2_times_odd_y_i_alpha_2 +
         D_pred_1_times_odd_y_i_alpha_1 * L_pred_21;
     const float64 part_of_omega_new_2 = L_pred_21 - D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_24;
     const float64 part_of_omega_new_3 = part_of_span_second_22 + part_of_span_second_27 * part_of_omega_new_2;
     const float64 part_of_omega_new_4 = L_pred_20 - part_of_span_second_10 * part_of_omega_new;
-    const float64 omega_new = omega_pred + part_of_psi_alpha_new_2 * (part_of_omega_new +
+    const float64 omega_new = part_of_psi_alpha_new_2 * (part_of_omega_new +
         D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) + part_of_psi_alpha_new_4 * (part_of_omega_new_3 +
-        part_of_span_second_12 * part_of_omega_new_4);
+        part_of_span_second_12 * part_of_omega_new_4) + omega_pred;
     const float64 part_of_theta_new = D_pred_3_times_odd_y_i_alpha_3 +
         L_pred_32 * D_pred_2_times_odd_y_i_alpha_2;
     const float64 part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1;
@@ -749,9 +749,9 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 part_of_theta_new_5 = L_pred_31 - part_of_span_second_24 * part_of_theta_new;
     const float64 part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_27 * part_of_theta_new_5;
     const float64 part_of_theta_new_7 = L_pred_30 - part_of_span_second_10 * part_of_theta_new_2;
-    const float64 theta_new = wrap_angle(theta_pred + part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
+    const float64 theta_new = wrap_angle(part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
         L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_theta_new_6 +
-        part_of_span_second_12 * part_of_theta_new_7));
+        part_of_span_second_12 * part_of_theta_new_7) + theta_pred);
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_0 = part_of_span_second * part_of_span_second_28 * part_of_psi_alpha_new_3;

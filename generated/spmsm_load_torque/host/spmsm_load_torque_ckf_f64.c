@@ -142,11 +142,11 @@ static void time_update_turns(const float64 LD[15], float64 z_out[4], float64 tu
     const float64 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float64 d_theta_mid_sq_0 = D_0 * 5.0 * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-    const float64 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 d_theta_mid_sq_1 = 5.0 * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-    const float64 part_of_d_theta_mid_sq_2 = L_32 + 0.0002;
+    const float64 part_of_d_theta_mid_sq_2 = 0.0002 + L_32;
     const float64 d_theta_mid_sq_2 = 5.0 * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
     const float64 d_theta_mid_sq_3 = 5.0 * D_3;
     const float64 sinc_theta_mid_0 = ((((((((SINC_9 * d_theta_mid_sq_0 + SINC_8) * d_theta_mid_sq_0 +
@@ -241,7 +241,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 cosm1_theta_mid_3 = turn[7];
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_mid = theta + omega * HALF_T_POLE_PAIRS;
+    const float64 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
     const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 odd_i_alpha_1 = sincos_theta_mid.sine;
     const float64 odd_i_beta_1 = sincos_theta_mid.cosine;
@@ -249,7 +249,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
     const float64 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
     const float64 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
-    const float64 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float64 emf_step = GAIN_E_POLE_PAIRS * omega;
     const float64 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
     const float64 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
@@ -259,21 +259,21 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0;
     const float64 part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3;
     const float64 even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804117085772;
-    const float64 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float64 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1;
     const float64 part_of_i_alpha_pred_7 = L_21 * part_of_i_alpha_pred_6;
     const float64 even_i_alpha_mid_1 = part_of_i_alpha_pred_7 * 0.17730804117085772;
-    const float64 odd_theta_mid_2 = L_32 + 0.0002;
+    const float64 odd_theta_mid_2 = 0.0002 + L_32;
     const float64 part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2;
     const float64 even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804117085772;
     const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2;
     const float64 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5;
-    const float64 part_of_offset_omega_2 = cosm1_theta_mid_0 + 1.0;
+    const float64 part_of_offset_omega_2 = 1.0 + cosm1_theta_mid_0;
     const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
         GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2;
-    const float64 part_of_offset_omega_5 = cosm1_theta_mid_1 + 1.0;
+    const float64 part_of_offset_omega_5 = 1.0 + cosm1_theta_mid_1;
     const float64 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
         GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5;
     const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
@@ -284,13 +284,13 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         0.006562417969775382 * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
         GAIN_OMEGA * L_41;
-    const float64 part_of_offset_omega_7 = cosm1_theta_mid_2 + 1.0;
+    const float64 part_of_offset_omega_7 = 1.0 + cosm1_theta_mid_2;
     const float64 odd_omega_next_2 = DECAY_OMEGA -
         GAIN_OMEGA * (part_of_offset_omega_7 * part_of_offset_omega_7 * 0.037234688645880115 + L_42) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_8 * (i_alpha_mid + even_i_alpha_mid_2);
-    const float64 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
-    const float64 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
-    const float64 odd_theta_next_2 = L_32 + HALF_P_T * (1.0 + odd_omega_next_2);
+    const float64 odd_theta_next_0 = HALF_P_T * (odd_omega_next_0 + L_20) + L_30;
+    const float64 odd_theta_next_1 = HALF_P_T * (odd_omega_next_1 + L_21) + L_31;
+    const float64 odd_theta_next_2 = HALF_P_T * (1.0 + odd_omega_next_2) + L_32;
     const float64 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.5249999999999999 + L_43;
     const float64 odd_theta_next_3 = 1.0 - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
 
@@ -311,7 +311,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3;
     const float64 part_of_offset_omega_11 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3;
     const float64 part_of_offset_omega_12 = cosm1_theta_mid_3 * part_of_offset_omega -
-        cosm1_theta_mid_3 * part_of_offset_omega_3 * (cosm1_theta_mid_3 + 1.0) -
+        cosm1_theta_mid_3 * part_of_offset_omega_3 * (1.0 + cosm1_theta_mid_3) -
         part_of_offset_omega_9 * part_of_offset_omega_11;
     const float64 part_of_offset_omega_13 = part_of_offset_omega_4 + part_of_offset_omega_6 +
         part_of_offset_omega_10 + part_of_offset_omega_12;
@@ -348,10 +348,10 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
         odd_i_beta_1 * part_of_i_alpha_pred_13;
     const float64 part_of_omega_pred = omega * DECAY_OMEGA +
-        0.006562417969775382 * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
-        0.006562417969775382 * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque;
+        0.006562417969775382 * odd_i_beta_1 * (part_of_i_beta_pred + i_beta) -
+        0.006562417969775382 * odd_i_alpha_1 * (part_of_i_alpha_pred + i_alpha) - GAIN_OMEGA * load_torque;
     const float64 omega_pred = part_of_omega_pred + offset_omega;
-    const float64 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
+    const float64 theta_pred = HALF_P_T * (part_of_omega_pred + omega) + offset_theta + theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
     const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
@@ -530,33 +530,32 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
 
     /* --- eq. 25: y - y_pred; theta wrapped */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-    const float64 innovation_i_beta = i_beta_meas - i_beta_pred;
     const float64 span_first = R_0 + D_pred_0;
     const float64 D_pred_0_per_span_first = D_pred_0 / span_first;
-    const float64 part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first;
-    const float64 part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10;
-    const float64 innovation_after_first = innovation_i_beta - part_of_innovation_after_first;
+    const float64 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first;
+    const float64 part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10;
+    const float64 innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred;
     const float64 R_1_plus_D_pred_1 = R_1 + D_pred_1;
     const float64 part_of_span_second = R_0 * D_pred_0_per_span_first;
     const float64 part_of_span_second_2 = part_of_span_second * L_pred_10;
     const float64 part_of_span_second_3 = L_pred_10 * part_of_span_second_2;
     const float64 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
-    const float64 part_of_i_alpha_new_2 = 1.0 / span_second;
-    const float64 part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2;
-    const float64 part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3;
-    const float64 i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4;
-    const float64 i_beta_new = i_beta_pred + part_of_innovation_after_first +
-        part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3);
-    const float64 part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4;
-    const float64 part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3;
-    const float64 omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21;
-    const float64 theta_new = wrap_angle(theta_pred + part_of_omega_new * L_pred_30 +
-        part_of_omega_new_2 * L_pred_31);
-    const float64 load_torque_new = load_torque_pred + part_of_omega_new * L_pred_40 +
-        part_of_omega_new_2 * L_pred_41;
+    const float64 part_of_i_alpha_new = 1.0 / span_second;
+    const float64 part_of_i_alpha_new_2 = innovation_after_first * part_of_i_alpha_new;
+    const float64 part_of_i_alpha_new_3 = part_of_innovation_after_first +
+        part_of_span_second_2 * part_of_i_alpha_new_2;
+    const float64 i_alpha_new = part_of_i_alpha_new_3 + i_alpha_pred;
+    const float64 i_beta_new = part_of_innovation_after_firs_2 +
+        part_of_i_alpha_new_2 * (part_of_span_second_3 + D_pred_1) + i_beta_pred;
+    const float64 part_of_omega_new = D_pred_1 * part_of_i_alpha_new_2;
+    const float64 omega_new = part_of_i_alpha_new_3 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
+    const float64 theta_new = wrap_angle(part_of_i_alpha_new_3 * L_pred_30 + part_of_omega_new * L_pred_31 +
+        theta_pred);
+    const float64 load_torque_new = part_of_i_alpha_new_3 * L_pred_40 + part_of_omega_new * L_pred_41 +
+        load_torque_pred;
 
     /* --- eq. 26: L D L^T = P_new */
-    const float64 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2;
+    const float64 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new;
     const float64 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
     const float64 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
     const float64 L_new_10 = L_pred_10 - part_of_L_new_10;

@@ -1,0 +1,184 @@
+"""A function along the columns of L, and what its values there say of mean and covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from codegen.fast.expr import Expr, GraphBuilder
+from codegen.fast.factored import Matrix
+from codegen.fast.frame import Frame
+from codegen.fast.rows import common_factor
+from codegen.fast.split import Split, SplitAlgebra
+from codegen.fast.tape import Tape, suggest_parts
+from model.filters.cubature import Rule
+from model.state_space import StateSpaceModel
+
+Vector = list[Expr]
+
+#: What the lines under eq. 15 and 20 are.
+_PARTS = "along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A function along the columns of L: base (m), and its even and odd parts (m rows, n columns).
+
+    ``jacobian`` (m rows, n columns) where the odd parts are derivatives.
+    """
+
+    base: Vector
+    even: Matrix
+    odd: Matrix
+    jacobian: Matrix | None = None
+
+
+@dataclass(frozen=True)
+class Spreading:
+    """How one filter of one model spreads its points: by a rule, or (None) not at all, taking derivatives."""
+
+    model: StateSpaceModel
+    kind: str
+    gain: str
+    rule: Rule | None
+    turning: bool = False
+
+    @property
+    def n(self) -> int:
+        return len(self.model.states)
+
+    @property
+    def states(self) -> list[str]:
+        return [state.name for state in self.model.states]
+
+    @property
+    def is_paper(self) -> bool:
+        return self.kind in {"ckf", "ickf"}
+
+    def equation(self, number: str) -> str:
+        return number if self.is_paper else self.kind.upper()
+
+    def along(
+        self,
+        b: GraphBuilder,
+        tape: Tape,
+        x: Vector,
+        L: Matrix,
+        D: Vector,
+        others: list[Vector],
+        equation: str,
+        names: list[str],
+        frame: Frame | None = None,
+    ) -> Spread:
+        """A function's base, even and odd parts along every column, the working quantities named."""
+        if self.rule is None or (self.kind == "ickf" and self.gain == "jacobian" and not others):
+            return self._derived(b, tape, x, L, others, equation, names, frame)
+        parts = []
+        for c in range(self.n):
+            column = [L[i][c] for i in range(self.n)]
+            algebra = SplitAlgebra(D[c] * (self.n + self.rule.kappa), frame.angle if frame else None)
+            values, named = self.replay(b, tape, algebra, x, column, others, frame)
+            suggest_parts(b, equation, named, algebra, c)
+            parts.append(values)
+        even, odd = (
+            [[getattr(part[i], side) for part in parts] for i in range(len(names))] for side in ("even", "odd")
+        )
+        for label, rows, meaning in (("even", even, ""), ("odd", odd, _PARTS)):
+            labels = [f"{label}_{name}_{c}" for name in names for c in range(self.n)]
+            entries = [entry for row in rows for entry in row]
+            b.stage(f"{label}_{names[0]}", equation, meaning, entries, labels, scale="none")
+        return Spread([value.base for value in parts[0]], even, odd)
+
+    def _derived(
+        self,
+        b: GraphBuilder,
+        tape: Tape,
+        x: Vector,
+        L: Matrix,
+        others: list[Vector],
+        equation: str,
+        names: list[str],
+        frame: Frame | None,
+    ) -> Spread:
+        """The same to first order: the Jacobian by dual numbers, then its product with L."""
+        zero = x[0] * 0.0
+        columns = []
+        for k in range(self.n):
+            unit = [zero + float(i == k) for i in range(self.n)]
+            algebra = SplitAlgebra(zero, frame.angle if frame else None)
+            values, named = self.replay(b, tape, algebra, x, unit, others, frame, unit)
+            b.suggest(equation, {name: part.base for name, part in named.items()})
+            columns.append(values)
+        jacobian = [[column[i].odd for column in columns] for i in range(len(names))]
+        labels = [f"slope_{name}_{k}" for name in names for k in range(self.n)]
+        entries = [entry for row in jacobian for entry in row]
+        meaning = "Jacobian" + (", in the turned frame" if frame else "")
+        b.stage(f"jacobian_{names[0]}", equation, meaning, entries, labels, scale="none")
+        turned = [
+            frame.into([L[i][c] for i in range(self.n)]) if frame else [L[i][c] for i in range(self.n)]
+            for c in range(self.n)
+        ]
+        odd = [[dot(row, column) for column in turned] for row in jacobian]
+        return Spread([value.base for value in columns[0]], [[zero] * self.n for _ in names], odd, jacobian)
+
+    def replay(
+        self,
+        b: GraphBuilder,
+        tape: Tape,
+        algebra: SplitAlgebra,
+        x: Vector,
+        direction: Vector,
+        others: list[Vector],
+        frame: Frame | None,
+        turned: Vector | None = None,
+    ) -> tuple[list[Split], dict[str, Split]]:
+        """A tape along a direction of the stator frame (or, ``turned``, of the turned one), by name."""
+        if frame:
+            x, others = frame.into(x), [frame.into(vector) for vector in others]
+            direction = turned if turned is not None else frame.into(direction)
+        point = [algebra.along(value, slope) for value, slope in zip(x, direction, strict=True)]
+        constants = [algebra.constant(b.const(k.value, k.name, k.formula)) for k in self.model.constants]
+        inputs = [point, *([algebra.constant(value) for value in vector] for vector in others)]
+        values, named = tape.replay(algebra, inputs, constants)
+        return values, {**dict(zip(tape.inputs, point, strict=True)), **named}
+
+    def _weight(self) -> float:
+        """Of a pair of points."""
+        return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
+
+    def moments(
+        self, b: GraphBuilder, run: Spread, D: Vector, equations: tuple[str, str], names: list[str], linear: bool = True
+    ) -> tuple[Vector, Matrix]:
+        """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
+
+        The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
+        ``linear`` leaves the odd parts out.
+        """
+        weight = self._weight()
+        scale, even = zip(*(common_factor(row) for row in run.even), strict=True)
+        mean = [sum_of(row) * weight for row in even]
+        offset = [k * m for k, m in zip(scale, mean, strict=True)]
+        b.stage(f"offset_{names[0]}", equations[0], "", offset, [f"offset_{name}" for name in names], scale="none")
+        dev = [[e - m for e in row] if not m.is_zero() else row for row, m in zip(even, mean, strict=True)]
+        labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
+        b.stage(f"dev_{names[0]}", equations[1], "", [e for row in dev for e in row], labels, scale="none")
+        slope, odd = zip(*(common_factor(row) for row in run.odd), strict=True)
+        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
+        centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
+        P = [[D[0] * 0.0] * len(names) for _ in names]
+        for i in range(len(names)):
+            for j in range(i + 1):
+                bend = scale[i] * scale[j] * weight * dot(dev[i], dev[j]) + offset[i] * offset[j] * centre
+                spread = slope[i] * slope[j] * dot(weighted[i], odd[j]) if linear else bend * 0.0
+                P[i][j] = P[j][i] = spread + bend
+        return offset, P
+
+
+def sum_of(terms: Vector) -> Expr:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def dot(a: Vector, b: Vector) -> Expr:
+    return sum_of([p * q for p, q in zip(a, b, strict=True)])
