@@ -236,7 +236,7 @@ def test_mutants_of_the_generated_python_are_caught(
 
 FAST_MUTANTS = [
     (r"(P_pred_22 = [^=]*?) \+ Q_2\b", r"\1", "17"),  # a dropped Q
-    (r"odd_theta_next_1 = L_31 \+", "odd_theta_next_1 = L_31 -", "17"),
+    (r"(odd_theta_next_1 = \w+ \* \w+) \+", r"\1 -", "17"),
     (r"innovation_i_alpha = i_alpha_meas -", "innovation_i_alpha = i_alpha_meas +", "25, 34"),
     (r"D_new_1 = ", "D_new_1 = 1.000001 * ", "26, 32"),
     (r"(def _polynomial_small_angle_f64.*?)-0\.16666666666666666", r"\1-0.16666", "17"),  # a coarse sine
@@ -260,7 +260,7 @@ def test_mutants_of_the_fast_form_are_caught(pattern: str, replacement: str, equ
 C_MUTANTS = [
     ("fast", "i_alpha_meas - i_alpha_pred", "i_alpha_meas + i_alpha_pred", "innovation", "25"),
     ("fast", "#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f", "x_pred", "16"),
-    ("fast", "odd_theta_next_1 = L_31 +", "odd_theta_next_1 = L_31 -", "odd_i_alpha_next", "15"),
+    ("fast", "POLE_PAIRS_SAMPLE_TIME + L_31", "POLE_PAIRS_SAMPLE_TIME - L_31", "odd_i_alpha_next", "15"),
     ("fast", "#define SINC_1 -0.16666666f", "#define SINC_1 -0.16666667f", "turn", "14"),
     ("literal", "i_alpha_meas - y_i_alpha_pred", "i_alpha_meas + y_i_alpha_pred", "innovation", "25"),
     ("literal", "P_21 - S_20 * S_10", "P_21 - S_20 * S_11", "S", "13"),
