@@ -30,6 +30,7 @@ PIPELINES: tuple[tuple[Pass, ...], ...] = (
     (*_HEAD, share_products, spend_reciprocals),
     (*_HEAD, _KEPT, spend_reciprocals),
     (*_HEAD, spend_reciprocals),
+    (),  # a sign pulled out of a sum's one term may have to be put into its others: then the graph as it stands
 )
 
 #: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
