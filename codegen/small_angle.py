@@ -5,7 +5,7 @@ polynomial does. Beyond, d is halved until it is small, and doubled again::
 
     sin(2 d) / (2 d) = sin(d) / d  cos(d),        cos(2 d) - 1 = 2 (cos(d) - 1) (2 + (cos(d) - 1))
 
-Float32 coefficients are minimax (Remez) on [0, LIMIT]; ``tests/codegen/test_small_angle.py`` derives them again.
+Float32 coefficients are minimax (Remez) on [0, LIMIT]; ``tests/codegen/test_small_angle.py`` shows their equal ripple.
 Float64 takes as many terms of the series as its precision asks for.
 """
 

@@ -8,15 +8,21 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from codegen.small_angle import COSM1_COEFFICIENTS, LIMIT, SINC_COEFFICIENTS, coefficients, small_angle_bound
+from codegen.small_angle import (
+    COSM1_COEFFICIENTS,
+    DOUBLINGS,
+    LIMIT,
+    SINC_COEFFICIENTS,
+    WIDEST,
+    coefficients,
+    small_angle_bound,
+)
 from codegen.trig import DOUBLE, SINGLE
 from runtime.estimator.folder import find_folder
 
-#: The widest turn that counts as itself, rad^2: beyond it a turn may be cut off, as the points alias anyway.
-WIDE = 30.0
-#: Beyond the limit the angle may be made of halves: three doublings, each of which at most quadruples an error of
-#: cos(d) - 1 (the slope of 2 c (2 + c) is 4 + 4 c, c in -2 .. 0).
-GROWTH = 4.0**3
+#: Beyond the limit the angle is made of halves: each doubling at most quadruples an error of cos(d) - 1 (the slope of
+#: 2 c (2 + c) is 4 + 4 c, c in -2 .. 0).
+GROWTH = 4.0**DOUBLINGS
 #: One precision's unit roundoff.
 ROUNDING = {"float32": 2.0**-24, "float64": 2.0**-53}
 
@@ -86,7 +92,7 @@ def test_the_bound_is_not_idle() -> None:
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_wide_turns(dtype: str) -> None:
     """Beyond the limit: at most what a polynomial's error at the limit, and a rounding, grow to."""
-    z = np.random.default_rng(9).uniform(LIMIT, WIDE, 4000).astype(dtype)
+    z = np.random.default_rng(9).uniform(LIMIT, 0.999 * WIDEST, 4000).astype(dtype)
     found, expected = generated(dtype)(z), exact(z)
     at_limit = small_angle_bound().cosm1 * LIMIT / 2 if dtype == "float32" else 8 * ROUNDING[dtype]
     for ours, theirs in zip(found, expected, strict=True):
@@ -101,6 +107,14 @@ def test_the_two_ways_join(dtype: str) -> None:
     allowed = 2 * max(bound.sinc, bound.cosm1) if dtype == "float32" else 16 * ROUNDING[dtype]
     for values in generated(dtype)(z):
         assert abs(float(values[1]) - float(values[0])) <= allowed
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_what_is_wider_averages_out(dtype: str) -> None:
+    """An angle that is not known: mean sine and cosine zero."""
+    sinc, cosm1 = generated(dtype)(np.array([1.01 * WIDEST, 1e3, 1e30], dtype))
+    np.testing.assert_array_equal(sinc, 0.0)
+    np.testing.assert_array_equal(cosm1, -1.0)
 
 
 def test_a_wide_lane_leaves_its_neighbours_alone() -> None:
