@@ -138,7 +138,7 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
     taken = set(names.values())
     for stage in block.stages:
         for entry, name in zip(stages[stage.name], stage.names, strict=True):
-            if entry in live and entry not in names and graph[entry].op != "const":
+            if entry in live and entry not in names and graph[entry].op not in {"const", "sin", "cos"}:
                 names[entry] = _fresh(name, taken)
     uses = Counter(arg for index in live for arg in graph[index].args)
     first_user: dict[int, int] = {}

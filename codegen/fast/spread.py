@@ -139,7 +139,9 @@ class Spreading:
         constants = [algebra.constant(b.const(k.value, k.name, k.formula)) for k in self.model.constants]
         inputs = [point, *([algebra.constant(value) for value in vector] for vector in others)]
         values, named = tape.replay(algebra, inputs, constants)
-        return values, {**dict(zip(tape.inputs, point, strict=True)), **named}
+        names = [f"{name}_turned" if frame and k < 2 else name for k, name in enumerate(tape.inputs)]
+        states = dict(zip(names, point, strict=True))
+        return values, {**named, **states}  # the first name offered is the one taken
 
     def _weight(self) -> float:
         """Of a pair of points."""
@@ -160,7 +162,7 @@ class Spreading:
         b.stage(f"offset_{names[0]}", equations[0], "", offset, [f"offset_{name}" for name in names], scale="none")
         dev = [[e - m for e in row] if not m.is_zero() else row for row, m in zip(even, mean, strict=True)]
         labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
-        b.stage(f"dev_{names[0]}", equations[1], "", [e for row in dev for e in row], labels, scale="none")
+        b.stage(f"dev_{names[0]}", equations[0], "", [e for row in dev for e in row], labels, scale="none")
         slope, odd = zip(*(common_factor(row) for row in run.odd), strict=True)
         weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
         centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]

@@ -259,41 +259,41 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
 
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     theta_mid = HALF_T_POLE_PAIRS * omega + theta
-    odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_mid)
-    psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta
-    odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10
-    psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1
-    odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1
     odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
-    v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta
-    v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha
-    part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
+    psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid
+    v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
+    v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha
+    part_of_psi_d_next = DECAY_D * psi_d_mid + GAIN_D * v_d
     psi_d_next = part_of_psi_d_next + MAGNET_D
     part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0
     part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0
+    odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
     even_psi_d_next_0 = (part_of_psi_d_next * cosm1_theta_mid_0 +
-        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0)
+        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_turned_0)
     part_of_odd_psi_q_next_0 = 1.0 + cosm1_theta_mid_0
-    part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q
-    odd_psi_d_next_0 = (DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+    odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10
+    part_of_odd_psi_d_next_0 = DECAY_D * psi_q_mid + GAIN_D * v_q
+    odd_psi_d_next_0 = (DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_turned_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0)
-    psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q
+    psi_q_next = DECAY_Q * psi_q_mid + GAIN_Q * v_q
     even_psi_q_next_0 = (cosm1_theta_mid_0 * psi_q_next -
-        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0)
-    part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q
-    odd_psi_q_next_0 = (odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_turned_0)
+    part_of_odd_psi_q_next_0_2 = psi_d_mid * DECAY_Q + v_d * GAIN_Q
+    odd_psi_q_next_0 = (odd_psi_beta_turned_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2)
     odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1
     part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1
     even_psi_d_next_1 = (part_of_psi_d_next * cosm1_theta_mid_1 +
-        DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2)
+        DECAY_D_X4 * cos_theta_mid * part_of_even_psi_d_next_1_2)
     part_of_odd_psi_q_next_1 = 1.0 + cosm1_theta_mid_1
-    odd_psi_d_next_1 = (DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+    odd_psi_d_next_1 = (DECAY_D * sin_theta_mid * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0)
     even_psi_q_next_1 = (cosm1_theta_mid_1 * psi_q_next -
-        DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2)
-    odd_psi_q_next_1 = (odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+        DECAY_Q_X4 * sin_theta_mid * part_of_even_psi_d_next_1_2)
+    odd_psi_q_next_1 = (cos_theta_mid * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1)
     odd_theta_mid_2 = 0.00015000000000000001 + L_32
     even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2
@@ -372,10 +372,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     # --- eq. 16: x_pred = mean X_i'
     part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha
     psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta
-    psi_alpha_pred = (odd_psi_beta_1 * part_of_psi_alpha_pred -
-        odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta)
-    psi_beta_pred = (odd_psi_alpha_1 * part_of_psi_alpha_pred +
-        odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta)
+    psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred - sin_theta_mid * psi_q_next_plus_offset_psi_beta
+    psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred + cos_theta_mid * psi_q_next_plus_offset_psi_beta
     theta_pred = omega * ADVANCE_POLE_PAIRS + theta
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q
@@ -395,8 +393,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3))
-    part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2
-    part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2
+    part_of_P_pred_00_3 = sin_theta_mid * part_of_P_pred_00_2
+    part_of_P_pred_00_4 = cos_theta_mid * part_of_P_pred_00_2
     D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0
     D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1
     D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2
@@ -406,20 +404,20 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3))
-    P_pred_00 = (odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0)
-    part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4
-    part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5
-    P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2
-    P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 + Q_1
+    P_pred_00 = (cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        sin_theta_mid * (part_of_P_pred_00_4 - sin_theta_mid * part_of_P_pred_00_5) + Q_0)
+    part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_4
+    part_of_P_pred_10_2 = part_of_P_pred_00_3 + cos_theta_mid * part_of_P_pred_00_5
+    P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2
+    P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1
     D_0_times_L_20 = D_0 * L_20
     D_1_times_L_21 = D_1 * L_21
     part_of_P_pred_20 = (D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1 +
         D_2_times_odd_psi_alpha_next_2)
     part_of_P_pred_20_2 = (D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
         D_2_times_odd_psi_beta_next_2)
-    P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2
-    P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2
+    P_pred_20 = cos_theta_mid * part_of_P_pred_20 - sin_theta_mid * part_of_P_pred_20_2
+    P_pred_21 = sin_theta_mid * part_of_P_pred_20 + cos_theta_mid * part_of_P_pred_20_2
     P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2
     part_of_P_pred_30 = (D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
@@ -427,8 +425,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_P_pred_30_2 = (D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
         D_3_times_odd_psi_beta_next_3)
-    P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2
-    P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2
+    P_pred_30 = cos_theta_mid * part_of_P_pred_30 - sin_theta_mid * part_of_P_pred_30_2
+    P_pred_31 = sin_theta_mid * part_of_P_pred_30 + cos_theta_mid * part_of_P_pred_30_2
     D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
     P_pred_32 = (D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
         D_2_times_odd_theta_next_2)
@@ -475,19 +473,19 @@ def ckf_measurement_update_turns(LD_pred, math, stages=None):
     D_pred_3 = LD_pred[9]
 
     # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
-    d_theta_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30
-    d_theta_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31
-    d_theta_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32
-    d_theta_sq_3 = 4.0 * D_pred_3
-    sinc_theta_0, cosm1_theta_0 = math.small_angle(d_theta_sq_0)
-    sinc_theta_1, cosm1_theta_1 = math.small_angle(d_theta_sq_1)
-    sinc_theta_2, cosm1_theta_2 = math.small_angle(d_theta_sq_2)
-    sinc_theta_3, cosm1_theta_3 = math.small_angle(d_theta_sq_3)
+    d_theta_turned_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30
+    d_theta_turned_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31
+    d_theta_turned_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32
+    d_theta_turned_sq_3 = 4.0 * D_pred_3
+    sinc_theta_turned_0, cosm1_theta_turned_0 = math.small_angle(d_theta_turned_sq_0)
+    sinc_theta_turned_1, cosm1_theta_turned_1 = math.small_angle(d_theta_turned_sq_1)
+    sinc_theta_turned_2, cosm1_theta_turned_2 = math.small_angle(d_theta_turned_sq_2)
+    sinc_theta_turned_3, cosm1_theta_turned_3 = math.small_angle(d_theta_turned_sq_3)
 
     return (
-        (d_theta_sq_0, d_theta_sq_1, d_theta_sq_2, d_theta_sq_3,),
-        (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
-            cosm1_theta_3,),
+        (d_theta_turned_sq_0, d_theta_turned_sq_1, d_theta_turned_sq_2, d_theta_turned_sq_3,),
+        (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
+            sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3,),
     )
 
 
@@ -498,93 +496,96 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
-    (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
-        cosm1_theta_3) = turn_pred
+    (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
+        sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    odd_psi_alpha_1, odd_psi_beta_1 = math.sin_cos(theta_pred)
-    psi_alpha = odd_psi_beta_1 * psi_alpha_pred + odd_psi_alpha_1 * psi_beta_pred
-    odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10
-    psi_beta = odd_psi_beta_1 * psi_beta_pred - odd_psi_alpha_1 * psi_alpha_pred
-    odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1
-    L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0
-    part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0
-    even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0
-    part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_0
-    odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 + L_pred_30_times_sinc_theta_0 * psi_beta
-    even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0
-    odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 - L_pred_30_times_sinc_theta_0 * psi_alpha
-    i_d_pred = INV_L_D * (psi_alpha - PSI_M)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
+    part_of_odd_psi_d_pred_0_2 = L_pred_30 * sinc_theta_turned_0
+    part_of_even_psi_q_pred_0 = D_pred_0 * part_of_odd_psi_d_pred_0_2 * 4.0
+    odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred
+    even_psi_d_pred_0 = cosm1_theta_turned_0 * psi_d_pred + part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0
+    part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_turned_0
+    odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10
+    psi_q_pred = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred
+    odd_psi_d_pred_0 = (part_of_odd_psi_d_pred_0 * odd_psi_alpha_turned_0 +
+        part_of_odd_psi_d_pred_0_2 * psi_q_pred)
+    even_psi_q_pred_0 = cosm1_theta_turned_0 * psi_q_pred - odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0
+    odd_psi_q_pred_0 = (part_of_odd_psi_d_pred_0 * odd_psi_beta_turned_0 -
+        part_of_odd_psi_d_pred_0_2 * psi_d_pred)
+    i_d_pred = INV_L_D * (psi_d_pred - PSI_M)
     even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0
     odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0
-    i_q_pred = psi_beta * INV_L_Q
+    i_q_pred = psi_q_pred * INV_L_Q
     even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0
     odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0
-    L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1
-    part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1
-    even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1
-    part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_1
-    odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 + psi_beta * L_pred_31_times_sinc_theta_1
-    even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1
-    odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 - psi_alpha * L_pred_31_times_sinc_theta_1
+    part_of_even_psi_d_pred_1 = L_pred_31 * sinc_theta_turned_1
+    part_of_even_psi_d_pred_1_2 = 4.0 * D_pred_1 * part_of_even_psi_d_pred_1
+    even_psi_d_pred_1 = psi_d_pred * cosm1_theta_turned_1 + cos_theta_pred * part_of_even_psi_d_pred_1_2
+    part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_turned_1
+    odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 + psi_q_pred * part_of_even_psi_d_pred_1
+    even_psi_q_pred_1 = psi_q_pred * cosm1_theta_turned_1 - sin_theta_pred * part_of_even_psi_d_pred_1_2
+    odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 - psi_d_pred * part_of_even_psi_d_pred_1
     even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1
     odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1
     even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1
     odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1
-    inv_l_d_times_psi_alpha = INV_L_D * psi_alpha
-    even_i_d_pred_2 = inv_l_d_times_psi_alpha * cosm1_theta_2
-    inv_l_d_times_psi_beta = INV_L_D * psi_beta
-    L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2
-    odd_i_d_pred_2 = inv_l_d_times_psi_beta * L_pred_32_times_sinc_theta_2
-    even_i_q_pred_2 = i_q_pred * cosm1_theta_2
-    even_i_d_pred_3 = inv_l_d_times_psi_alpha * cosm1_theta_3
-    odd_i_d_pred_3 = inv_l_d_times_psi_beta * sinc_theta_3
-    even_i_q_pred_3 = i_q_pred * cosm1_theta_3
+    inv_l_d_times_psi_d_pred = INV_L_D * psi_d_pred
+    even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_2
+    inv_l_d_times_psi_q_pred = INV_L_D * psi_q_pred
+    part_of_even_y_i_alpha_2 = L_pred_32 * sinc_theta_turned_2
+    odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * part_of_even_y_i_alpha_2
+    even_i_q_pred_2 = i_q_pred * cosm1_theta_turned_2
+    even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_3
+    odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_turned_3
+    even_i_q_pred_3 = i_q_pred * cosm1_theta_turned_3
     i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0
-    even_y_i_alpha_0 = (even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
+    even_y_i_alpha_0 = (even_i_d_pred_0 + cosm1_theta_turned_0 * i_d_pred_plus_even_i_d_pred_0 -
         part_of_even_psi_q_pred_0 * odd_i_q_pred_0)
     i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1
-    even_y_i_alpha_1 = (even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
-        part_of_even_psi_d_pred_1 * odd_i_q_pred_1)
+    even_y_i_alpha_1 = (even_i_d_pred_1 + cosm1_theta_turned_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1_2 * odd_i_q_pred_1)
     i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2
-    part_of_even_y_i_alpha_2 = 4.0 * D_pred_2 * L_pred_32_times_sinc_theta_2
-    inv_l_q_times_psi_alpha = INV_L_Q * psi_alpha
-    part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_alpha * L_pred_32_times_sinc_theta_2
-    even_y_i_alpha_2 = (even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
-        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2)
+    part_of_even_y_i_alpha_2_2 = 4.0 * D_pred_2 * part_of_even_y_i_alpha_2
+    inv_l_q_times_psi_d_pred = INV_L_Q * psi_d_pred
+    part_of_even_y_i_alpha_2_3 = inv_l_q_times_psi_d_pred * part_of_even_y_i_alpha_2
+    even_y_i_alpha_2 = (even_i_d_pred_2 + cosm1_theta_turned_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2_2 * part_of_even_y_i_alpha_2_3)
     i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3
-    part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_3
-    part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_alpha * sinc_theta_3
-    even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
+    part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_turned_3
+    part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_turned_3
+    even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_turned_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2)
     i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0
     even_y_i_beta_0 = (odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
-        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0)
+        cosm1_theta_turned_0 * i_q_pred_plus_even_i_q_pred_0)
     i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1
-    even_y_i_beta_1 = (part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
-        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1)
+    even_y_i_beta_1 = (part_of_even_psi_d_pred_1_2 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_turned_1 * i_q_pred_plus_even_i_q_pred_1)
     i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2
-    even_y_i_beta_2 = (part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
-        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2)
+    even_y_i_beta_2 = (part_of_even_y_i_alpha_2_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_turned_2 * i_q_pred_plus_even_i_q_pred_2)
     i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3
     even_y_i_beta_3 = (part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
-        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3)
+        cosm1_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3)
     odd_y_i_alpha_0 = (part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
-        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0)
+        part_of_odd_psi_d_pred_0_2 * i_q_pred_plus_even_i_q_pred_0)
     odd_y_i_alpha_1 = (part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
-        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1)
-    part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_2
+        part_of_even_psi_d_pred_1 * i_q_pred_plus_even_i_q_pred_1)
+    part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_turned_2
     odd_y_i_alpha_2 = (part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
-        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2)
-    part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_3
-    odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 - sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3
-    odd_y_i_beta_0 = (L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
+        part_of_even_y_i_alpha_2 * i_q_pred_plus_even_i_q_pred_2)
+    part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_turned_3
+    odd_y_i_alpha_3 = (part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
+        sinc_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3)
+    odd_y_i_beta_0 = (part_of_odd_psi_d_pred_0_2 * i_d_pred_plus_even_i_d_pred_0 +
         part_of_odd_psi_d_pred_0 * odd_i_q_pred_0)
-    odd_y_i_beta_1 = (L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
+    odd_y_i_beta_1 = (part_of_even_psi_d_pred_1 * i_d_pred_plus_even_i_d_pred_1 +
         part_of_odd_psi_q_pred_1 * odd_i_q_pred_1)
-    odd_y_i_beta_2 = (i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
-        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2)
-    odd_y_i_beta_3 = (i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
+    odd_y_i_beta_2 = (i_d_pred_plus_even_i_d_pred_2 * part_of_even_y_i_alpha_2 -
+        part_of_even_y_i_alpha_2_3 * part_of_odd_y_i_alpha_2)
+    odd_y_i_beta_3 = (i_d_pred_plus_even_i_d_pred_3 * sinc_theta_turned_3 -
         part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3)
 
     # --- eq. 21
@@ -600,19 +601,19 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta
     dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta
     dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta
-    part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 + odd_psi_alpha_1 * odd_psi_alpha_1 * R_1
+    part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1
     R_0_min_R_1 = _smaller(R_0, R_1)
     noise_00 = (_larger(part_of_noise_00, R_0_min_R_1) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
         dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
         dev_y_i_alpha_3 * dev_y_i_alpha_3))
-    noise_10 = (odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 +
+    noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 +
         dev_y_i_alpha_1 * dev_y_i_beta_1 + dev_y_i_alpha_2 * dev_y_i_beta_2 +
         dev_y_i_alpha_3 * dev_y_i_beta_3))
 
     # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
-    innovation_i_alpha = (odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas - i_d_pred -
+    innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - i_d_pred -
         offset_y_i_alpha)
-    innovation_i_beta = (odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred -
+    innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas - i_q_pred -
         offset_y_i_beta)
     noise_10_per_noise_00 = noise_10 / noise_00
     D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3

@@ -258,43 +258,43 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
-    const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
-    const float32 odd_psi_alpha_1 = sincos_theta_mid.sine;
-    const float32 odd_psi_beta_1 = sincos_theta_mid.cosine;
-    const float32 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
-    const float32 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
-    const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
-    const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
     const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
-    const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-    const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+    const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+    const float32 sin_theta_mid = sincos_theta_mid.sine;
+    const float32 cos_theta_mid = sincos_theta_mid.cosine;
+    const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+    const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+    const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
+    const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
+    const float32 part_of_psi_d_next = DECAY_D * psi_d_mid + GAIN_D * v_d;
     const float32 psi_d_next = part_of_psi_d_next + MAGNET_D;
     const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+    const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
+        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_turned_0;
     const float32 part_of_odd_psi_q_next_0 = 1.0f + cosm1_theta_mid_0;
-    const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
-    const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+    const float32 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+    const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_q_mid + GAIN_D * v_q;
+    const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_turned_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-    const float32 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+    const float32 psi_q_next = DECAY_Q * psi_q_mid + GAIN_Q * v_q;
     const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
-        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
-    const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
-    const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_turned_0;
+    const float32 part_of_odd_psi_q_next_0_2 = psi_d_mid * DECAY_Q + v_d * GAIN_Q;
+    const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
     const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
     const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-        DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
+        DECAY_D_X4 * cos_theta_mid * part_of_even_psi_d_next_1_2;
     const float32 part_of_odd_psi_q_next_1 = 1.0f + cosm1_theta_mid_1;
-    const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+    const float32 odd_psi_d_next_1 = DECAY_D * sin_theta_mid * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
     const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
-        DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
-    const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+        DECAY_Q_X4 * sin_theta_mid * part_of_even_psi_d_next_1_2;
+    const float32 odd_psi_q_next_1 = cos_theta_mid * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
     const float32 odd_theta_mid_2 = 0.00015f + L_32;
     const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
@@ -378,10 +378,10 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
-    const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
-        odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
-    const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
-        odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
+    const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
+        sin_theta_mid * psi_q_next_plus_offset_psi_beta;
+    const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
+        cos_theta_mid * psi_q_next_plus_offset_psi_beta;
     const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
@@ -401,8 +401,8 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
-    const float32 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-    const float32 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float32 part_of_P_pred_00_3 = sin_theta_mid * part_of_P_pred_00_2;
+    const float32 part_of_P_pred_00_4 = cos_theta_mid * part_of_P_pred_00_2;
     const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
     const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
     const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
@@ -412,21 +412,20 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-    const float32 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
-    const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
-    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
-    const float32 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
-    const float32 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
-        Q_1;
+    const float32 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        sin_theta_mid * (part_of_P_pred_00_4 - sin_theta_mid * part_of_P_pred_00_5) + Q_0;
+    const float32 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_4;
+    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + cos_theta_mid * part_of_P_pred_00_5;
+    const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+    const float32 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
     const float32 D_0_times_L_20 = D_0 * L_20;
     const float32 D_1_times_L_21 = D_1 * L_21;
     const float32 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
         D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
     const float32 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
         D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
-    const float32 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
-    const float32 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+    const float32 P_pred_20 = cos_theta_mid * part_of_P_pred_20 - sin_theta_mid * part_of_P_pred_20_2;
+    const float32 P_pred_21 = sin_theta_mid * part_of_P_pred_20 + cos_theta_mid * part_of_P_pred_20_2;
     const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
     const float32 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
@@ -434,8 +433,8 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
         D_3_times_odd_psi_beta_next_3;
-    const float32 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
-    const float32 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+    const float32 P_pred_30 = cos_theta_mid * part_of_P_pred_30 - sin_theta_mid * part_of_P_pred_30_2;
+    const float32 P_pred_31 = sin_theta_mid * part_of_P_pred_30 + cos_theta_mid * part_of_P_pred_30_2;
     const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
     const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
         D_2_times_odd_theta_next_2;

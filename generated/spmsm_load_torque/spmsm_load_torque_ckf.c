@@ -252,23 +252,23 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float32 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
-    const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
-    const float32 odd_i_alpha_1 = sincos_theta_mid.sine;
-    const float32 odd_i_beta_1 = sincos_theta_mid.cosine;
-    const float32 i_alpha_2 = i_alpha * odd_i_beta_1 + odd_i_alpha_1 * i_beta;
-    const float32 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
-    const float32 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
-    const float32 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
     const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float32 emf_step = GAIN_E_POLE_PAIRS * omega;
-    const float32 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
-    const float32 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
-    const float32 part_of_i_alpha_mid = 1.7087082f * i_alpha_2 + drive_alpha;
+    const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+    const float32 sin_theta_mid = sincos_theta_mid.sine;
+    const float32 cos_theta_mid = sincos_theta_mid.cosine;
+    const float32 drive_alpha = GAIN_V * (v_alpha * cos_theta_mid + sin_theta_mid * v_beta);
+    const float32 drive_beta = GAIN_V * (cos_theta_mid * v_beta - sin_theta_mid * v_alpha);
+    const float32 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
+    const float32 part_of_i_alpha_mid = 1.7087082f * i_alpha_turned + drive_alpha;
     const float32 i_alpha_mid = 0.5f * part_of_i_alpha_mid;
     const float32 part_of_i_alpha_pred_2 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float32 part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0;
     const float32 part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3;
     const float32 even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804f;
+    const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+    const float32 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
+    const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float32 part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float32 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1;
@@ -278,20 +278,20 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float32 part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2;
     const float32 even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804f;
-    const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2;
-    const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5;
+    const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * part_of_i_alpha_pred_2;
+    const float32 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * part_of_i_alpha_pred_5;
     const float32 part_of_offset_omega_2 = 1.0f + cosm1_theta_mid_0;
-    const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
+    const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
         GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2;
     const float32 part_of_offset_omega_5 = 1.0f + cosm1_theta_mid_1;
-    const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
+    const float32 odd_i_beta_next_1 = DECAY_I * cos_theta_mid -
         GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5;
     const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
-        0.006562418f * part_of_offset_omega_2 * (odd_i_beta_0 + odd_i_beta_next_0) -
+        0.006562418f * part_of_offset_omega_2 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_2 * (i_alpha_mid + even_i_alpha_mid_0) -
         GAIN_OMEGA * L_40;
     const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
-        0.006562418f * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
+        0.006562418f * part_of_offset_omega_5 * (cos_theta_mid + odd_i_beta_next_1) -
         GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
         GAIN_OMEGA * L_41;
     const float32 part_of_offset_omega_7 = 1.0f + cosm1_theta_mid_2;
@@ -305,14 +305,14 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 odd_theta_next_3 = 1.0f - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
 
     /* --- eq. 16 */
-    const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_2 - emf_step + drive_beta);
+    const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_turned - emf_step + drive_beta);
     const float32 part_of_offset_omega_3 = omega * 0.03546161f;
     const float32 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
         cosm1_theta_mid_0 * part_of_offset_omega_2 * part_of_offset_omega_3 -
-        part_of_i_alpha_pred_3 * (odd_i_alpha_0 + odd_i_alpha_next_0) * 2.5f;
+        part_of_i_alpha_pred_3 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 2.5f;
     const float32 part_of_offset_omega_6 = cosm1_theta_mid_1 * part_of_offset_omega -
         cosm1_theta_mid_1 * part_of_offset_omega_3 * part_of_offset_omega_5 -
-        part_of_i_alpha_pred_6 * 2.5f * (odd_i_alpha_1 + odd_i_alpha_next_1);
+        part_of_i_alpha_pred_6 * 2.5f * (sin_theta_mid + odd_i_alpha_next_1);
     const float32 part_of_offset_omega_8 = part_of_i_alpha_pred_8 * part_of_i_alpha_pred_9;
     const float32 part_of_offset_omega_9 = omega * 0.17730804f;
     const float32 part_of_offset_omega_10 = cosm1_theta_mid_2 * part_of_offset_omega -
@@ -349,17 +349,17 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
+    const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + GAIN_V * v_alpha;
     const float32 part_of_i_alpha_pred_11 = 0.07092322f * part_of_i_alpha_pred_10;
     const float32 part_of_i_alpha_pred_13 = omega * 0.0141846435f * part_of_i_alpha_pred_12;
-    const float32 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * part_of_i_alpha_pred_11 +
-        odd_i_alpha_1 * part_of_i_alpha_pred_13;
-    const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
-    const float32 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
-        odd_i_beta_1 * part_of_i_alpha_pred_13;
+    const float32 i_alpha_pred = part_of_i_alpha_pred + cos_theta_mid * part_of_i_alpha_pred_11 +
+        sin_theta_mid * part_of_i_alpha_pred_13;
+    const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * cos_theta_mid + GAIN_V * v_beta;
+    const float32 i_beta_pred = part_of_i_beta_pred + sin_theta_mid * part_of_i_alpha_pred_11 -
+        cos_theta_mid * part_of_i_alpha_pred_13;
     const float32 part_of_omega_pred = omega * DECAY_OMEGA +
-        0.006562418f * odd_i_beta_1 * (part_of_i_beta_pred + i_beta) -
-        0.006562418f * odd_i_alpha_1 * (part_of_i_alpha_pred + i_alpha) - GAIN_OMEGA * load_torque;
+        0.006562418f * cos_theta_mid * (part_of_i_beta_pred + i_beta) -
+        0.006562418f * sin_theta_mid * (part_of_i_alpha_pred + i_alpha) - GAIN_OMEGA * load_torque;
     const float32 omega_pred = part_of_omega_pred + offset_omega;
     const float32 theta_pred = HALF_P_T * (part_of_omega_pred + omega) + offset_theta + theta;
 
@@ -379,8 +379,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         omega * (part_of_i_alpha_pred_9 * part_of_offset_omega_7 + dev_i_alpha_0 * dev_i_beta_0 +
         dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 - part_of_dev_i_alpha_0 * dev_i_beta_3 +
         part_of_i_alpha_pred_10 * part_of_P_pred_00_2) * 0.0050301026f;
-    const float32 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
-    const float32 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
+    const float32 part_of_P_pred_00_4 = sin_theta_mid * part_of_P_pred_00_3;
+    const float32 part_of_P_pred_00_5 = cos_theta_mid * part_of_P_pred_00_3;
     const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
     const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
     const float32 part_of_P_pred_00_6 = D_2 * part_of_offset_omega_7;
@@ -389,12 +389,12 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         part_of_offset_omega_7 * part_of_P_pred_00_6 * 0.0050301026f + omega_sq * (dev_i_beta_0 * dev_i_beta_0
         + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3 +
         part_of_i_alpha_pred_12 * part_of_P_pred_00_2) * 0.0010060206f;
-    const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
-        odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
-    const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
-    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_7;
-    const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
-    const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+    const float32 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_4) -
+        sin_theta_mid * (part_of_P_pred_00_5 - sin_theta_mid * part_of_P_pred_00_7) + Q_0;
+    const float32 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_5;
+    const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + cos_theta_mid * part_of_P_pred_00_7;
+    const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+    const float32 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
     const float32 part_of_P_pred_20 = emf_step * part_of_i_alpha_pred_9;
     const float32 part_of_P_pred_20_3 = part_of_offset_omega_13 * 0.04f;
     const float32 part_of_P_pred_20_4 = dev_i_alpha_0 * dev_omega_0 + dev_i_alpha_1 * dev_omega_1 +
@@ -411,8 +411,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 part_of_P_pred_20_8 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
         D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - part_of_P_pred_20_6 * odd_omega_next_2 -
         0.00018617112f * part_of_P_pred_20_7;
-    const float32 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_5 - odd_i_alpha_1 * part_of_P_pred_20_8;
-    const float32 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_5 + odd_i_beta_1 * part_of_P_pred_20_8;
+    const float32 P_pred_20 = cos_theta_mid * part_of_P_pred_20_5 - sin_theta_mid * part_of_P_pred_20_8;
+    const float32 P_pred_21 = sin_theta_mid * part_of_P_pred_20_5 + cos_theta_mid * part_of_P_pred_20_8;
     const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
     const float32 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
     const float32 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
@@ -429,8 +429,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 part_of_P_pred_30_3 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_6 * odd_theta_next_2 -
         part_of_P_pred_20_7 * 3.7234223e-08f;
-    const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30_2 - odd_i_alpha_1 * part_of_P_pred_30_3;
-    const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30_2 + odd_i_beta_1 * part_of_P_pred_30_3;
+    const float32 P_pred_30 = cos_theta_mid * part_of_P_pred_30_2 - sin_theta_mid * part_of_P_pred_30_3;
+    const float32 P_pred_31 = sin_theta_mid * part_of_P_pred_30_2 + cos_theta_mid * part_of_P_pred_30_3;
     const float32 part_of_P_pred_32 = GAIN_OMEGA * part_of_P_pred_20_2;
     const float32 D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3;
     const float32 P_pred_32 = D_0_times_odd_omega_next_0 * odd_theta_next_0 +
@@ -445,8 +445,8 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         D_1_times_odd_i_alpha_next_1 * L_41 + part_of_P_pred_20 * L_42 + part_of_P_pred_30 * L_43;
     const float32 part_of_P_pred_40_2 = D_0_times_odd_i_beta_next_0 * L_40 +
         D_1_times_odd_i_beta_next_1 * L_41 - part_of_P_pred_20_6 * L_42;
-    const float32 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
-    const float32 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
+    const float32 P_pred_40 = cos_theta_mid * part_of_P_pred_40 - sin_theta_mid * part_of_P_pred_40_2;
+    const float32 P_pred_41 = sin_theta_mid * part_of_P_pred_40 + cos_theta_mid * part_of_P_pred_40_2;
     const float32 D_0_times_L_40 = D_0 * L_40;
     const float32 D_1_times_L_41 = D_1 * L_41;
     const float32 D_2_times_L_42 = D_2 * L_42;

@@ -235,43 +235,43 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
-    const float64 odd_psi_alpha_1 = sincos_theta_mid.sine;
-    const float64 odd_psi_beta_1 = sincos_theta_mid.cosine;
-    const float64 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
-    const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
-    const float64 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
-    const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
-    const float64 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-    const float64 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 sin_theta_mid = sincos_theta_mid.sine;
+    const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+    const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+    const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
+    const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
+    const float64 part_of_psi_d_next = DECAY_D * psi_d_mid + GAIN_D * v_d;
     const float64 psi_d_next = part_of_psi_d_next + MAGNET_D;
     const float64 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+    const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float64 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
+        DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_turned_0;
     const float64 part_of_odd_psi_q_next_0 = 1.0 + cosm1_theta_mid_0;
-    const float64 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
-    const float64 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+    const float64 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+    const float64 part_of_odd_psi_d_next_0 = DECAY_D * psi_q_mid + GAIN_D * v_q;
+    const float64 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_turned_0 +
         part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-    const float64 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+    const float64 psi_q_next = DECAY_Q * psi_q_mid + GAIN_Q * v_q;
     const float64 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
-        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
-    const float64 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
-    const float64 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+        DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_turned_0;
+    const float64 part_of_odd_psi_q_next_0_2 = psi_d_mid * DECAY_Q + v_d * GAIN_Q;
+    const float64 odd_psi_q_next_0 = odd_psi_beta_turned_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
         part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float64 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
     const float64 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-        DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
+        DECAY_D_X4 * cos_theta_mid * part_of_even_psi_d_next_1_2;
     const float64 part_of_odd_psi_q_next_1 = 1.0 + cosm1_theta_mid_1;
-    const float64 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+    const float64 odd_psi_d_next_1 = DECAY_D * sin_theta_mid * part_of_odd_psi_q_next_1 +
         part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
     const float64 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
-        DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
-    const float64 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+        DECAY_Q_X4 * sin_theta_mid * part_of_even_psi_d_next_1_2;
+    const float64 odd_psi_q_next_1 = cos_theta_mid * DECAY_Q * part_of_odd_psi_q_next_1 -
         part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
     const float64 odd_theta_mid_2 = 0.00015000000000000001 + L_32;
     const float64 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
@@ -355,10 +355,10 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     /* --- eq. 16: x_pred = mean X_i' */
     const float64 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float64 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
-    const float64 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
-        odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
-    const float64 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
-        odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
+    const float64 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
+        sin_theta_mid * psi_q_next_plus_offset_psi_beta;
+    const float64 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
+        cos_theta_mid * psi_q_next_plus_offset_psi_beta;
     const float64 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
@@ -378,8 +378,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
-    const float64 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-    const float64 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
+    const float64 part_of_P_pred_00_3 = sin_theta_mid * part_of_P_pred_00_2;
+    const float64 part_of_P_pred_00_4 = cos_theta_mid * part_of_P_pred_00_2;
     const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
     const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
     const float64 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
@@ -389,21 +389,20 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
         odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-    const float64 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-        odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
-    const float64 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
-    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
-    const float64 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
-    const float64 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
-        Q_1;
+    const float64 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_3) -
+        sin_theta_mid * (part_of_P_pred_00_4 - sin_theta_mid * part_of_P_pred_00_5) + Q_0;
+    const float64 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_4;
+    const float64 part_of_P_pred_10_2 = part_of_P_pred_00_3 + cos_theta_mid * part_of_P_pred_00_5;
+    const float64 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+    const float64 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
     const float64 D_0_times_L_20 = D_0 * L_20;
     const float64 D_1_times_L_21 = D_1 * L_21;
     const float64 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
         D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
     const float64 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
         D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
-    const float64 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
-    const float64 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+    const float64 P_pred_20 = cos_theta_mid * part_of_P_pred_20 - sin_theta_mid * part_of_P_pred_20_2;
+    const float64 P_pred_21 = sin_theta_mid * part_of_P_pred_20 + cos_theta_mid * part_of_P_pred_20_2;
     const float64 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
     const float64 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
@@ -411,8 +410,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
         D_3_times_odd_psi_beta_next_3;
-    const float64 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
-    const float64 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+    const float64 P_pred_30 = cos_theta_mid * part_of_P_pred_30 - sin_theta_mid * part_of_P_pred_30_2;
+    const float64 P_pred_31 = sin_theta_mid * part_of_P_pred_30 + cos_theta_mid * part_of_P_pred_30_2;
     const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
     const float64 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
         D_2_times_odd_theta_next_2;
@@ -466,49 +465,61 @@ static void ckf_measurement_update_turns(const float64 LD_pred[10], float64 z_pr
     const float64 D_pred_3 = LD_pred[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 d_theta_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30;
-    const float64 d_theta_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31;
-    const float64 d_theta_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32;
-    const float64 d_theta_sq_3 = 4.0 * D_pred_3;
-    const float64 sinc_theta_0 = ((((((((SINC_9 * d_theta_sq_0 + SINC_8) * d_theta_sq_0 +
-        SINC_7) * d_theta_sq_0 + SINC_6) * d_theta_sq_0 + SINC_5) * d_theta_sq_0 + SINC_4) * d_theta_sq_0 +
-        SINC_3) * d_theta_sq_0 + SINC_2) * d_theta_sq_0 + SINC_1) * d_theta_sq_0 + 1.0;
-    const float64 cosm1_theta_0 = ((((((((COSM1_9 * d_theta_sq_0 + COSM1_8) * d_theta_sq_0 +
-        COSM1_7) * d_theta_sq_0 + COSM1_6) * d_theta_sq_0 + COSM1_5) * d_theta_sq_0 + COSM1_4) * d_theta_sq_0
-        + COSM1_3) * d_theta_sq_0 + COSM1_2) * d_theta_sq_0 + COSM1_1) * d_theta_sq_0;
-    const float64 sinc_theta_1 = ((((((((SINC_9 * d_theta_sq_1 + SINC_8) * d_theta_sq_1 +
-        SINC_7) * d_theta_sq_1 + SINC_6) * d_theta_sq_1 + SINC_5) * d_theta_sq_1 + SINC_4) * d_theta_sq_1 +
-        SINC_3) * d_theta_sq_1 + SINC_2) * d_theta_sq_1 + SINC_1) * d_theta_sq_1 + 1.0;
-    const float64 cosm1_theta_1 = ((((((((COSM1_9 * d_theta_sq_1 + COSM1_8) * d_theta_sq_1 +
-        COSM1_7) * d_theta_sq_1 + COSM1_6) * d_theta_sq_1 + COSM1_5) * d_theta_sq_1 + COSM1_4) * d_theta_sq_1
-        + COSM1_3) * d_theta_sq_1 + COSM1_2) * d_theta_sq_1 + COSM1_1) * d_theta_sq_1;
-    const float64 sinc_theta_2 = ((((((((SINC_9 * d_theta_sq_2 + SINC_8) * d_theta_sq_2 +
-        SINC_7) * d_theta_sq_2 + SINC_6) * d_theta_sq_2 + SINC_5) * d_theta_sq_2 + SINC_4) * d_theta_sq_2 +
-        SINC_3) * d_theta_sq_2 + SINC_2) * d_theta_sq_2 + SINC_1) * d_theta_sq_2 + 1.0;
-    const float64 cosm1_theta_2 = ((((((((COSM1_9 * d_theta_sq_2 + COSM1_8) * d_theta_sq_2 +
-        COSM1_7) * d_theta_sq_2 + COSM1_6) * d_theta_sq_2 + COSM1_5) * d_theta_sq_2 + COSM1_4) * d_theta_sq_2
-        + COSM1_3) * d_theta_sq_2 + COSM1_2) * d_theta_sq_2 + COSM1_1) * d_theta_sq_2;
-    const float64 sinc_theta_3 = ((((((((SINC_9 * d_theta_sq_3 + SINC_8) * d_theta_sq_3 +
-        SINC_7) * d_theta_sq_3 + SINC_6) * d_theta_sq_3 + SINC_5) * d_theta_sq_3 + SINC_4) * d_theta_sq_3 +
-        SINC_3) * d_theta_sq_3 + SINC_2) * d_theta_sq_3 + SINC_1) * d_theta_sq_3 + 1.0;
-    const float64 cosm1_theta_3 = ((((((((COSM1_9 * d_theta_sq_3 + COSM1_8) * d_theta_sq_3 +
-        COSM1_7) * d_theta_sq_3 + COSM1_6) * d_theta_sq_3 + COSM1_5) * d_theta_sq_3 + COSM1_4) * d_theta_sq_3
-        + COSM1_3) * d_theta_sq_3 + COSM1_2) * d_theta_sq_3 + COSM1_1) * d_theta_sq_3;
+    const float64 d_theta_turned_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30;
+    const float64 d_theta_turned_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31;
+    const float64 d_theta_turned_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32;
+    const float64 d_theta_turned_sq_3 = 4.0 * D_pred_3;
+    const float64 sinc_theta_turned_0 = ((((((((SINC_9 * d_theta_turned_sq_0 + SINC_8) * d_theta_turned_sq_0 +
+        SINC_7) * d_theta_turned_sq_0 + SINC_6) * d_theta_turned_sq_0 + SINC_5) * d_theta_turned_sq_0 +
+        SINC_4) * d_theta_turned_sq_0 + SINC_3) * d_theta_turned_sq_0 + SINC_2) * d_theta_turned_sq_0 +
+        SINC_1) * d_theta_turned_sq_0 + 1.0;
+    const float64 cosm1_theta_turned_0 =
+        ((((((((COSM1_9 * d_theta_turned_sq_0 + COSM1_8) * d_theta_turned_sq_0 +
+        COSM1_7) * d_theta_turned_sq_0 + COSM1_6) * d_theta_turned_sq_0 + COSM1_5) * d_theta_turned_sq_0 +
+        COSM1_4) * d_theta_turned_sq_0 + COSM1_3) * d_theta_turned_sq_0 + COSM1_2) * d_theta_turned_sq_0 +
+        COSM1_1) * d_theta_turned_sq_0;
+    const float64 sinc_theta_turned_1 = ((((((((SINC_9 * d_theta_turned_sq_1 + SINC_8) * d_theta_turned_sq_1 +
+        SINC_7) * d_theta_turned_sq_1 + SINC_6) * d_theta_turned_sq_1 + SINC_5) * d_theta_turned_sq_1 +
+        SINC_4) * d_theta_turned_sq_1 + SINC_3) * d_theta_turned_sq_1 + SINC_2) * d_theta_turned_sq_1 +
+        SINC_1) * d_theta_turned_sq_1 + 1.0;
+    const float64 cosm1_theta_turned_1 =
+        ((((((((COSM1_9 * d_theta_turned_sq_1 + COSM1_8) * d_theta_turned_sq_1 +
+        COSM1_7) * d_theta_turned_sq_1 + COSM1_6) * d_theta_turned_sq_1 + COSM1_5) * d_theta_turned_sq_1 +
+        COSM1_4) * d_theta_turned_sq_1 + COSM1_3) * d_theta_turned_sq_1 + COSM1_2) * d_theta_turned_sq_1 +
+        COSM1_1) * d_theta_turned_sq_1;
+    const float64 sinc_theta_turned_2 = ((((((((SINC_9 * d_theta_turned_sq_2 + SINC_8) * d_theta_turned_sq_2 +
+        SINC_7) * d_theta_turned_sq_2 + SINC_6) * d_theta_turned_sq_2 + SINC_5) * d_theta_turned_sq_2 +
+        SINC_4) * d_theta_turned_sq_2 + SINC_3) * d_theta_turned_sq_2 + SINC_2) * d_theta_turned_sq_2 +
+        SINC_1) * d_theta_turned_sq_2 + 1.0;
+    const float64 cosm1_theta_turned_2 =
+        ((((((((COSM1_9 * d_theta_turned_sq_2 + COSM1_8) * d_theta_turned_sq_2 +
+        COSM1_7) * d_theta_turned_sq_2 + COSM1_6) * d_theta_turned_sq_2 + COSM1_5) * d_theta_turned_sq_2 +
+        COSM1_4) * d_theta_turned_sq_2 + COSM1_3) * d_theta_turned_sq_2 + COSM1_2) * d_theta_turned_sq_2 +
+        COSM1_1) * d_theta_turned_sq_2;
+    const float64 sinc_theta_turned_3 = ((((((((SINC_9 * d_theta_turned_sq_3 + SINC_8) * d_theta_turned_sq_3 +
+        SINC_7) * d_theta_turned_sq_3 + SINC_6) * d_theta_turned_sq_3 + SINC_5) * d_theta_turned_sq_3 +
+        SINC_4) * d_theta_turned_sq_3 + SINC_3) * d_theta_turned_sq_3 + SINC_2) * d_theta_turned_sq_3 +
+        SINC_1) * d_theta_turned_sq_3 + 1.0;
+    const float64 cosm1_theta_turned_3 =
+        ((((((((COSM1_9 * d_theta_turned_sq_3 + COSM1_8) * d_theta_turned_sq_3 +
+        COSM1_7) * d_theta_turned_sq_3 + COSM1_6) * d_theta_turned_sq_3 + COSM1_5) * d_theta_turned_sq_3 +
+        COSM1_4) * d_theta_turned_sq_3 + COSM1_3) * d_theta_turned_sq_3 + COSM1_2) * d_theta_turned_sq_3 +
+        COSM1_1) * d_theta_turned_sq_3;
 
-    turn_pred_out[0] = sinc_theta_0;
-    turn_pred_out[1] = cosm1_theta_0;
-    turn_pred_out[2] = sinc_theta_1;
-    turn_pred_out[3] = cosm1_theta_1;
-    turn_pred_out[4] = sinc_theta_2;
-    turn_pred_out[5] = cosm1_theta_2;
-    turn_pred_out[6] = sinc_theta_3;
-    turn_pred_out[7] = cosm1_theta_3;
-    if ((d_theta_sq_0 > SMALL_TURN) || (d_theta_sq_1 > SMALL_TURN) || (d_theta_sq_2 > SMALL_TURN) ||
-        (d_theta_sq_3 > SMALL_TURN)) {
-        z_pred_out[0] = d_theta_sq_0;
-        z_pred_out[1] = d_theta_sq_1;
-        z_pred_out[2] = d_theta_sq_2;
-        z_pred_out[3] = d_theta_sq_3;
+    turn_pred_out[0] = sinc_theta_turned_0;
+    turn_pred_out[1] = cosm1_theta_turned_0;
+    turn_pred_out[2] = sinc_theta_turned_1;
+    turn_pred_out[3] = cosm1_theta_turned_1;
+    turn_pred_out[4] = sinc_theta_turned_2;
+    turn_pred_out[5] = cosm1_theta_turned_2;
+    turn_pred_out[6] = sinc_theta_turned_3;
+    turn_pred_out[7] = cosm1_theta_turned_3;
+    if ((d_theta_turned_sq_0 > SMALL_TURN) || (d_theta_turned_sq_1 > SMALL_TURN) ||
+        (d_theta_turned_sq_2 > SMALL_TURN) || (d_theta_turned_sq_3 > SMALL_TURN)) {
+        z_pred_out[0] = d_theta_turned_sq_0;
+        z_pred_out[1] = d_theta_turned_sq_1;
+        z_pred_out[2] = d_theta_turned_sq_2;
+        z_pred_out[3] = d_theta_turned_sq_3;
         widen(z_pred_out, turn_pred_out, 4);
     }
 }
@@ -535,106 +546,110 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
-    const float64 sinc_theta_0 = turn_pred[0];
-    const float64 cosm1_theta_0 = turn_pred[1];
-    const float64 sinc_theta_1 = turn_pred[2];
-    const float64 cosm1_theta_1 = turn_pred[3];
-    const float64 sinc_theta_2 = turn_pred[4];
-    const float64 cosm1_theta_2 = turn_pred[5];
-    const float64 sinc_theta_3 = turn_pred[6];
-    const float64 cosm1_theta_3 = turn_pred[7];
+    const float64 sinc_theta_turned_0 = turn_pred[0];
+    const float64 cosm1_theta_turned_0 = turn_pred[1];
+    const float64 sinc_theta_turned_1 = turn_pred[2];
+    const float64 cosm1_theta_turned_1 = turn_pred[3];
+    const float64 sinc_theta_turned_2 = turn_pred[4];
+    const float64 cosm1_theta_turned_2 = turn_pred[5];
+    const float64 sinc_theta_turned_3 = turn_pred[6];
+    const float64 cosm1_theta_turned_3 = turn_pred[7];
 
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
-    const float64 odd_psi_alpha_1 = sincos_theta_pred.sine;
-    const float64 odd_psi_beta_1 = sincos_theta_pred.cosine;
-    const float64 psi_alpha = odd_psi_beta_1 * psi_alpha_pred + odd_psi_alpha_1 * psi_beta_pred;
-    const float64 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10;
-    const float64 psi_beta = odd_psi_beta_1 * psi_beta_pred - odd_psi_alpha_1 * psi_alpha_pred;
-    const float64 odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1;
-    const float64 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
-    const float64 part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0;
-    const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0;
-    const float64 part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_0;
-    const float64 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 +
-        L_pred_30_times_sinc_theta_0 * psi_beta;
-    const float64 even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0;
-    const float64 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 -
-        L_pred_30_times_sinc_theta_0 * psi_alpha;
-    const float64 i_d_pred = INV_L_D * (psi_alpha - PSI_M);
+    const float64 sin_theta_pred = sincos_theta_pred.sine;
+    const float64 cos_theta_pred = sincos_theta_pred.cosine;
+    const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
+    const float64 part_of_odd_psi_d_pred_0_2 = L_pred_30 * sinc_theta_turned_0;
+    const float64 part_of_even_psi_q_pred_0 = D_pred_0 * part_of_odd_psi_d_pred_0_2 * 4.0;
+    const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
+    const float64 even_psi_d_pred_0 = cosm1_theta_turned_0 * psi_d_pred +
+        part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0;
+    const float64 part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_turned_0;
+    const float64 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
+    const float64 psi_q_pred = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
+    const float64 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_turned_0 +
+        part_of_odd_psi_d_pred_0_2 * psi_q_pred;
+    const float64 even_psi_q_pred_0 = cosm1_theta_turned_0 * psi_q_pred -
+        odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0;
+    const float64 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_turned_0 -
+        part_of_odd_psi_d_pred_0_2 * psi_d_pred;
+    const float64 i_d_pred = INV_L_D * (psi_d_pred - PSI_M);
     const float64 even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0;
     const float64 odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0;
-    const float64 i_q_pred = psi_beta * INV_L_Q;
+    const float64 i_q_pred = psi_q_pred * INV_L_Q;
     const float64 even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0;
     const float64 odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0;
-    const float64 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
-    const float64 part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1;
-    const float64 even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1;
-    const float64 part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_1;
-    const float64 odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 +
-        psi_beta * L_pred_31_times_sinc_theta_1;
-    const float64 even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1;
-    const float64 odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 -
-        psi_alpha * L_pred_31_times_sinc_theta_1;
+    const float64 part_of_even_psi_d_pred_1 = L_pred_31 * sinc_theta_turned_1;
+    const float64 part_of_even_psi_d_pred_1_2 = 4.0 * D_pred_1 * part_of_even_psi_d_pred_1;
+    const float64 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_turned_1 +
+        cos_theta_pred * part_of_even_psi_d_pred_1_2;
+    const float64 part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_turned_1;
+    const float64 odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 +
+        psi_q_pred * part_of_even_psi_d_pred_1;
+    const float64 even_psi_q_pred_1 = psi_q_pred * cosm1_theta_turned_1 -
+        sin_theta_pred * part_of_even_psi_d_pred_1_2;
+    const float64 odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 -
+        psi_d_pred * part_of_even_psi_d_pred_1;
     const float64 even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1;
     const float64 odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1;
     const float64 even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1;
     const float64 odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1;
-    const float64 inv_l_d_times_psi_alpha = INV_L_D * psi_alpha;
-    const float64 even_i_d_pred_2 = inv_l_d_times_psi_alpha * cosm1_theta_2;
-    const float64 inv_l_d_times_psi_beta = INV_L_D * psi_beta;
-    const float64 L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2;
-    const float64 odd_i_d_pred_2 = inv_l_d_times_psi_beta * L_pred_32_times_sinc_theta_2;
-    const float64 even_i_q_pred_2 = i_q_pred * cosm1_theta_2;
-    const float64 even_i_d_pred_3 = inv_l_d_times_psi_alpha * cosm1_theta_3;
-    const float64 odd_i_d_pred_3 = inv_l_d_times_psi_beta * sinc_theta_3;
-    const float64 even_i_q_pred_3 = i_q_pred * cosm1_theta_3;
+    const float64 inv_l_d_times_psi_d_pred = INV_L_D * psi_d_pred;
+    const float64 even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_2;
+    const float64 inv_l_d_times_psi_q_pred = INV_L_D * psi_q_pred;
+    const float64 part_of_even_y_i_alpha_2 = L_pred_32 * sinc_theta_turned_2;
+    const float64 odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * part_of_even_y_i_alpha_2;
+    const float64 even_i_q_pred_2 = i_q_pred * cosm1_theta_turned_2;
+    const float64 even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_3;
+    const float64 odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_turned_3;
+    const float64 even_i_q_pred_3 = i_q_pred * cosm1_theta_turned_3;
     const float64 i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0;
-    const float64 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
+    const float64 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_turned_0 * i_d_pred_plus_even_i_d_pred_0 -
         part_of_even_psi_q_pred_0 * odd_i_q_pred_0;
     const float64 i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1;
-    const float64 even_y_i_alpha_1 = even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
-        part_of_even_psi_d_pred_1 * odd_i_q_pred_1;
+    const float64 even_y_i_alpha_1 = even_i_d_pred_1 + cosm1_theta_turned_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1_2 * odd_i_q_pred_1;
     const float64 i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2;
-    const float64 part_of_even_y_i_alpha_2 = 4.0 * D_pred_2 * L_pred_32_times_sinc_theta_2;
-    const float64 inv_l_q_times_psi_alpha = INV_L_Q * psi_alpha;
-    const float64 part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_alpha * L_pred_32_times_sinc_theta_2;
-    const float64 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
-        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2;
+    const float64 part_of_even_y_i_alpha_2_2 = 4.0 * D_pred_2 * part_of_even_y_i_alpha_2;
+    const float64 inv_l_q_times_psi_d_pred = INV_L_Q * psi_d_pred;
+    const float64 part_of_even_y_i_alpha_2_3 = inv_l_q_times_psi_d_pred * part_of_even_y_i_alpha_2;
+    const float64 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_turned_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2_2 * part_of_even_y_i_alpha_2_3;
     const float64 i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3;
-    const float64 part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_3;
-    const float64 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_alpha * sinc_theta_3;
-    const float64 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
+    const float64 part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_turned_3;
+    const float64 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_turned_3;
+    const float64 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_turned_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
     const float64 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
     const float64 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
-        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0;
+        cosm1_theta_turned_0 * i_q_pred_plus_even_i_q_pred_0;
     const float64 i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1;
-    const float64 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
-        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1;
+    const float64 even_y_i_beta_1 = part_of_even_psi_d_pred_1_2 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_turned_1 * i_q_pred_plus_even_i_q_pred_1;
     const float64 i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2;
-    const float64 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
-        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2;
+    const float64 even_y_i_beta_2 = part_of_even_y_i_alpha_2_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_turned_2 * i_q_pred_plus_even_i_q_pred_2;
     const float64 i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3;
     const float64 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
-        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3;
+        cosm1_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3;
     const float64 odd_y_i_alpha_0 = part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
-        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
+        part_of_odd_psi_d_pred_0_2 * i_q_pred_plus_even_i_q_pred_0;
     const float64 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
-        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1;
-    const float64 part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_2;
+        part_of_even_psi_d_pred_1 * i_q_pred_plus_even_i_q_pred_1;
+    const float64 part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_turned_2;
     const float64 odd_y_i_alpha_2 = part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
-        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2;
-    const float64 part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_3;
+        part_of_even_y_i_alpha_2 * i_q_pred_plus_even_i_q_pred_2;
+    const float64 part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_turned_3;
     const float64 odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
-        sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3;
-    const float64 odd_y_i_beta_0 = L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
+        sinc_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3;
+    const float64 odd_y_i_beta_0 = part_of_odd_psi_d_pred_0_2 * i_d_pred_plus_even_i_d_pred_0 +
         part_of_odd_psi_d_pred_0 * odd_i_q_pred_0;
-    const float64 odd_y_i_beta_1 = L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
+    const float64 odd_y_i_beta_1 = part_of_even_psi_d_pred_1 * i_d_pred_plus_even_i_d_pred_1 +
         part_of_odd_psi_q_pred_1 * odd_i_q_pred_1;
-    const float64 odd_y_i_beta_2 = i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
-        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2;
-    const float64 odd_y_i_beta_3 = i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
+    const float64 odd_y_i_beta_2 = i_d_pred_plus_even_i_d_pred_2 * part_of_even_y_i_alpha_2 -
+        part_of_even_y_i_alpha_2_3 * part_of_odd_y_i_alpha_2;
+    const float64 odd_y_i_beta_3 = i_d_pred_plus_even_i_d_pred_3 * sinc_theta_turned_3 -
         part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3;
 
     /* --- eq. 21 */
@@ -652,20 +667,20 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta;
     const float64 dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta;
     const float64 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
-    const float64 part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 +
-        odd_psi_alpha_1 * odd_psi_alpha_1 * R_1;
+    const float64 part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 +
+        sin_theta_pred * sin_theta_pred * R_1;
     const float64 R_0_min_R_1 = smaller(R_0, R_1);
     const float64 noise_00 = larger(part_of_noise_00, R_0_min_R_1) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0
         + dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
         dev_y_i_alpha_3 * dev_y_i_alpha_3);
-    const float64 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
+    const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         0.25 * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
 
     /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
-    const float64 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
-        i_d_pred - offset_y_i_alpha;
-    const float64 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred
+    const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - i_d_pred
+        - offset_y_i_alpha;
+    const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas - i_q_pred
         - offset_y_i_beta;
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
     const float64 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
