@@ -353,13 +353,11 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31
     odd_theta_next_2 = 0.00030000000000000003 + L_32
 
-    # --- eq. 16
+    # --- eq. 16: x_pred = mean X_i'
     offset_psi_alpha = ((even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25)
     offset_psi_beta = (0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3))
-
-    # --- eq. 17
     dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha
     dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha
     dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha
@@ -368,8 +366,6 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta
     dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta
     dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta
-
-    # --- eq. 16: x_pred = mean X_i'
     part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha
     psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta
     psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred - sin_theta_mid * psi_q_next_plus_offset_psi_beta
@@ -473,19 +469,19 @@ def ckf_measurement_update_turns(LD_pred, math, stages=None):
     D_pred_3 = LD_pred[9]
 
     # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
-    d_theta_turned_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30
-    d_theta_turned_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31
-    d_theta_turned_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32
-    d_theta_turned_sq_3 = 4.0 * D_pred_3
-    sinc_theta_turned_0, cosm1_theta_turned_0 = math.small_angle(d_theta_turned_sq_0)
-    sinc_theta_turned_1, cosm1_theta_turned_1 = math.small_angle(d_theta_turned_sq_1)
-    sinc_theta_turned_2, cosm1_theta_turned_2 = math.small_angle(d_theta_turned_sq_2)
-    sinc_theta_turned_3, cosm1_theta_turned_3 = math.small_angle(d_theta_turned_sq_3)
+    d_theta_sq_0 = D_pred_0 * 4.0 * L_pred_30 * L_pred_30
+    d_theta_sq_1 = 4.0 * D_pred_1 * L_pred_31 * L_pred_31
+    d_theta_sq_2 = 4.0 * D_pred_2 * L_pred_32 * L_pred_32
+    d_theta_sq_3 = 4.0 * D_pred_3
+    sinc_theta_0, cosm1_theta_0 = math.small_angle(d_theta_sq_0)
+    sinc_theta_1, cosm1_theta_1 = math.small_angle(d_theta_sq_1)
+    sinc_theta_2, cosm1_theta_2 = math.small_angle(d_theta_sq_2)
+    sinc_theta_3, cosm1_theta_3 = math.small_angle(d_theta_sq_3)
 
     return (
-        (d_theta_turned_sq_0, d_theta_turned_sq_1, d_theta_turned_sq_2, d_theta_turned_sq_3,),
-        (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
-            sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3,),
+        (d_theta_sq_0, d_theta_sq_1, d_theta_sq_2, d_theta_sq_3,),
+        (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+            cosm1_theta_3,),
     )
 
 
@@ -496,103 +492,100 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         D_pred_3) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
-    (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
-        sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3) = turn_pred
+    (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+        cosm1_theta_3) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
-    part_of_odd_psi_d_pred_0_2 = L_pred_30 * sinc_theta_turned_0
-    part_of_even_psi_q_pred_0 = D_pred_0 * part_of_odd_psi_d_pred_0_2 * 4.0
+    L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0
+    part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred
-    even_psi_d_pred_0 = cosm1_theta_turned_0 * psi_d_pred + part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0
-    part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_turned_0
+    even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred + part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0
+    part_of_odd_psi_d_pred_0 = 1.0 + cosm1_theta_0
     odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10
     psi_q_pred = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred
     odd_psi_d_pred_0 = (part_of_odd_psi_d_pred_0 * odd_psi_alpha_turned_0 +
-        part_of_odd_psi_d_pred_0_2 * psi_q_pred)
-    even_psi_q_pred_0 = cosm1_theta_turned_0 * psi_q_pred - odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0
+        L_pred_30_times_sinc_theta_0 * psi_q_pred)
+    even_psi_q_pred_0 = cosm1_theta_0 * psi_q_pred - odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0
     odd_psi_q_pred_0 = (part_of_odd_psi_d_pred_0 * odd_psi_beta_turned_0 -
-        part_of_odd_psi_d_pred_0_2 * psi_d_pred)
+        L_pred_30_times_sinc_theta_0 * psi_d_pred)
     i_d_pred = INV_L_D * (psi_d_pred - PSI_M)
     even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0
     odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0
     i_q_pred = psi_q_pred * INV_L_Q
     even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0
     odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0
-    part_of_even_psi_d_pred_1 = L_pred_31 * sinc_theta_turned_1
-    part_of_even_psi_d_pred_1_2 = 4.0 * D_pred_1 * part_of_even_psi_d_pred_1
-    even_psi_d_pred_1 = psi_d_pred * cosm1_theta_turned_1 + cos_theta_pred * part_of_even_psi_d_pred_1_2
-    part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_turned_1
-    odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 + psi_q_pred * part_of_even_psi_d_pred_1
-    even_psi_q_pred_1 = psi_q_pred * cosm1_theta_turned_1 - sin_theta_pred * part_of_even_psi_d_pred_1_2
-    odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 - psi_d_pred * part_of_even_psi_d_pred_1
+    L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1
+    part_of_even_psi_d_pred_1 = 4.0 * D_pred_1 * L_pred_31_times_sinc_theta_1
+    even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * part_of_even_psi_d_pred_1
+    part_of_odd_psi_q_pred_1 = 1.0 + cosm1_theta_1
+    odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 + psi_q_pred * L_pred_31_times_sinc_theta_1
+    even_psi_q_pred_1 = psi_q_pred * cosm1_theta_1 - sin_theta_pred * part_of_even_psi_d_pred_1
+    odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 - psi_d_pred * L_pred_31_times_sinc_theta_1
     even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1
     odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1
     even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1
     odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1
     inv_l_d_times_psi_d_pred = INV_L_D * psi_d_pred
-    even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_2
+    even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_2
     inv_l_d_times_psi_q_pred = INV_L_D * psi_q_pred
-    part_of_even_y_i_alpha_2 = L_pred_32 * sinc_theta_turned_2
-    odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * part_of_even_y_i_alpha_2
-    even_i_q_pred_2 = i_q_pred * cosm1_theta_turned_2
-    even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_3
-    odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_turned_3
-    even_i_q_pred_3 = i_q_pred * cosm1_theta_turned_3
+    L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2
+    odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * L_pred_32_times_sinc_theta_2
+    even_i_q_pred_2 = i_q_pred * cosm1_theta_2
+    even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_3
+    odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_3
+    even_i_q_pred_3 = i_q_pred * cosm1_theta_3
     i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0
-    even_y_i_alpha_0 = (even_i_d_pred_0 + cosm1_theta_turned_0 * i_d_pred_plus_even_i_d_pred_0 -
+    even_y_i_alpha_0 = (even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
         part_of_even_psi_q_pred_0 * odd_i_q_pred_0)
     i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1
-    even_y_i_alpha_1 = (even_i_d_pred_1 + cosm1_theta_turned_1 * i_d_pred_plus_even_i_d_pred_1 -
-        part_of_even_psi_d_pred_1_2 * odd_i_q_pred_1)
+    even_y_i_alpha_1 = (even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1 * odd_i_q_pred_1)
     i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2
-    part_of_even_y_i_alpha_2_2 = 4.0 * D_pred_2 * part_of_even_y_i_alpha_2
+    part_of_even_y_i_alpha_2 = 4.0 * D_pred_2 * L_pred_32_times_sinc_theta_2
     inv_l_q_times_psi_d_pred = INV_L_Q * psi_d_pred
-    part_of_even_y_i_alpha_2_3 = inv_l_q_times_psi_d_pred * part_of_even_y_i_alpha_2
-    even_y_i_alpha_2 = (even_i_d_pred_2 + cosm1_theta_turned_2 * i_d_pred_plus_even_i_d_pred_2 +
-        part_of_even_y_i_alpha_2_2 * part_of_even_y_i_alpha_2_3)
+    part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_d_pred * L_pred_32_times_sinc_theta_2
+    even_y_i_alpha_2 = (even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2)
     i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3
-    part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_turned_3
-    part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_turned_3
-    even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_turned_3 * i_d_pred_plus_even_i_d_pred_3 +
+    part_of_even_y_i_alpha_3 = 4.0 * D_pred_3 * sinc_theta_3
+    part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_3
+    even_y_i_alpha_3 = (even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2)
     i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0
     even_y_i_beta_0 = (odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
-        cosm1_theta_turned_0 * i_q_pred_plus_even_i_q_pred_0)
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0)
     i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1
-    even_y_i_beta_1 = (part_of_even_psi_d_pred_1_2 * odd_i_d_pred_1 + even_i_q_pred_1 +
-        cosm1_theta_turned_1 * i_q_pred_plus_even_i_q_pred_1)
+    even_y_i_beta_1 = (part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1)
     i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2
-    even_y_i_beta_2 = (part_of_even_y_i_alpha_2_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
-        cosm1_theta_turned_2 * i_q_pred_plus_even_i_q_pred_2)
+    even_y_i_beta_2 = (part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2)
     i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3
     even_y_i_beta_3 = (part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
-        cosm1_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3)
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3)
     odd_y_i_alpha_0 = (part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
-        part_of_odd_psi_d_pred_0_2 * i_q_pred_plus_even_i_q_pred_0)
+        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0)
     odd_y_i_alpha_1 = (part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
-        part_of_even_psi_d_pred_1 * i_q_pred_plus_even_i_q_pred_1)
-    part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_turned_2
+        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1)
+    part_of_odd_y_i_alpha_2 = 1.0 + cosm1_theta_2
     odd_y_i_alpha_2 = (part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
-        part_of_even_y_i_alpha_2 * i_q_pred_plus_even_i_q_pred_2)
-    part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_turned_3
-    odd_y_i_alpha_3 = (part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
-        sinc_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3)
-    odd_y_i_beta_0 = (part_of_odd_psi_d_pred_0_2 * i_d_pred_plus_even_i_d_pred_0 +
+        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2)
+    part_of_odd_y_i_alpha_3 = 1.0 + cosm1_theta_3
+    odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 - sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3
+    odd_y_i_beta_0 = (L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
         part_of_odd_psi_d_pred_0 * odd_i_q_pred_0)
-    odd_y_i_beta_1 = (part_of_even_psi_d_pred_1 * i_d_pred_plus_even_i_d_pred_1 +
+    odd_y_i_beta_1 = (L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
         part_of_odd_psi_q_pred_1 * odd_i_q_pred_1)
-    odd_y_i_beta_2 = (i_d_pred_plus_even_i_d_pred_2 * part_of_even_y_i_alpha_2 -
-        part_of_even_y_i_alpha_2_3 * part_of_odd_y_i_alpha_2)
-    odd_y_i_beta_3 = (i_d_pred_plus_even_i_d_pred_3 * sinc_theta_turned_3 -
+    odd_y_i_beta_2 = (i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
+        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2)
+    odd_y_i_beta_3 = (i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
         part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3)
 
     # --- eq. 21
     offset_y_i_alpha = (even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 + even_y_i_alpha_3) * 0.25
     offset_y_i_beta = 0.25 * (even_y_i_beta_0 + even_y_i_beta_1 + even_y_i_beta_2 + even_y_i_beta_3)
-
-    # --- eq. 22: R, and what the bend of h adds to it
     dev_y_i_alpha_0 = even_y_i_alpha_0 - offset_y_i_alpha
     dev_y_i_alpha_1 = even_y_i_alpha_1 - offset_y_i_alpha
     dev_y_i_alpha_2 = even_y_i_alpha_2 - offset_y_i_alpha
@@ -601,6 +594,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta
     dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta
     dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta
+
+    # --- eq. 22: R, and what the bend of h adds to it
     part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1
     R_0_min_R_1 = _smaller(R_0, R_1)
     noise_00 = (_larger(part_of_noise_00, R_0_min_R_1) + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +

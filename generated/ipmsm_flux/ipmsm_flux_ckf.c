@@ -348,13 +348,11 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
     const float32 odd_theta_next_2 = 0.0003f + L_32;
 
-    /* --- eq. 16 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25f;
     const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
         even_psi_beta_next_2 + even_psi_beta_next_3);
-
-    /* --- eq. 17 */
     const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
     const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
     const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -363,8 +361,6 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
     const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
     const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
-
-    /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
     const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
@@ -477,41 +473,41 @@ static void ckf_measurement_update_turns(const float32 LD_pred[10], float32 z_pr
     const float32 D_pred_3 = LD_pred[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float32 d_theta_turned_sq_0 = D_pred_0 * 4.0f * L_pred_30 * L_pred_30;
-    const float32 d_theta_turned_sq_1 = 4.0f * D_pred_1 * L_pred_31 * L_pred_31;
-    const float32 d_theta_turned_sq_2 = 4.0f * D_pred_2 * L_pred_32 * L_pred_32;
-    const float32 d_theta_turned_sq_3 = 4.0f * D_pred_3;
-    const float32 sinc_theta_turned_0 = ((SINC_3 * d_theta_turned_sq_0 + SINC_2) * d_theta_turned_sq_0 +
-        SINC_1) * d_theta_turned_sq_0 + 1.0f;
-    const float32 cosm1_theta_turned_0 = ((COSM1_3 * d_theta_turned_sq_0 + COSM1_2) * d_theta_turned_sq_0 +
-        COSM1_1) * d_theta_turned_sq_0;
-    const float32 sinc_theta_turned_1 = ((SINC_3 * d_theta_turned_sq_1 + SINC_2) * d_theta_turned_sq_1 +
-        SINC_1) * d_theta_turned_sq_1 + 1.0f;
-    const float32 cosm1_theta_turned_1 = ((COSM1_3 * d_theta_turned_sq_1 + COSM1_2) * d_theta_turned_sq_1 +
-        COSM1_1) * d_theta_turned_sq_1;
-    const float32 sinc_theta_turned_2 = ((SINC_3 * d_theta_turned_sq_2 + SINC_2) * d_theta_turned_sq_2 +
-        SINC_1) * d_theta_turned_sq_2 + 1.0f;
-    const float32 cosm1_theta_turned_2 = ((COSM1_3 * d_theta_turned_sq_2 + COSM1_2) * d_theta_turned_sq_2 +
-        COSM1_1) * d_theta_turned_sq_2;
-    const float32 sinc_theta_turned_3 = ((SINC_3 * d_theta_turned_sq_3 + SINC_2) * d_theta_turned_sq_3 +
-        SINC_1) * d_theta_turned_sq_3 + 1.0f;
-    const float32 cosm1_theta_turned_3 = ((COSM1_3 * d_theta_turned_sq_3 + COSM1_2) * d_theta_turned_sq_3 +
-        COSM1_1) * d_theta_turned_sq_3;
+    const float32 d_theta_sq_0 = D_pred_0 * 4.0f * L_pred_30 * L_pred_30;
+    const float32 d_theta_sq_1 = 4.0f * D_pred_1 * L_pred_31 * L_pred_31;
+    const float32 d_theta_sq_2 = 4.0f * D_pred_2 * L_pred_32 * L_pred_32;
+    const float32 d_theta_sq_3 = 4.0f * D_pred_3;
+    const float32 sinc_theta_0 = ((SINC_3 * d_theta_sq_0 + SINC_2) * d_theta_sq_0 + SINC_1) * d_theta_sq_0 +
+        1.0f;
+    const float32 cosm1_theta_0 = ((COSM1_3 * d_theta_sq_0 + COSM1_2) * d_theta_sq_0 +
+        COSM1_1) * d_theta_sq_0;
+    const float32 sinc_theta_1 = ((SINC_3 * d_theta_sq_1 + SINC_2) * d_theta_sq_1 + SINC_1) * d_theta_sq_1 +
+        1.0f;
+    const float32 cosm1_theta_1 = ((COSM1_3 * d_theta_sq_1 + COSM1_2) * d_theta_sq_1 +
+        COSM1_1) * d_theta_sq_1;
+    const float32 sinc_theta_2 = ((SINC_3 * d_theta_sq_2 + SINC_2) * d_theta_sq_2 + SINC_1) * d_theta_sq_2 +
+        1.0f;
+    const float32 cosm1_theta_2 = ((COSM1_3 * d_theta_sq_2 + COSM1_2) * d_theta_sq_2 +
+        COSM1_1) * d_theta_sq_2;
+    const float32 sinc_theta_3 = ((SINC_3 * d_theta_sq_3 + SINC_2) * d_theta_sq_3 + SINC_1) * d_theta_sq_3 +
+        1.0f;
+    const float32 cosm1_theta_3 = ((COSM1_3 * d_theta_sq_3 + COSM1_2) * d_theta_sq_3 +
+        COSM1_1) * d_theta_sq_3;
 
-    turn_pred_out[0] = sinc_theta_turned_0;
-    turn_pred_out[1] = cosm1_theta_turned_0;
-    turn_pred_out[2] = sinc_theta_turned_1;
-    turn_pred_out[3] = cosm1_theta_turned_1;
-    turn_pred_out[4] = sinc_theta_turned_2;
-    turn_pred_out[5] = cosm1_theta_turned_2;
-    turn_pred_out[6] = sinc_theta_turned_3;
-    turn_pred_out[7] = cosm1_theta_turned_3;
-    if ((d_theta_turned_sq_0 > SMALL_TURN) || (d_theta_turned_sq_1 > SMALL_TURN) ||
-        (d_theta_turned_sq_2 > SMALL_TURN) || (d_theta_turned_sq_3 > SMALL_TURN)) {
-        z_pred_out[0] = d_theta_turned_sq_0;
-        z_pred_out[1] = d_theta_turned_sq_1;
-        z_pred_out[2] = d_theta_turned_sq_2;
-        z_pred_out[3] = d_theta_turned_sq_3;
+    turn_pred_out[0] = sinc_theta_0;
+    turn_pred_out[1] = cosm1_theta_0;
+    turn_pred_out[2] = sinc_theta_1;
+    turn_pred_out[3] = cosm1_theta_1;
+    turn_pred_out[4] = sinc_theta_2;
+    turn_pred_out[5] = cosm1_theta_2;
+    turn_pred_out[6] = sinc_theta_3;
+    turn_pred_out[7] = cosm1_theta_3;
+    if ((d_theta_sq_0 > SMALL_TURN) || (d_theta_sq_1 > SMALL_TURN) || (d_theta_sq_2 > SMALL_TURN) ||
+        (d_theta_sq_3 > SMALL_TURN)) {
+        z_pred_out[0] = d_theta_sq_0;
+        z_pred_out[1] = d_theta_sq_1;
+        z_pred_out[2] = d_theta_sq_2;
+        z_pred_out[3] = d_theta_sq_3;
         widen(z_pred_out, turn_pred_out, 4);
     }
 }
@@ -538,110 +534,108 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 R_1 = R[1];
     const float32 i_alpha_meas = y[0];
     const float32 i_beta_meas = y[1];
-    const float32 sinc_theta_turned_0 = turn_pred[0];
-    const float32 cosm1_theta_turned_0 = turn_pred[1];
-    const float32 sinc_theta_turned_1 = turn_pred[2];
-    const float32 cosm1_theta_turned_1 = turn_pred[3];
-    const float32 sinc_theta_turned_2 = turn_pred[4];
-    const float32 cosm1_theta_turned_2 = turn_pred[5];
-    const float32 sinc_theta_turned_3 = turn_pred[6];
-    const float32 cosm1_theta_turned_3 = turn_pred[7];
+    const float32 sinc_theta_0 = turn_pred[0];
+    const float32 cosm1_theta_0 = turn_pred[1];
+    const float32 sinc_theta_1 = turn_pred[2];
+    const float32 cosm1_theta_1 = turn_pred[3];
+    const float32 sinc_theta_2 = turn_pred[4];
+    const float32 cosm1_theta_2 = turn_pred[5];
+    const float32 sinc_theta_3 = turn_pred[6];
+    const float32 cosm1_theta_3 = turn_pred[7];
 
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
     const float32 sin_theta_pred = sincos_theta_pred.sine;
     const float32 cos_theta_pred = sincos_theta_pred.cosine;
     const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
-    const float32 part_of_odd_psi_d_pred_0_2 = L_pred_30 * sinc_theta_turned_0;
-    const float32 part_of_even_psi_q_pred_0 = D_pred_0 * part_of_odd_psi_d_pred_0_2 * 4.0f;
+    const float32 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
+    const float32 part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0f;
     const float32 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
-    const float32 even_psi_d_pred_0 = cosm1_theta_turned_0 * psi_d_pred +
+    const float32 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0;
-    const float32 part_of_odd_psi_d_pred_0 = 1.0f + cosm1_theta_turned_0;
+    const float32 part_of_odd_psi_d_pred_0 = 1.0f + cosm1_theta_0;
     const float32 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
     const float32 psi_q_pred = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
     const float32 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_turned_0 +
-        part_of_odd_psi_d_pred_0_2 * psi_q_pred;
-    const float32 even_psi_q_pred_0 = cosm1_theta_turned_0 * psi_q_pred -
+        L_pred_30_times_sinc_theta_0 * psi_q_pred;
+    const float32 even_psi_q_pred_0 = cosm1_theta_0 * psi_q_pred -
         odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0;
     const float32 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_turned_0 -
-        part_of_odd_psi_d_pred_0_2 * psi_d_pred;
+        L_pred_30_times_sinc_theta_0 * psi_d_pred;
     const float32 i_d_pred = INV_L_D * (psi_d_pred - PSI_M);
     const float32 even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0;
     const float32 odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0;
     const float32 i_q_pred = psi_q_pred * INV_L_Q;
     const float32 even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0;
     const float32 odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0;
-    const float32 part_of_even_psi_d_pred_1 = L_pred_31 * sinc_theta_turned_1;
-    const float32 part_of_even_psi_d_pred_1_2 = 4.0f * D_pred_1 * part_of_even_psi_d_pred_1;
-    const float32 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_turned_1 +
-        cos_theta_pred * part_of_even_psi_d_pred_1_2;
-    const float32 part_of_odd_psi_q_pred_1 = 1.0f + cosm1_theta_turned_1;
+    const float32 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
+    const float32 part_of_even_psi_d_pred_1 = 4.0f * D_pred_1 * L_pred_31_times_sinc_theta_1;
+    const float32 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * part_of_even_psi_d_pred_1;
+    const float32 part_of_odd_psi_q_pred_1 = 1.0f + cosm1_theta_1;
     const float32 odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 +
-        psi_q_pred * part_of_even_psi_d_pred_1;
-    const float32 even_psi_q_pred_1 = psi_q_pred * cosm1_theta_turned_1 -
-        sin_theta_pred * part_of_even_psi_d_pred_1_2;
+        psi_q_pred * L_pred_31_times_sinc_theta_1;
+    const float32 even_psi_q_pred_1 = psi_q_pred * cosm1_theta_1 - sin_theta_pred * part_of_even_psi_d_pred_1;
     const float32 odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 -
-        psi_d_pred * part_of_even_psi_d_pred_1;
+        psi_d_pred * L_pred_31_times_sinc_theta_1;
     const float32 even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1;
     const float32 odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1;
     const float32 even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1;
     const float32 odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1;
     const float32 inv_l_d_times_psi_d_pred = INV_L_D * psi_d_pred;
-    const float32 even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_2;
+    const float32 even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_2;
     const float32 inv_l_d_times_psi_q_pred = INV_L_D * psi_q_pred;
-    const float32 part_of_even_y_i_alpha_2 = L_pred_32 * sinc_theta_turned_2;
-    const float32 odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * part_of_even_y_i_alpha_2;
-    const float32 even_i_q_pred_2 = i_q_pred * cosm1_theta_turned_2;
-    const float32 even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_turned_3;
-    const float32 odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_turned_3;
-    const float32 even_i_q_pred_3 = i_q_pred * cosm1_theta_turned_3;
+    const float32 L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2;
+    const float32 odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * L_pred_32_times_sinc_theta_2;
+    const float32 even_i_q_pred_2 = i_q_pred * cosm1_theta_2;
+    const float32 even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_3;
+    const float32 odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_3;
+    const float32 even_i_q_pred_3 = i_q_pred * cosm1_theta_3;
     const float32 i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0;
-    const float32 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_turned_0 * i_d_pred_plus_even_i_d_pred_0 -
+    const float32 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
         part_of_even_psi_q_pred_0 * odd_i_q_pred_0;
     const float32 i_d_pred_plus_even_i_d_pred_1 = i_d_pred + even_i_d_pred_1;
-    const float32 even_y_i_alpha_1 = even_i_d_pred_1 + cosm1_theta_turned_1 * i_d_pred_plus_even_i_d_pred_1 -
-        part_of_even_psi_d_pred_1_2 * odd_i_q_pred_1;
+    const float32 even_y_i_alpha_1 = even_i_d_pred_1 + cosm1_theta_1 * i_d_pred_plus_even_i_d_pred_1 -
+        part_of_even_psi_d_pred_1 * odd_i_q_pred_1;
     const float32 i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2;
-    const float32 part_of_even_y_i_alpha_2_2 = 4.0f * D_pred_2 * part_of_even_y_i_alpha_2;
+    const float32 part_of_even_y_i_alpha_2 = 4.0f * D_pred_2 * L_pred_32_times_sinc_theta_2;
     const float32 inv_l_q_times_psi_d_pred = INV_L_Q * psi_d_pred;
-    const float32 part_of_even_y_i_alpha_2_3 = inv_l_q_times_psi_d_pred * part_of_even_y_i_alpha_2;
-    const float32 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_turned_2 * i_d_pred_plus_even_i_d_pred_2 +
-        part_of_even_y_i_alpha_2_2 * part_of_even_y_i_alpha_2_3;
+    const float32 part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_d_pred * L_pred_32_times_sinc_theta_2;
+    const float32 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
+        part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2;
     const float32 i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3;
-    const float32 part_of_even_y_i_alpha_3 = 4.0f * D_pred_3 * sinc_theta_turned_3;
-    const float32 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_turned_3;
-    const float32 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_turned_3 * i_d_pred_plus_even_i_d_pred_3 +
+    const float32 part_of_even_y_i_alpha_3 = 4.0f * D_pred_3 * sinc_theta_3;
+    const float32 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_3;
+    const float32 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
         part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
     const float32 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
     const float32 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
-        cosm1_theta_turned_0 * i_q_pred_plus_even_i_q_pred_0;
+        cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0;
     const float32 i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1;
-    const float32 even_y_i_beta_1 = part_of_even_psi_d_pred_1_2 * odd_i_d_pred_1 + even_i_q_pred_1 +
-        cosm1_theta_turned_1 * i_q_pred_plus_even_i_q_pred_1;
+    const float32 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
+        cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1;
     const float32 i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2;
-    const float32 even_y_i_beta_2 = part_of_even_y_i_alpha_2_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
-        cosm1_theta_turned_2 * i_q_pred_plus_even_i_q_pred_2;
+    const float32 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+        cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2;
     const float32 i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3;
     const float32 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
-        cosm1_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3;
+        cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3;
     const float32 odd_y_i_alpha_0 = part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
-        part_of_odd_psi_d_pred_0_2 * i_q_pred_plus_even_i_q_pred_0;
+        L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
     const float32 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
-        part_of_even_psi_d_pred_1 * i_q_pred_plus_even_i_q_pred_1;
-    const float32 part_of_odd_y_i_alpha_2 = 1.0f + cosm1_theta_turned_2;
+        L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1;
+    const float32 part_of_odd_y_i_alpha_2 = 1.0f + cosm1_theta_2;
     const float32 odd_y_i_alpha_2 = part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
-        part_of_even_y_i_alpha_2 * i_q_pred_plus_even_i_q_pred_2;
-    const float32 part_of_odd_y_i_alpha_3 = 1.0f + cosm1_theta_turned_3;
+        L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2;
+    const float32 part_of_odd_y_i_alpha_3 = 1.0f + cosm1_theta_3;
     const float32 odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
-        sinc_theta_turned_3 * i_q_pred_plus_even_i_q_pred_3;
-    const float32 odd_y_i_beta_0 = part_of_odd_psi_d_pred_0_2 * i_d_pred_plus_even_i_d_pred_0 +
+        sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3;
+    const float32 odd_y_i_beta_0 = L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
         part_of_odd_psi_d_pred_0 * odd_i_q_pred_0;
-    const float32 odd_y_i_beta_1 = part_of_even_psi_d_pred_1 * i_d_pred_plus_even_i_d_pred_1 +
+    const float32 odd_y_i_beta_1 = L_pred_31_times_sinc_theta_1 * i_d_pred_plus_even_i_d_pred_1 +
         part_of_odd_psi_q_pred_1 * odd_i_q_pred_1;
-    const float32 odd_y_i_beta_2 = i_d_pred_plus_even_i_d_pred_2 * part_of_even_y_i_alpha_2 -
-        part_of_even_y_i_alpha_2_3 * part_of_odd_y_i_alpha_2;
-    const float32 odd_y_i_beta_3 = i_d_pred_plus_even_i_d_pred_3 * sinc_theta_turned_3 -
+    const float32 odd_y_i_beta_2 = i_d_pred_plus_even_i_d_pred_2 * L_pred_32_times_sinc_theta_2 -
+        part_of_even_y_i_alpha_2_2 * part_of_odd_y_i_alpha_2;
+    const float32 odd_y_i_beta_3 = i_d_pred_plus_even_i_d_pred_3 * sinc_theta_3 -
         part_of_even_y_i_alpha_3_2 * part_of_odd_y_i_alpha_3;
 
     /* --- eq. 21 */
@@ -649,8 +643,6 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
         even_y_i_alpha_3) * 0.25f;
     const float32 offset_y_i_beta = 0.25f * (even_y_i_beta_0 + even_y_i_beta_1 + even_y_i_beta_2 +
         even_y_i_beta_3);
-
-    /* --- eq. 22: R, and what the bend of h adds to it */
     const float32 dev_y_i_alpha_0 = even_y_i_alpha_0 - offset_y_i_alpha;
     const float32 dev_y_i_alpha_1 = even_y_i_alpha_1 - offset_y_i_alpha;
     const float32 dev_y_i_alpha_2 = even_y_i_alpha_2 - offset_y_i_alpha;
@@ -659,6 +651,8 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta;
     const float32 dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta;
     const float32 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
+
+    /* --- eq. 22: R, and what the bend of h adds to it */
     const float32 part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 +
         sin_theta_pred * sin_theta_pred * R_1;
     const float32 R_0_min_R_1 = smaller(R_0, R_1);

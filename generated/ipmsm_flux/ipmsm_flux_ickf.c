@@ -359,13 +359,11 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
     const float32 odd_theta_next_2 = 0.0003f + L_32;
 
-    /* --- eq. 16 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25f;
     const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
         even_psi_beta_next_2 + even_psi_beta_next_3);
-
-    /* --- eq. 17 */
     const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
     const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
     const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -374,8 +372,6 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
     const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
     const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
-
-    /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
     const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -

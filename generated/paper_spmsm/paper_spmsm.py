@@ -220,19 +220,19 @@ def time_update_turns(LD, math, stages=None):
     D_3 = LD[9]
 
     # --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1
-    d_theta_turned_sq_0 = D_0 * 4.0 * L_30 * L_30
-    d_theta_turned_sq_1 = 4.0 * D_1 * L_31 * L_31
-    d_theta_turned_sq_2 = 4.0 * D_2 * L_32 * L_32
-    d_theta_turned_sq_3 = 4.0 * D_3
-    sinc_theta_turned_0, cosm1_theta_turned_0 = math.small_angle(d_theta_turned_sq_0)
-    sinc_theta_turned_1, cosm1_theta_turned_1 = math.small_angle(d_theta_turned_sq_1)
-    sinc_theta_turned_2, cosm1_theta_turned_2 = math.small_angle(d_theta_turned_sq_2)
-    sinc_theta_turned_3, cosm1_theta_turned_3 = math.small_angle(d_theta_turned_sq_3)
+    d_theta_sq_0 = D_0 * 4.0 * L_30 * L_30
+    d_theta_sq_1 = 4.0 * D_1 * L_31 * L_31
+    d_theta_sq_2 = 4.0 * D_2 * L_32 * L_32
+    d_theta_sq_3 = 4.0 * D_3
+    sinc_theta_0, cosm1_theta_0 = math.small_angle(d_theta_sq_0)
+    sinc_theta_1, cosm1_theta_1 = math.small_angle(d_theta_sq_1)
+    sinc_theta_2, cosm1_theta_2 = math.small_angle(d_theta_sq_2)
+    sinc_theta_3, cosm1_theta_3 = math.small_angle(d_theta_sq_3)
 
     return (
-        (d_theta_turned_sq_0, d_theta_turned_sq_1, d_theta_turned_sq_2, d_theta_turned_sq_3,),
-        (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
-            sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3,),
+        (d_theta_sq_0, d_theta_sq_1, d_theta_sq_2, d_theta_sq_3,),
+        (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+            cosm1_theta_3,),
     )
 
 
@@ -242,47 +242,43 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3) = LD
     (Q_0, Q_1, Q_2, Q_3) = Q
     (v_alpha, v_beta) = u
-    (sinc_theta_turned_0, cosm1_theta_turned_0, sinc_theta_turned_1, cosm1_theta_turned_1,
-        sinc_theta_turned_2, cosm1_theta_turned_2, sinc_theta_turned_3, cosm1_theta_turned_3) = turn
+    (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
+        cosm1_theta_3) = turn
 
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     sin_theta, cos_theta = math.sin_cos(theta)
     odd_i_alpha_turned_0 = cos_theta + sin_theta * L_10
     odd_i_beta_turned_0 = cos_theta * L_10 - sin_theta
     gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega
-    L_30_times_sinc_theta_turned_0 = L_30 * sinc_theta_turned_0
+    L_30_times_sinc_theta_0 = L_30 * sinc_theta_0
     odd_i_alpha_next_0 = (DECAY_I * odd_i_alpha_turned_0 +
-        gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_turned_0)
-    L_31_times_sinc_theta_turned_1 = L_31 * sinc_theta_turned_1
-    odd_i_alpha_next_1 = DECAY_I * sin_theta + gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_turned_1
-    odd_i_beta_next_0 = (DECAY_I * odd_i_beta_turned_0 -
-        GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_turned_0))
-    odd_i_beta_next_1 = DECAY_I * cos_theta - GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_turned_1)
+        gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0)
+    L_31_times_sinc_theta_1 = L_31 * sinc_theta_1
+    odd_i_alpha_next_1 = DECAY_I * sin_theta + gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1
+    odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 - GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_0)
+    odd_i_beta_next_1 = DECAY_I * cos_theta - GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_1)
     odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30
     odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31
     odd_theta_next_2 = 8e-05 + L_32
 
-    # --- eq. 17
+    # --- eq. 16: x_pred = mean X_i'
     L_20_times_D_0 = L_20 * D_0
-    part_of_i_alpha_pred_3 = L_30_times_sinc_theta_turned_0 * L_20_times_D_0
+    part_of_i_alpha_pred_3 = L_30_times_sinc_theta_0 * L_20_times_D_0
     L_21_times_D_1 = L_21 * D_1
-    part_of_i_alpha_pred_4 = L_31_times_sinc_theta_turned_1 * L_21_times_D_1
-    L_32_times_sinc_theta_turned_2 = L_32 * sinc_theta_turned_2
-    part_of_i_alpha_pred_5 = L_32_times_sinc_theta_turned_2 * D_2
+    part_of_i_alpha_pred_4 = L_31_times_sinc_theta_1 * L_21_times_D_1
+    L_32_times_sinc_theta_2 = L_32 * sinc_theta_2
+    part_of_i_alpha_pred_5 = L_32_times_sinc_theta_2 * D_2
     part_of_i_alpha_pred_6 = part_of_i_alpha_pred_3 + part_of_i_alpha_pred_4 + part_of_i_alpha_pred_5
     part_of_dev_i_alpha_0 = part_of_i_alpha_pred_6 * 0.25
     dev_i_alpha_0 = part_of_i_alpha_pred_3 - part_of_dev_i_alpha_0
     dev_i_alpha_1 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0
     dev_i_alpha_2 = part_of_i_alpha_pred_5 - part_of_dev_i_alpha_0
-    part_of_i_alpha_pred = (cosm1_theta_turned_0 + cosm1_theta_turned_1 + cosm1_theta_turned_2 +
-        cosm1_theta_turned_3)
+    part_of_i_alpha_pred = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3
     part_of_dev_i_beta_0 = part_of_i_alpha_pred * 0.25
-    dev_i_beta_0 = cosm1_theta_turned_0 - part_of_dev_i_beta_0
-    dev_i_beta_1 = cosm1_theta_turned_1 - part_of_dev_i_beta_0
-    dev_i_beta_2 = cosm1_theta_turned_2 - part_of_dev_i_beta_0
-    dev_i_beta_3 = cosm1_theta_turned_3 - part_of_dev_i_beta_0
-
-    # --- eq. 16: x_pred = mean X_i'
+    dev_i_beta_0 = cosm1_theta_0 - part_of_dev_i_beta_0
+    dev_i_beta_1 = cosm1_theta_1 - part_of_dev_i_beta_0
+    dev_i_beta_2 = cosm1_theta_2 - part_of_dev_i_beta_0
+    dev_i_beta_3 = cosm1_theta_3 - part_of_dev_i_beta_0
     part_of_i_alpha_pred_2 = (gain_e_pole_pairs_times_omega +
         omega * 0.004191616766467066 * part_of_i_alpha_pred)
     part_of_i_alpha_pred_7 = 0.016766467065868262 * part_of_i_alpha_pred_6
@@ -297,14 +293,14 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
     D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
     omega_sq = omega * omega
-    sinc_theta_turned_3_times_D_3 = sinc_theta_turned_3 * D_3
+    sinc_theta_3_times_D_3 = sinc_theta_3 * D_3
     part_of_P_pred_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
         odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
-        omega_sq * (L_32_times_sinc_theta_turned_2 * part_of_i_alpha_pred_5 +
-        sinc_theta_turned_3 * sinc_theta_turned_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
+        omega_sq * (L_32_times_sinc_theta_2 * part_of_i_alpha_pred_5 +
+        sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
         0.0011244576714833803 * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
         dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625))
-    part_of_P_pred_00_2 = 1.0 + cosm1_theta_turned_2
+    part_of_P_pred_00_2 = 1.0 + cosm1_theta_2
     part_of_P_pred_00_3 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
         omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
@@ -341,7 +337,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     P_pred_22 = 0.9999900000249999 * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2
     part_of_P_pred_30 = (D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
-        gain_e_pole_pairs_times_omega * sinc_theta_turned_3_times_D_3)
+        gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3)
     part_of_P_pred_30_2 = (D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_3 * odd_theta_next_2)
     P_pred_30 = cos_theta * part_of_P_pred_30 - sin_theta * part_of_P_pred_30_2

@@ -307,7 +307,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.5249999999999999 + L_43
     odd_theta_next_3 = 1.0 - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T
 
-    # --- eq. 16
+    # --- eq. 16: x_pred = mean X_i'
     part_of_offset_omega = 0.5 * (1.7087082180764481 * i_beta_turned - emf_step + drive_beta)
     part_of_offset_omega_3 = omega * 0.03546160823417154
     part_of_offset_omega_4 = (cosm1_theta_mid_0 * part_of_offset_omega -
@@ -330,8 +330,6 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         part_of_offset_omega_12)
     offset_omega = 0.002624967187910153 * part_of_offset_omega_13
     offset_theta = part_of_offset_omega_13 * 5.249934375820306e-07
-
-    # --- eq. 17
     part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 + part_of_i_alpha_pred_9
     part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2
     dev_i_alpha_0 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0
@@ -348,8 +346,6 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0
     dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0
     dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0
-
-    # --- eq. 16: x_pred = mean X_i'
     part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + GAIN_V * v_alpha
     part_of_i_alpha_pred_11 = 0.07092321646834308 * part_of_i_alpha_pred_10
     part_of_i_alpha_pred_13 = omega * 0.014184643293668617 * part_of_i_alpha_pred_12

@@ -305,7 +305,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.525f + L_43;
     const float32 odd_theta_next_3 = 1.0f - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
 
-    /* --- eq. 16 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_turned - emf_step + drive_beta);
     const float32 part_of_offset_omega_3 = omega * 0.03546161f;
     const float32 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
@@ -328,8 +328,6 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         part_of_offset_omega_10 + part_of_offset_omega_12;
     const float32 offset_omega = 0.0026249671f * part_of_offset_omega_13;
     const float32 offset_theta = part_of_offset_omega_13 * 5.249934e-07f;
-
-    /* --- eq. 17 */
     const float32 part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 +
         part_of_i_alpha_pred_9;
     const float32 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2f;
@@ -348,8 +346,6 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0;
     const float32 dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0;
     const float32 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
-
-    /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + GAIN_V * v_alpha;
     const float32 part_of_i_alpha_pred_11 = 0.07092322f * part_of_i_alpha_pred_10;
     const float32 part_of_i_alpha_pred_13 = omega * 0.0141846435f * part_of_i_alpha_pred_12;

@@ -345,13 +345,11 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
     const float64 odd_theta_next_2 = 0.00030000000000000003 + L_32;
 
-    /* --- eq. 16 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float64 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3) * 0.25;
     const float64 offset_psi_beta = 0.25 * (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2
         + even_psi_beta_next_3);
-
-    /* --- eq. 17 */
     const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
     const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
     const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -360,8 +358,6 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
     const float64 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
     const float64 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
-
-    /* --- eq. 16: x_pred = mean X_i' */
     const float64 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
     const float64 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
     const float64 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -

@@ -134,61 +134,49 @@ static void time_update_turns(const float64 LD[10], float64 z_out[4], float64 tu
     const float64 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 d_theta_turned_sq_0 = D_0 * 4.0 * L_30 * L_30;
-    const float64 d_theta_turned_sq_1 = 4.0 * D_1 * L_31 * L_31;
-    const float64 d_theta_turned_sq_2 = 4.0 * D_2 * L_32 * L_32;
-    const float64 d_theta_turned_sq_3 = 4.0 * D_3;
-    const float64 sinc_theta_turned_0 = ((((((((SINC_9 * d_theta_turned_sq_0 + SINC_8) * d_theta_turned_sq_0 +
-        SINC_7) * d_theta_turned_sq_0 + SINC_6) * d_theta_turned_sq_0 + SINC_5) * d_theta_turned_sq_0 +
-        SINC_4) * d_theta_turned_sq_0 + SINC_3) * d_theta_turned_sq_0 + SINC_2) * d_theta_turned_sq_0 +
-        SINC_1) * d_theta_turned_sq_0 + 1.0;
-    const float64 cosm1_theta_turned_0 =
-        ((((((((COSM1_9 * d_theta_turned_sq_0 + COSM1_8) * d_theta_turned_sq_0 +
-        COSM1_7) * d_theta_turned_sq_0 + COSM1_6) * d_theta_turned_sq_0 + COSM1_5) * d_theta_turned_sq_0 +
-        COSM1_4) * d_theta_turned_sq_0 + COSM1_3) * d_theta_turned_sq_0 + COSM1_2) * d_theta_turned_sq_0 +
-        COSM1_1) * d_theta_turned_sq_0;
-    const float64 sinc_theta_turned_1 = ((((((((SINC_9 * d_theta_turned_sq_1 + SINC_8) * d_theta_turned_sq_1 +
-        SINC_7) * d_theta_turned_sq_1 + SINC_6) * d_theta_turned_sq_1 + SINC_5) * d_theta_turned_sq_1 +
-        SINC_4) * d_theta_turned_sq_1 + SINC_3) * d_theta_turned_sq_1 + SINC_2) * d_theta_turned_sq_1 +
-        SINC_1) * d_theta_turned_sq_1 + 1.0;
-    const float64 cosm1_theta_turned_1 =
-        ((((((((COSM1_9 * d_theta_turned_sq_1 + COSM1_8) * d_theta_turned_sq_1 +
-        COSM1_7) * d_theta_turned_sq_1 + COSM1_6) * d_theta_turned_sq_1 + COSM1_5) * d_theta_turned_sq_1 +
-        COSM1_4) * d_theta_turned_sq_1 + COSM1_3) * d_theta_turned_sq_1 + COSM1_2) * d_theta_turned_sq_1 +
-        COSM1_1) * d_theta_turned_sq_1;
-    const float64 sinc_theta_turned_2 = ((((((((SINC_9 * d_theta_turned_sq_2 + SINC_8) * d_theta_turned_sq_2 +
-        SINC_7) * d_theta_turned_sq_2 + SINC_6) * d_theta_turned_sq_2 + SINC_5) * d_theta_turned_sq_2 +
-        SINC_4) * d_theta_turned_sq_2 + SINC_3) * d_theta_turned_sq_2 + SINC_2) * d_theta_turned_sq_2 +
-        SINC_1) * d_theta_turned_sq_2 + 1.0;
-    const float64 cosm1_theta_turned_2 =
-        ((((((((COSM1_9 * d_theta_turned_sq_2 + COSM1_8) * d_theta_turned_sq_2 +
-        COSM1_7) * d_theta_turned_sq_2 + COSM1_6) * d_theta_turned_sq_2 + COSM1_5) * d_theta_turned_sq_2 +
-        COSM1_4) * d_theta_turned_sq_2 + COSM1_3) * d_theta_turned_sq_2 + COSM1_2) * d_theta_turned_sq_2 +
-        COSM1_1) * d_theta_turned_sq_2;
-    const float64 sinc_theta_turned_3 = ((((((((SINC_9 * d_theta_turned_sq_3 + SINC_8) * d_theta_turned_sq_3 +
-        SINC_7) * d_theta_turned_sq_3 + SINC_6) * d_theta_turned_sq_3 + SINC_5) * d_theta_turned_sq_3 +
-        SINC_4) * d_theta_turned_sq_3 + SINC_3) * d_theta_turned_sq_3 + SINC_2) * d_theta_turned_sq_3 +
-        SINC_1) * d_theta_turned_sq_3 + 1.0;
-    const float64 cosm1_theta_turned_3 =
-        ((((((((COSM1_9 * d_theta_turned_sq_3 + COSM1_8) * d_theta_turned_sq_3 +
-        COSM1_7) * d_theta_turned_sq_3 + COSM1_6) * d_theta_turned_sq_3 + COSM1_5) * d_theta_turned_sq_3 +
-        COSM1_4) * d_theta_turned_sq_3 + COSM1_3) * d_theta_turned_sq_3 + COSM1_2) * d_theta_turned_sq_3 +
-        COSM1_1) * d_theta_turned_sq_3;
+    const float64 d_theta_sq_0 = D_0 * 4.0 * L_30 * L_30;
+    const float64 d_theta_sq_1 = 4.0 * D_1 * L_31 * L_31;
+    const float64 d_theta_sq_2 = 4.0 * D_2 * L_32 * L_32;
+    const float64 d_theta_sq_3 = 4.0 * D_3;
+    const float64 sinc_theta_0 = ((((((((SINC_9 * d_theta_sq_0 + SINC_8) * d_theta_sq_0 +
+        SINC_7) * d_theta_sq_0 + SINC_6) * d_theta_sq_0 + SINC_5) * d_theta_sq_0 + SINC_4) * d_theta_sq_0 +
+        SINC_3) * d_theta_sq_0 + SINC_2) * d_theta_sq_0 + SINC_1) * d_theta_sq_0 + 1.0;
+    const float64 cosm1_theta_0 = ((((((((COSM1_9 * d_theta_sq_0 + COSM1_8) * d_theta_sq_0 +
+        COSM1_7) * d_theta_sq_0 + COSM1_6) * d_theta_sq_0 + COSM1_5) * d_theta_sq_0 + COSM1_4) * d_theta_sq_0
+        + COSM1_3) * d_theta_sq_0 + COSM1_2) * d_theta_sq_0 + COSM1_1) * d_theta_sq_0;
+    const float64 sinc_theta_1 = ((((((((SINC_9 * d_theta_sq_1 + SINC_8) * d_theta_sq_1 +
+        SINC_7) * d_theta_sq_1 + SINC_6) * d_theta_sq_1 + SINC_5) * d_theta_sq_1 + SINC_4) * d_theta_sq_1 +
+        SINC_3) * d_theta_sq_1 + SINC_2) * d_theta_sq_1 + SINC_1) * d_theta_sq_1 + 1.0;
+    const float64 cosm1_theta_1 = ((((((((COSM1_9 * d_theta_sq_1 + COSM1_8) * d_theta_sq_1 +
+        COSM1_7) * d_theta_sq_1 + COSM1_6) * d_theta_sq_1 + COSM1_5) * d_theta_sq_1 + COSM1_4) * d_theta_sq_1
+        + COSM1_3) * d_theta_sq_1 + COSM1_2) * d_theta_sq_1 + COSM1_1) * d_theta_sq_1;
+    const float64 sinc_theta_2 = ((((((((SINC_9 * d_theta_sq_2 + SINC_8) * d_theta_sq_2 +
+        SINC_7) * d_theta_sq_2 + SINC_6) * d_theta_sq_2 + SINC_5) * d_theta_sq_2 + SINC_4) * d_theta_sq_2 +
+        SINC_3) * d_theta_sq_2 + SINC_2) * d_theta_sq_2 + SINC_1) * d_theta_sq_2 + 1.0;
+    const float64 cosm1_theta_2 = ((((((((COSM1_9 * d_theta_sq_2 + COSM1_8) * d_theta_sq_2 +
+        COSM1_7) * d_theta_sq_2 + COSM1_6) * d_theta_sq_2 + COSM1_5) * d_theta_sq_2 + COSM1_4) * d_theta_sq_2
+        + COSM1_3) * d_theta_sq_2 + COSM1_2) * d_theta_sq_2 + COSM1_1) * d_theta_sq_2;
+    const float64 sinc_theta_3 = ((((((((SINC_9 * d_theta_sq_3 + SINC_8) * d_theta_sq_3 +
+        SINC_7) * d_theta_sq_3 + SINC_6) * d_theta_sq_3 + SINC_5) * d_theta_sq_3 + SINC_4) * d_theta_sq_3 +
+        SINC_3) * d_theta_sq_3 + SINC_2) * d_theta_sq_3 + SINC_1) * d_theta_sq_3 + 1.0;
+    const float64 cosm1_theta_3 = ((((((((COSM1_9 * d_theta_sq_3 + COSM1_8) * d_theta_sq_3 +
+        COSM1_7) * d_theta_sq_3 + COSM1_6) * d_theta_sq_3 + COSM1_5) * d_theta_sq_3 + COSM1_4) * d_theta_sq_3
+        + COSM1_3) * d_theta_sq_3 + COSM1_2) * d_theta_sq_3 + COSM1_1) * d_theta_sq_3;
 
-    turn_out[0] = sinc_theta_turned_0;
-    turn_out[1] = cosm1_theta_turned_0;
-    turn_out[2] = sinc_theta_turned_1;
-    turn_out[3] = cosm1_theta_turned_1;
-    turn_out[4] = sinc_theta_turned_2;
-    turn_out[5] = cosm1_theta_turned_2;
-    turn_out[6] = sinc_theta_turned_3;
-    turn_out[7] = cosm1_theta_turned_3;
-    if ((d_theta_turned_sq_0 > SMALL_TURN) || (d_theta_turned_sq_1 > SMALL_TURN) ||
-        (d_theta_turned_sq_2 > SMALL_TURN) || (d_theta_turned_sq_3 > SMALL_TURN)) {
-        z_out[0] = d_theta_turned_sq_0;
-        z_out[1] = d_theta_turned_sq_1;
-        z_out[2] = d_theta_turned_sq_2;
-        z_out[3] = d_theta_turned_sq_3;
+    turn_out[0] = sinc_theta_0;
+    turn_out[1] = cosm1_theta_0;
+    turn_out[2] = sinc_theta_1;
+    turn_out[3] = cosm1_theta_1;
+    turn_out[4] = sinc_theta_2;
+    turn_out[5] = cosm1_theta_2;
+    turn_out[6] = sinc_theta_3;
+    turn_out[7] = cosm1_theta_3;
+    if ((d_theta_sq_0 > SMALL_TURN) || (d_theta_sq_1 > SMALL_TURN) || (d_theta_sq_2 > SMALL_TURN) ||
+        (d_theta_sq_3 > SMALL_TURN)) {
+        z_out[0] = d_theta_sq_0;
+        z_out[1] = d_theta_sq_1;
+        z_out[2] = d_theta_sq_2;
+        z_out[3] = d_theta_sq_3;
         widen(z_out, turn_out, 4);
     }
 }
@@ -217,14 +205,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 Q_3 = Q[3];
     const float64 v_alpha = u[0];
     const float64 v_beta = u[1];
-    const float64 sinc_theta_turned_0 = turn[0];
-    const float64 cosm1_theta_turned_0 = turn[1];
-    const float64 sinc_theta_turned_1 = turn[2];
-    const float64 cosm1_theta_turned_1 = turn[3];
-    const float64 sinc_theta_turned_2 = turn[4];
-    const float64 cosm1_theta_turned_2 = turn[5];
-    const float64 sinc_theta_turned_3 = turn[6];
-    const float64 cosm1_theta_turned_3 = turn[7];
+    const float64 sinc_theta_0 = turn[0];
+    const float64 cosm1_theta_0 = turn[1];
+    const float64 sinc_theta_1 = turn[2];
+    const float64 cosm1_theta_1 = turn[3];
+    const float64 sinc_theta_2 = turn[4];
+    const float64 cosm1_theta_2 = turn[5];
+    const float64 sinc_theta_3 = turn[6];
+    const float64 cosm1_theta_3 = turn[7];
 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const pmsm_pair_f64 sincos_theta = sin_cos(theta);
@@ -233,42 +221,38 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_i_alpha_turned_0 = cos_theta + sin_theta * L_10;
     const float64 odd_i_beta_turned_0 = cos_theta * L_10 - sin_theta;
     const float64 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
-    const float64 L_30_times_sinc_theta_turned_0 = L_30 * sinc_theta_turned_0;
+    const float64 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
     const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 +
-        gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_turned_0;
-    const float64 L_31_times_sinc_theta_turned_1 = L_31 * sinc_theta_turned_1;
+        gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0;
+    const float64 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
     const float64 odd_i_alpha_next_1 = DECAY_I * sin_theta +
-        gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_turned_1;
+        gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1;
     const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
-        GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_turned_0);
-    const float64 odd_i_beta_next_1 = DECAY_I * cos_theta -
-        GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_turned_1);
+        GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_0);
+    const float64 odd_i_beta_next_1 = DECAY_I * cos_theta - GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_1);
     const float64 odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30;
     const float64 odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31;
     const float64 odd_theta_next_2 = 8e-05 + L_32;
 
-    /* --- eq. 17 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float64 L_20_times_D_0 = L_20 * D_0;
-    const float64 part_of_i_alpha_pred_3 = L_30_times_sinc_theta_turned_0 * L_20_times_D_0;
+    const float64 part_of_i_alpha_pred_3 = L_30_times_sinc_theta_0 * L_20_times_D_0;
     const float64 L_21_times_D_1 = L_21 * D_1;
-    const float64 part_of_i_alpha_pred_4 = L_31_times_sinc_theta_turned_1 * L_21_times_D_1;
-    const float64 L_32_times_sinc_theta_turned_2 = L_32 * sinc_theta_turned_2;
-    const float64 part_of_i_alpha_pred_5 = L_32_times_sinc_theta_turned_2 * D_2;
+    const float64 part_of_i_alpha_pred_4 = L_31_times_sinc_theta_1 * L_21_times_D_1;
+    const float64 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
+    const float64 part_of_i_alpha_pred_5 = L_32_times_sinc_theta_2 * D_2;
     const float64 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_3 + part_of_i_alpha_pred_4 +
         part_of_i_alpha_pred_5;
     const float64 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_6 * 0.25;
     const float64 dev_i_alpha_0 = part_of_i_alpha_pred_3 - part_of_dev_i_alpha_0;
     const float64 dev_i_alpha_1 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0;
     const float64 dev_i_alpha_2 = part_of_i_alpha_pred_5 - part_of_dev_i_alpha_0;
-    const float64 part_of_i_alpha_pred = cosm1_theta_turned_0 + cosm1_theta_turned_1 + cosm1_theta_turned_2 +
-        cosm1_theta_turned_3;
+    const float64 part_of_i_alpha_pred = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
     const float64 part_of_dev_i_beta_0 = part_of_i_alpha_pred * 0.25;
-    const float64 dev_i_beta_0 = cosm1_theta_turned_0 - part_of_dev_i_beta_0;
-    const float64 dev_i_beta_1 = cosm1_theta_turned_1 - part_of_dev_i_beta_0;
-    const float64 dev_i_beta_2 = cosm1_theta_turned_2 - part_of_dev_i_beta_0;
-    const float64 dev_i_beta_3 = cosm1_theta_turned_3 - part_of_dev_i_beta_0;
-
-    /* --- eq. 16: x_pred = mean X_i' */
+    const float64 dev_i_beta_0 = cosm1_theta_0 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_1 = cosm1_theta_1 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_2 = cosm1_theta_2 - part_of_dev_i_beta_0;
+    const float64 dev_i_beta_3 = cosm1_theta_3 - part_of_dev_i_beta_0;
     const float64 part_of_i_alpha_pred_2 = gain_e_pole_pairs_times_omega +
         omega * 0.004191616766467066 * part_of_i_alpha_pred;
     const float64 part_of_i_alpha_pred_7 = 0.016766467065868262 * part_of_i_alpha_pred_6;
@@ -283,14 +267,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
     const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
     const float64 omega_sq = omega * omega;
-    const float64 sinc_theta_turned_3_times_D_3 = sinc_theta_turned_3 * D_3;
+    const float64 sinc_theta_3_times_D_3 = sinc_theta_3 * D_3;
     const float64 part_of_P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
         odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
-        omega_sq * (L_32_times_sinc_theta_turned_2 * part_of_i_alpha_pred_5 +
-        sinc_theta_turned_3 * sinc_theta_turned_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
+        omega_sq * (L_32_times_sinc_theta_2 * part_of_i_alpha_pred_5 +
+        sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
         0.0011244576714833803 * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
         dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625);
-    const float64 part_of_P_pred_00_2 = 1.0 + cosm1_theta_turned_2;
+    const float64 part_of_P_pred_00_2 = 1.0 + cosm1_theta_2;
     const float64 part_of_P_pred_00_3 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
         omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
@@ -328,7 +312,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         Q_2;
     const float64 part_of_P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
-        gain_e_pole_pairs_times_omega * sinc_theta_turned_3_times_D_3;
+        gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3;
     const float64 part_of_P_pred_30_2 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
         D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_3 * odd_theta_next_2;
     const float64 P_pred_30 = cos_theta * part_of_P_pred_30 - sin_theta * part_of_P_pred_30_2;

@@ -294,7 +294,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.5249999999999999 + L_43;
     const float64 odd_theta_next_3 = 1.0 - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
 
-    /* --- eq. 16 */
+    /* --- eq. 16: x_pred = mean X_i' */
     const float64 part_of_offset_omega = 0.5 * (1.7087082180764481 * i_beta_turned - emf_step + drive_beta);
     const float64 part_of_offset_omega_3 = omega * 0.03546160823417154;
     const float64 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
@@ -317,8 +317,6 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         part_of_offset_omega_10 + part_of_offset_omega_12;
     const float64 offset_omega = 0.002624967187910153 * part_of_offset_omega_13;
     const float64 offset_theta = part_of_offset_omega_13 * 5.249934375820306e-07;
-
-    /* --- eq. 17 */
     const float64 part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 +
         part_of_i_alpha_pred_9;
     const float64 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2;
@@ -337,8 +335,6 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0;
     const float64 dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0;
     const float64 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
-
-    /* --- eq. 16: x_pred = mean X_i' */
     const float64 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + GAIN_V * v_alpha;
     const float64 part_of_i_alpha_pred_11 = 0.07092321646834308 * part_of_i_alpha_pred_10;
     const float64 part_of_i_alpha_pred_13 = omega * 0.014184643293668617 * part_of_i_alpha_pred_12;
