@@ -120,7 +120,7 @@ def test_measurements_one_after_another_are_the_joint_one(n: int, m: int) -> Non
         state.take()
     x_new, P_new, Pyy = kalman(P, x, H, R, nu)
     close(dense(sheet.get(state.L), sheet.get(state.D)), P_new, P)
-    assert np.max(np.abs(sheet.get(state.x) - x_new) / np.sqrt(np.diag(P))) <= 1e-9
+    assert np.max(np.abs(sheet.get(state.correction) - x_new) / np.sqrt(np.diag(P))) <= 1e-9
     assert np.prod(sheet.get(state.spans)) == pytest.approx(np.linalg.det(Pyy), rel=1e-9)
     assert np.all(sheet.get(state.D) > 0)
     assert np.all(np.diag(sheet.get(state.L)) == 1.0)
@@ -136,7 +136,7 @@ def test_columns_that_a_measurement_does_not_see_stay() -> None:
     assert (state.D[1], state.D[2], state.L[2][1]) == kept
     x_new, P_new, _ = kalman(P, np.zeros(3), np.array([[1.0, 0, 0]]), np.array([[0.2]]), np.array([0.5]))
     close(dense(sheet.get(state.L), sheet.get(state.D)), P_new, P)
-    np.testing.assert_allclose(sheet.get(state.x), x_new, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(sheet.get(state.correction), x_new, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 2, 4, 5])
@@ -156,7 +156,7 @@ def test_correlated_noise_is_decorrelated_first(n: int) -> None:
         state.take()
         x_new, P_new, _ = kalman(P, x, H, R, nu)
         close(dense(sheet.get(state.L), sheet.get(state.D)), P_new, P)
-        assert np.max(np.abs(sheet.get(state.x) - x_new) / np.sqrt(np.diag(P))) <= 1e-8
+        assert np.max(np.abs(sheet.get(state.correction) - x_new) / np.sqrt(np.diag(P))) <= 1e-8
 
 
 def test_independent_noise_is_left_alone() -> None:
