@@ -49,8 +49,8 @@ class Graph:
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
-        #: What the passes made of this graph, by roots: they are asked more than once (:mod:`codegen.passes`).
-        self.rewritten: dict[tuple[int, ...], tuple[Graph, dict[int, int]]] = {}
+        #: What passes made of this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
+        self.rewritten: dict[tuple[Any, ...], tuple[Graph, dict[int, int]]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
 
     def __getitem__(self, index: int) -> Node:

@@ -14,7 +14,7 @@ from codegen.fast.split import SplitAlgebra
 from codegen.fast.spread import Spread, Spreading, dot
 from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns
-from codegen.passes import run_passes, weight
+from codegen.passes import PIPELINES, Pipelines, run_passes, weight
 from model.filters import build_filter
 from model.filters.cubature import CUBATURE, Rule
 from model.filters.program import Call, Copy, FilterStep, IfAccepted, Node, Repeat
@@ -27,42 +27,56 @@ Vector = list[Expr]
 RULES: dict[str, Rule | None] = {"ckf": CUBATURE, "ickf": CUBATURE, "ukf": UNSCENTED, "ekf": None}
 
 
-def build_fast_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
+@dataclass(frozen=True)
+class Means:
+    """What the fast form may use, to see what each earns; blocks are to be laid out with the same pipelines.
+
+    ``turning``: a turning frame, where it is cheaper. ``pipelines``: the passes by which forms are compared.
+    """
+
+    turning: bool = True
+    pipelines: Pipelines = PIPELINES
+
+
+EVERYTHING = Means()
+
+
+def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, means: Means = EVERYTHING) -> FilterStep:
     """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
     literal = build_filter(model, kind, gain)
-    shapes = _shapes(model, kind, literal.gain)
+    shapes = _shapes(model, kind, literal.gain, means)
     if kind == "ickf" and literal.iteration_proof is None:
-        iterate, finish = _cheapest([[shape.iterate(), shape.finish()] for shape in shapes])
+        iterate, finish = _cheapest([[shape.iterate(), shape.finish()] for shape in shapes], means)
         *turns, iterate = split_turns(iterate, "_pred")
         head = tuple(Call(block) for block in turns)
         assert not any(port.name == "x_j" for block in turns for port in block.inputs), "a turn that moves with x^j"
         update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(finish))
     else:
-        (measurement,) = _cheapest([[shape.measurement_update()] for shape in shapes])
+        (measurement,) = _cheapest([[shape.measurement_update()] for shape in shapes], means)
         update = tuple(Call(block) for block in split_turns(measurement, "_pred"))
-    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind))
+    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind, means))
     body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(shapes[0].coast()),)))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
 
 
-def _shapes(model: StateSpaceModel, kind: str, gain: str) -> list[Shape]:
+def _shapes(model: StateSpaceModel, kind: str, gain: str, means: Means) -> list[Shape]:
     """The blocks' builders: in the stator frame and, where f and h allow it, in a turning one."""
-    frames = (False, True) if turns_freely(model) else (False,)
+    frames = (False, True) if means.turning and turns_freely(model) else (False,)
     return [Shape(model, kind, gain, RULES[kind], turning) for turning in frames]
 
 
 @cache
-def _time_update(model: StateSpaceModel, kind: str) -> list[GraphBlock]:
+def _time_update(model: StateSpaceModel, kind: str, means: Means) -> list[GraphBlock]:
     """The time update, which CKF and ICKF share, behind its turns."""
-    (block,) = _cheapest([[shape.time_update()] for shape in _shapes(model, kind, "cubature")])
+    (block,) = _cheapest([[shape.time_update()] for shape in _shapes(model, kind, "cubature", means)], means)
     return split_turns(block, "")
 
 
-def _cheapest(forms: list[list[GraphBlock]]) -> list[GraphBlock]:
+def _cheapest(forms: list[list[GraphBlock]], means: Means) -> list[GraphBlock]:
     """The form that computes its outputs with the least work."""
 
     def work(block: GraphBlock) -> int:
-        graph, moved = run_passes(block.graph, block.roots)
+        graph, moved = run_passes(block.graph, block.roots, means.pipelines)
         return weight(graph, [moved[entry.node] for port in block.outputs for entry in port.entries])
 
     return min(forms, key=lambda blocks: sum(work(block) for block in blocks))

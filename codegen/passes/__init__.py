@@ -17,13 +17,14 @@ from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
 from codegen.passes.signs import pull_signs
 
 Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
+Pipelines = tuple[tuple[Pass, ...], ...]
 
 _HEAD: tuple[Pass, ...] = (share_reciprocals, pull_signs)
 _COLLECTED: tuple[Pass, ...] = (collect, pull_signs)
 _KEPT = partial(share_products, whole=False)
 
 #: In the order they run. Sharing is greedy, so several ways are gone and the cheapest result is kept.
-PIPELINES: tuple[tuple[Pass, ...], ...] = (
+PIPELINES: Pipelines = (
     (*_HEAD, share_products, *_COLLECTED, share_products, spend_reciprocals),
     (*_HEAD, *_COLLECTED, share_products, spend_reciprocals),
     (*_HEAD, *_COLLECTED, _KEPT, spend_reciprocals),
@@ -32,6 +33,11 @@ PIPELINES: tuple[tuple[Pass, ...], ...] = (
     (*_HEAD, spend_reciprocals),
     (),  # a sign pulled out of a sum's one term may have to be put into its others: then the graph as it stands
 )
+
+
+def without(*passes: Pass) -> Pipelines:
+    """The ways that do without some passes, whatever options these take: to see what a pass earns."""
+    return tuple(ways for ways in PIPELINES if not {getattr(step, "func", step) for step in ways} & set(passes))
 
 #: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
 WEIGHTS = {"input": 0, "const": 0, "div": 10, "sqrt": 12, "sin": 18, "cos": 0, "sinc": 6, "cosm1": 5}
@@ -42,12 +48,14 @@ def weight(graph: Graph, roots: Iterable[int]) -> int:
     return sum(WEIGHTS.get(graph[index].op, 1) for index in graph.reachable(roots))
 
 
-def run_passes(graph: Graph, roots: Iterable[int]) -> tuple[Graph, dict[int, int]]:
+def run_passes(
+    graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELINES
+) -> tuple[Graph, dict[int, int]]:
     """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes."""
     roots = list(dict.fromkeys(roots))
-    key = tuple(roots)
+    key = (tuple(roots), pipelines)
     if key not in graph.rewritten:
-        results = [run_pipeline(graph, roots, pipeline) for pipeline in PIPELINES]
+        results = [run_pipeline(graph, roots, pipeline) for pipeline in pipelines]
         graph.rewritten[key] = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
     return graph.rewritten[key]
 
@@ -63,6 +71,8 @@ def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tu
 
 __all__ = [
     "PIPELINES",
+    "WEIGHTS",
+    "Pipelines",
     "collect",
     "pull_signs",
     "run_passes",
@@ -70,4 +80,5 @@ __all__ = [
     "share_reciprocals",
     "spend_reciprocals",
     "weight",
+    "without",
 ]

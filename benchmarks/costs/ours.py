@@ -1,0 +1,43 @@
+"""Our own forms of a filter, printed for the chip without certificate and proof: quick enough to print many."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from codegen.ledger import Program
+from codegen.render import Description, render_filter, render_port
+from codegen.rungs import RUNGS, Earned, Rung, build_rung, earned
+from codegen.targets import F28335
+from costs.counting import Candidate
+from model.drive import Drive
+from model.state_space import StateSpaceModel, build, default_initial_state
+
+LITERAL, SHIPPED = RUNGS[0], RUNGS[-1]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A drive with its model, which need not be the one its file names."""
+
+    drive: Drive
+    model: StateSpaceModel
+    initial_state: tuple[float, ...]
+
+    @classmethod
+    def of(cls, drive: Drive) -> Problem:
+        return cls(drive, build(drive), tuple(default_initial_state(drive)))
+
+
+def candidate(problem: Problem, kind: str, rung: Rung = SHIPPED, label: str = "") -> tuple[Candidate, Earned]:
+    """A filter of a problem as C, built as a rung says; ``operations`` are at most, sincos as calls."""
+    drive = problem.drive
+    step, listings = build_rung(problem.model, kind, drive.filter.gain, rung)
+    about = Description(drive, problem.model, problem.initial_state)
+    header, source = render_filter(about, step, listings, F28335, [])
+    name = f"{drive.name}_{kind}"
+    sources = {"pmsm_port.h": render_port(), f"{name}.h": header, f"{name}.c": source}
+    count: Counter[str] = Program(sources, f"{name}.c").count(f"{name}_step", drive.filter.max_iterations)
+    return Candidate(label or f"ours, {rung.name}, {kind}", name, sources, operations=count), earned(
+        rung, step, listings
+    )

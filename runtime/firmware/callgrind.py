@@ -1,0 +1,62 @@
+"""Instructions on the host, exactly: valgrind's callgrind counts what runs between a function's entry and its exit.
+
+A count does not depend on the machine's load or clock, so it may be asserted in a test, unlike a time. It does depend
+on the compiler: assert ratios, or counts of code written in assembly.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from runtime.errors import UserError
+from runtime.firmware.emulator import PATIENCE
+from runtime.firmware.tools import MissingTool
+
+_COLLECTED = re.compile(r"Collected\s*:\s*(\d+)")
+
+
+def count_instructions(program: Path, function: str, *arguments: str) -> int:
+    """Instructions a program executes inside ``function``, what it calls included, over the whole run.
+
+    Parameters
+    ----------
+    program : Path
+        Compiled with its symbols, ``function`` not inlined.
+    function : str
+        Its name; ``*`` stands for any characters. C++ names are demangled.
+    arguments : str
+        The program's own.
+
+    Raises
+    ------
+    UserError
+        No valgrind, the program fails, or the function is never entered.
+    """
+    valgrind = shutil.which("valgrind")
+    if valgrind is None:
+        raise MissingTool("valgrind", "valgrind")
+    with tempfile.TemporaryDirectory() as scratch:
+        command = [valgrind, "--tool=callgrind", f"--callgrind-out-file={scratch}/out", f"--toggle-collect={function}"]
+        done = subprocess.run(
+            [*command, str(program), *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    found = _COLLECTED.search(done.stderr)
+    if done.returncode != 0 or found is None:
+        raise UserError(f"callgrind on '{program.name}' failed: {done.stderr.strip()[-200:]!r}")
+    if not int(found.group(1)):
+        raise UserError(f"callgrind on '{program.name}': '{function}' was never entered, or it was inlined.")
+    return int(found.group(1))
+
+
+def instructions_per_step(program: Path, function: str, first: int, last: int, more: Sequence[str] = ()) -> float:
+    """Mean instructions of steps ``first`` .. ``last``: (Ir(last) - Ir(first)) / (last - first).
+
+    ``program`` takes the number of steps as its first argument, then ``more``.
+    """
+    counts = [count_instructions(program, function, str(steps), *more) for steps in (first, last)]
+    return (counts[1] - counts[0]) / (last - first)
