@@ -22,7 +22,10 @@ firmware: $(VENV)/.ready
 quick: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto -m "not slow"
 
+# Cost beside peers, then how fast the drive simulates. A peer that cannot be installed is named in its row.
 bench: $(VENV)/.ready
+	$(BIN)/python -m pip install --quiet -e '.[bench]' || echo "some peers could not be installed"
+	$(BIN)/python benchmarks/cost.py
 	$(BIN)/python benchmarks/simulation.py
 
 lint: $(VENV)/.ready-dev

@@ -10,6 +10,9 @@
 #define N 4
 #define POINTS (2 * N)
 #define OUTPUTS 2
+#ifndef N_MAX
+#define N_MAX 1
+#endif
 
 /* Motor, SI. */
 #define T 20e-6f
@@ -209,7 +212,7 @@ void handwritten_ckf_init(handwritten_ckf_t *f)
     f->R[0] = 0.01f;
     f->R[1] = 0.01f;
     f->tolerance = 1e-6f;
-    f->max_iterations = 1;
+    f->max_iterations = N_MAX;
     handwritten_ckf_reset(f);
 }
 

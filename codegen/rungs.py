@@ -19,6 +19,7 @@ from codegen.fast.steps import build_fast_filter
 from codegen.layout import Listing, lay_out
 from codegen.passes import (
     PIPELINES,
+    WEIGHTS,
     Pipelines,
     pull_signs,
     share_reciprocals,
@@ -50,6 +51,20 @@ RUNGS = (
     Rung("+ pulled signs", pipelines=((share_reciprocals, pull_signs, spend_reciprocals),)),
     Rung("+ shared products (as shipped)"),
 )
+
+
+#: Operations that a step is reported with; ``small_angle`` is sinc and cosm1 of one angle.
+OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "small_angle")
+
+
+def weights_text() -> str:
+    """What a weight is, in one sentence."""
+    pair, turn = WEIGHTS["sin"] + WEIGHTS["cos"], WEIGHTS["sinc"] + WEIGHTS["cosm1"]
+    return (
+        "Operations of a step whose measurement is accepted, each iterate once, small angles by their polynomials. "
+        f"Weights: add, mul and comparisons 1, div {WEIGHTS['div']}, sqrt {WEIGHTS['sqrt']}, sincos {pair}, "
+        f"small_angle {turn}."
+    )
 
 
 @dataclass(frozen=True)

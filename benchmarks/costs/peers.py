@@ -19,17 +19,20 @@ from codegen.trig import wrap_listing
 from costs.counting import Candidate
 from costs.plain import Package, ckf_step
 from model.drive import Drive
+from runtime.firmware.tools import MissingTool
 
 HERE = Path(__file__).parents[1]
+EIGEN = Path("/usr/include/eigen3")
 #: Input arrays of the step and their lengths.
 ARRAYS = {"x": 4, "P": 10, "Q": 4, "R": 2, "u": 2, "y": 2}
 
 
-def handwritten(drive: Drive) -> Candidate:
-    """benchmarks/handwritten_ckf.c with the generated filters' sine, cosine and wrapping."""
+def handwritten(iterations: int = 1) -> Candidate:
+    """benchmarks/handwritten_ckf.c with the generated filters' sine, cosine and wrapping; ``iterations``: N_max."""
     texts = {name: (HERE / name).read_text(encoding="utf-8") for name in ("handwritten_ckf.h", "handwritten_ckf.c")}
+    texts["handwritten_ckf.c"] = f"#define N_MAX {iterations}\n" + texts["handwritten_ckf.c"]
     sources = {"pmsm_port.h": render_port(), "trig.h": trig_header(), **texts}
-    return Candidate("hand-written loops, float, N = 1", "handwritten_ckf", sources)
+    return Candidate("hand-written", "handwritten_ckf", sources)
 
 
 def trig_header() -> str:
@@ -101,8 +104,12 @@ def symforce_cpp(drive: Drive) -> Candidate:
     ------
     ImportError
         SymForce is not installed.
+    MissingTool
+        Eigen's headers are not.
     """
     text = _symforce_header(drive)
+    if not EIGEN.is_dir():
+        raise MissingTool("Eigen/Core", "libeigen3-dev")
     declared = "void symforce_ckf(const float *, const float *, const float *, const float *, const float *, const float *, float *, float *);"  # noqa: E501
     call = "    float x[4], P[10];\n    int i;\n    symforce_ckf(f->x, f->P, f->Q, f->R, u, y, x, P);\n"
     arguments = ", ".join(
@@ -122,7 +129,7 @@ def symforce_cpp(drive: Drive) -> Candidate:
         # No vector alignment: the matrices lie where the wrapper's arrays lie.
         compiler=(
             *("g++", "-std=gnu++17", "-O2", "-ffp-contract=off", "-DNDEBUG", "-DEIGEN_MAX_STATIC_ALIGN_BYTES=0"),
-            *("-fno-strict-aliasing", "-I/usr/include/eigen3"),
+            *("-fno-strict-aliasing", f"-I{EIGEN}"),
         ),
         note="sinf, cosf and floorf are the platform's",
     )
@@ -135,9 +142,7 @@ def _symforce_header(drive: Drive) -> str:
         from symforce.codegen import Codegen, CppConfig
         from symforce.values import Values
 
-        symbols = {
-            name: sf.Matrix([sf.Symbol(f"{name}_{k}") for k in range(size)]) for name, size in ARRAYS.items()
-        }
+        symbols = {name: sf.Matrix([sf.Symbol(f"{name}_{k}") for k in range(size)]) for name, size in ARRAYS.items()}
         package = Package(sf.sin, sf.cos, sf.sqrt, sf.floor)
         x, P = ckf_step(package, drive, *(list(symbol.to_storage()) for symbol in symbols.values()))
         outputs = Values(x_new=sf.Matrix(x), P_new=sf.Matrix(P))

@@ -48,9 +48,7 @@ def weight(graph: Graph, roots: Iterable[int]) -> int:
     return sum(WEIGHTS.get(graph[index].op, 1) for index in graph.reachable(roots))
 
 
-def run_passes(
-    graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELINES
-) -> tuple[Graph, dict[int, int]]:
+def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELINES) -> tuple[Graph, dict[int, int]]:
     """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes."""
     roots = list(dict.fromkeys(roots))
     key = (tuple(roots), pipelines)

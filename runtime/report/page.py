@@ -14,7 +14,10 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from codegen import __version__
 from codegen.equations import Readable, readable
 from codegen.folder import read_manifest
+from codegen.rungs import OPERATIONS, earnings, weights_text
+from model.state_space import build
 from runtime.report.chapter import Chapter
+from runtime.report.cost_figures import passes_figure
 from runtime.report.drive_figures import run_figure, sweep_figure
 from runtime.report.drive_tables import claims, sweep_cell
 from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
@@ -50,6 +53,8 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
     equations = readable(drive)
     stages = stages_by_equation(proof.links)
     fast = stages_by_equation(proof.links, "B-C")
+    kind = drive.filter.kinds[0]
+    earned = earnings(build(drive), kind, drive.filter.gain)
     return {
         "drive": drive,
         "proof": proof,
@@ -65,6 +70,10 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "constants": equations.constants,
         "stages": stages,
         "fast": fast,
+        "earned": earned,
+        "earned_kind": kind,
+        "operations": OPERATIONS,
+        "weights": weights_text(),
         "counts": COUNTS,
         "variants": list(dict.fromkeys(variant for cells in stages.values() for variant in cells)),
         "failures": list(proof.failures()),
@@ -79,6 +88,12 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
             "stages": Markup(stage_figure(proof)),
             "drift": Markup(drift_figure(evidence, drive.model.sample_time, units)),
             "effects": Markup(effect_figure(evidence)) if evidence.effects else "",
+            "passes": Markup(
+                passes_figure(
+                    [item.rung.name for item in earned],
+                    {"operations, in additions": {drive.name: [item.weight for item in earned]}},
+                )
+            ),
             "runs": _run_figures(chapter),
             "sweep": Markup(sweep_figure(chapter.sweep)) if chapter.sweep else "",
         },
