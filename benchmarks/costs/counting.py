@@ -124,13 +124,17 @@ def host_instructions(candidate: Candidate, inputs: Inputs) -> float:
         return instructions_per_step(host_program(candidate), candidate.step, inputs.first, inputs.last, [rows])
 
 
-def deviation(candidate: Candidate, inputs: Inputs) -> float:
-    """Largest |x - float64 reference| over all steps, in sigmas."""
+def trace(candidate: Candidate, inputs: Inputs) -> Array:
+    """x after every step, (steps, n)."""
     with tempfile.TemporaryDirectory() as scratch:
         command = [str(host_program(candidate)), str(inputs.last), _written(scratch, inputs), "print"]
         text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    x = np.array(text.split(), dtype=float).reshape(inputs.last, -1)
-    difference = x - inputs.reference
+    return np.array(text.split(), dtype=float).reshape(inputs.last, -1)
+
+
+def deviation(candidate: Candidate, inputs: Inputs) -> float:
+    """Largest |x - float64 reference| over all steps, in sigmas."""
+    difference = trace(candidate, inputs) - inputs.reference
     difference[:, 3] = np.remainder(difference[:, 3] + np.pi, 2 * np.pi) - np.pi
     return float(np.max(np.abs(difference) / inputs.sigma))
 

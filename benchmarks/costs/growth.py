@@ -97,14 +97,14 @@ def growth_table(length: Length, progress: Progress) -> Table:
             subject, cost = ours.candidate(here, "ckf", rung)
             split = parts(*build_rung(here.model, "ckf", here.drive.filter.gain, rung))
             row: Row = {"form": f"{label}, n = {n}", "weight": float(cost.weight)}
-            row |= {name: float(split[key]) for name, key in _COLUMNS.items()}
+            row |= {name: float(split[key]) for name, key in COLUMNS.items()}
             row |= {op: float(cost.operations[op]) for op in ("add", "mul", "div", "sqrt", "sincos")}
             row[X86] = figure(lambda subject=subject, inputs=inputs: host_instructions(subject, inputs))
             rows.append(row)
     return Table("growth", "Cost against the number of states (surface PMSM, exact, CKF)", rows, [EXPLANATION])
 
 
-_COLUMNS = {"points and f": "f", "P_pred (17)": "P_pred", "factor (18)": "factor", "update": "update"}
+COLUMNS = {"points and f": "f", "P_pred (17)": "P_pred", "factor (18)": "factor", "update": "update"}
 
 EXPLANATION = (
     "How it grows: in the literal form P_pred is 2n points times n(n+1)/2 entries, n^3; the two Cholesky factors take "
@@ -128,7 +128,7 @@ def write_figure(table: Table, path: Path) -> None:
         rows = [row for row in table.rows if str(row["form"]).startswith(form)]
         labels = [str(row["form"]).rpartition(", ")[2] for row in rows]
         bottom = [0.0] * len(rows)
-        for (column, _), colour in zip(_COLUMNS.items(), colours, strict=True):
+        for (column, _), colour in zip(COLUMNS.items(), colours, strict=True):
             heights = [float(row[column]) for row in rows]  # type: ignore[arg-type]
             axis.bar(labels, heights, 0.6, bottom=bottom, label=column, color=colour)
             bottom = [a + b for a, b in zip(bottom, heights, strict=True)]

@@ -21,7 +21,7 @@ Progress = Callable[[str], None]
 
 REPEATS = 5
 LANES = 1000
-UKF, LEAN, SOUP, COMPILED = "filterpy UKF", "filterpy UKF, lean f", "Stone Soup CKF", "ours, C, float32"
+UKF, SOUP, COMPILED = "filterpy UKF", "Stone Soup CKF", "ours, C, float32"
 STEP, RUN, BATCH = "step(), us", "run(), us a step", f"batch of {LANES}, us a filter step"
 
 
@@ -30,7 +30,7 @@ def python_table(steps: int, progress: Progress) -> Table:
     problem = Problem.of(load_drive("paper_spmsm"))
     inputs = Inputs.of(problem.drive, steps, 0, problem.initial_state)
     rows: list[Row] = []
-    for label, peer in ((UKF, filterpy_ukf), (LEAN, filterpy_lean), (SOUP, stone_soup_ckf)):
+    for label, peer in ((UKF, filterpy_ukf), (SOUP, stone_soup_ckf)):
         progress(f"{label}: timing")
         rows.append(_peer_row(label, peer, problem.drive, inputs))
     for label, backend, dtype in (
@@ -47,8 +47,8 @@ def python_table(steps: int, progress: Progress) -> Table:
         row["UKF / batch"] = ratio(base, row[BATCH]) if row[BATCH] != "" else ""
     note = (
         f"paper_spmsm, CKF; best of {REPEATS} over {steps} steps on one core; inputs are arrays of the filter's type. "
-        "The peers have no batch. The UKF with alpha 1, beta 0, kappa 0 is the CKF; its f is written with NumPy as in its "
-        "documentation, lean with math.sin on plain numbers, as for Stone Soup."
+        "The peers have no batch. The UKF with alpha 1, beta 0, kappa 0 is the CKF; their f is "
+        "written with NumPy."
     )
     return Table("python", "Python: microseconds a step", rows, [note])
 
@@ -58,9 +58,6 @@ def wanted(table: Table) -> list[Wanted]:
     return [
         Wanted("one step(), C back end, us", step[STEP], 1.0),
         Wanted("filterpy UKF / step(), C back end", step["UKF / step()"], 150, at_least=True),
-        Wanted(
-            "filterpy UKF, lean f / step(), C back end", ratio(chosen(table.rows, LEAN)[STEP], step[STEP]), 150, True
-        ),
     ]
 
 
@@ -123,32 +120,12 @@ def _off(x: Array, inputs: Inputs) -> float:
     return float(np.max(np.abs(difference) / inputs.sigma[-1]))
 
 
-def euler(drive: Drive) -> Callable[[Any, Any], list[float]]:
-    """f of the paper's model on plain numbers: the quickest way to call it from Python."""
-    m, T = drive.motor, drive.model.sample_time
-    decay, gain = 1 - T * m.stator_resistance / m.inductance_d, T / m.inductance_d
-    emf, advance = T * m.magnet_flux * m.pole_pairs / m.inductance_d, T * m.pole_pairs
-    slow = 1 - T * m.friction / m.inertia
-
-    def f(x: Any, u: Any) -> list[float]:
-        a, b, w, th = x
-        e = emf * w
-        return [
-            decay * a + e * math.sin(th) + gain * u[0],
-            decay * b - e * math.cos(th) + gain * u[1],
-            slow * w,
-            th + advance * w,
-        ]
-
-    return f
-
-
-def filterpy_ukf(drive: Drive) -> Any:
-    """Reset and step of filterpy's UKF with the cubature points, f as one writes it with NumPy."""
+def euler(drive: Drive) -> Callable[[Array, Array], Array]:
+    """f of the paper's model as one writes it with NumPy."""
     m, T = drive.motor, drive.model.sample_time
     R, L, psi, poles, J, D = m.stator_resistance, m.inductance_d, m.magnet_flux, m.pole_pairs, m.inertia, m.friction
 
-    def f(x: Array, dt: float, u: Array) -> Array:
+    def f(x: Array, u: Array) -> Array:
         e = poles * x[2] * psi
         return np.array(
             [
@@ -159,22 +136,17 @@ def filterpy_ukf(drive: Drive) -> Any:
             ]
         )
 
-    return _ukf(drive, f)
+    return f
 
 
-def filterpy_lean(drive: Drive) -> Any:
-    """The same with the quickest f that Python has."""
-    f = euler(drive)
-    return _ukf(drive, lambda x, dt, u: np.array(f(x.tolist(), u)))
-
-
-def _ukf(drive: Drive, f: Callable[[Array, float, Array], Array]) -> Any:
+def filterpy_ukf(drive: Drive) -> Any:
+    """Reset and step of filterpy's UKF with the cubature points."""
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-    tuning = drive.filter
+    f, tuning = euler(drive), drive.filter
     n = len(tuning.process_noise)
     points = MerweScaledSigmaPoints(n, 1.0, 0.0, 0.0)
-    ukf = UnscentedKalmanFilter(n, 2, drive.model.sample_time, lambda x: x[:2], f, points)
+    ukf = UnscentedKalmanFilter(n, 2, drive.model.sample_time, lambda x: x[:2], lambda x, dt, u: f(x, u), points)
 
     def begin() -> None:
         ukf.x = np.zeros(n)
@@ -219,7 +191,7 @@ def stone_soup_ckf(drive: Drive) -> Any:
 
         def function(self, state: Any, noise: Any = False, **kwargs: Any) -> Any:
             columns = np.asarray(state.state_vector, dtype=float).T
-            images = np.array([f(column, held["u"]) for column in columns.tolist()]).T
+            images = np.array([f(column, held["u"]) for column in columns]).T
             return StateVectors(images)
 
         def covar(self, **kwargs: Any) -> Any:

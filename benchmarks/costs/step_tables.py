@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from codegen.rungs import OPERATIONS, RUNGS, weights_text
@@ -100,9 +100,9 @@ def _row(label: str, make: Callable[[], Candidate], inputs: Inputs) -> Row:
 
 def _notes(length: Length) -> list[str]:
     return [
-        f"Steps {length.settle + 1} .. {length.settle + length.steps} of the proof's start (proof/trajectory.py); theta "
-        "is wrapped by all; ours check their inputs and return a status, the peers do neither.",
-        "x86: callgrind, the step's function and all it calls, (Ir(N2) - Ir(N1)) / (N2 - N1); cc -O2 -ffp-contract=off.",
+        f"Steps {length.settle + 1} .. {length.settle + length.steps} of the proof's start (proof/trajectory.py); "
+        "theta is wrapped by all; ours check their inputs and return a status, the peers do neither.",
+        "x86: callgrind, the step's function and all it calls, (Ir(N2) - Ir(N1)) / (N2 - N1); -O2 -ffp-contract=off.",
         "M4: Cortex-M4F under qemu, arm-none-eabi-gcc -O2 -ffp-contract=off -fno-math-errno; for CasADi with the 30 or "
         "so instructions that put its results back.",
         "Text: .text and .rodata that the linker keeps for the step alone (--gc-sections), libraries included. Stack: "
@@ -114,10 +114,10 @@ def _notes(length: Length) -> list[str]:
     ]
 
 
-def forms_table(length: Length, progress: Progress) -> Table:
+def forms_table(length: Length, progress: Progress, drives: Sequence[str] = ()) -> Table:
     """Fast against literal for every shipped drive and kind."""
     rows: list[Row] = []
-    for name in shipped_drives():
+    for name in drives or shipped_drives():
         problem = ours.Problem.of(load_drive(name))
         for kind in ("ckf", "ickf"):
             progress(f"{name}, {kind}: counting both forms")
@@ -142,7 +142,7 @@ def forms_table(length: Length, progress: Progress) -> Table:
     return Table("forms", "The fast form against the literal one", rows, [note])
 
 
-def passes_table(length: Length, progress: Progress, kind: str = "ckf", drives: tuple[str, ...] = ()) -> Table:
+def passes_table(length: Length, progress: Progress, kind: str = "ckf", drives: Sequence[str] = ()) -> Table:
     """What each rung of :data:`codegen.rungs.RUNGS` earns."""
     rows: list[Row] = []
     for name in drives or (PAPER, "ipmsm_flux", "spmsm_load_torque"):
