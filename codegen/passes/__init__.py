@@ -39,6 +39,7 @@ def without(*passes: Pass) -> Pipelines:
     """The ways that do without some passes, whatever options these take: to see what a pass earns."""
     return tuple(ways for ways in PIPELINES if not {getattr(step, "func", step) for step in ways} & set(passes))
 
+
 #: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
 WEIGHTS = {"input": 0, "const": 0, "div": 10, "sqrt": 12, "sin": 18, "cos": 0, "sinc": 6, "cosm1": 5}
 

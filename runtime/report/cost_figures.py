@@ -33,5 +33,5 @@ def passes_figure(labels: Sequence[str], panels: Mapping[str, Mapping[str, Seque
     axes[0][0].set_yticks(range(len(labels)), labels, fontsize=8)
     axes[0][0].invert_yaxis()
     if series > 1:
-        axes[0][-1].legend(fontsize=8, loc="lower right")
+        figure.legend(*axes[0][0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=series)
     return svg_text(figure)
