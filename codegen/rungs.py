@@ -15,16 +15,16 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from codegen.fast.steps import build_fast_filter
+from codegen.fast.steps import EVERYTHING, Means, build_fast_filter
 from codegen.layout import Listing, lay_out
 from codegen.passes import (
-    PIPELINES,
     WEIGHTS,
-    Pipelines,
+    collect,
     pull_signs,
     share_reciprocals,
     spend_reciprocals,
     weight,
+    without,
 )
 from model.filters import FilterStep, build_filter
 from model.filters.program import Call, IfAccepted, Node, Repeat
@@ -34,22 +34,21 @@ from model.state_space import StateSpaceModel
 
 @dataclass(frozen=True)
 class Rung:
-    """A way to build a filter: the literal form, or the fast one with some of its means."""
+    """A way to build a filter: the fast form with some of its means or, with none, the literal one."""
 
     name: str
-    fast: bool = True
-    turning: bool = True
-    pipelines: Pipelines = PIPELINES
+    means: Means | None = EVERYTHING
 
 
 #: From the paper's form to the shipped one, each with what the one before has.
 RUNGS = (
-    Rung("literal form", fast=False),
-    Rung("even and odd parts, L D L^T", turning=False, pipelines=((),)),
-    Rung("+ turning frame", pipelines=((),)),
-    Rung("+ shared reciprocals", pipelines=((share_reciprocals, spend_reciprocals),)),
-    Rung("+ pulled signs", pipelines=((share_reciprocals, pull_signs, spend_reciprocals),)),
-    Rung("+ shared products (as shipped)"),
+    Rung("literal form", None),
+    Rung("even and odd parts, L D L^T", Means(turning=False, pipelines=((),))),
+    Rung("+ turning frame", Means(pipelines=((),))),
+    Rung("+ shared reciprocals", Means(pipelines=((share_reciprocals, spend_reciprocals),))),
+    Rung("+ pulled signs", Means(pipelines=((share_reciprocals, pull_signs, spend_reciprocals),))),
+    Rung("+ shared products", Means(pipelines=without(collect))),
+    Rung("+ collected sums (as shipped)"),
 )
 
 
@@ -82,11 +81,10 @@ class Earned:
 
 def build_rung(model: StateSpaceModel, kind: str, gain: str, rung: Rung) -> tuple[FilterStep, dict[str, Listing]]:
     """The step and its listings by block name."""
-    if rung.fast:
-        step = build_fast_filter(model, kind, gain, rung.turning, rung.pipelines)
-    else:
-        step = build_filter(model, kind, gain)
-    return step, {block.name: lay_out(block, model.constants, rung.pipelines) for block in step.blocks}
+    means = rung.means
+    step = build_fast_filter(model, kind, gain, means) if means else build_filter(model, kind, gain)
+    pipelines = (means or EVERYTHING).pipelines
+    return step, {block.name: lay_out(block, model.constants, pipelines) for block in step.blocks}
 
 
 def earnings(model: StateSpaceModel, kind: str, gain: str) -> list[Earned]:
