@@ -138,7 +138,7 @@ def test_run_makes_a_self_contained_page(tmp_path: Path) -> None:
     done = call("run", "--build", "b", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     page = (tmp_path / "b" / "report" / "index.html").read_text()
-    assert page.count("<svg") == 3 * (4 + 2) + 1
+    assert page.count("<svg") == 3 * (5 + 2) + 1
     tools = [shutil.which(program) for program in (*PACKAGES, *STATIC_PACKAGES)]
     assert ("all links hold" if all(tools) else "all links that could be run here hold") in page
     assert "E-F, Cortex-M4F" in page
