@@ -28,6 +28,7 @@ from codegen.recording import execute, record_control, record_filter
 from codegen.render import Description, render_filter, render_module, render_port
 from codegen.render_board import render_board
 from codegen.render_drive import controller_context, default_kind, render_example, render_foc, render_plant
+from codegen.render_lanes import render_lanes
 from codegen.render_selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.report import render_report
 from codegen.selftest import control_run, gains, segments
@@ -146,6 +147,8 @@ def print_c(
             header, source = render_filter(about, step, listings, target, notes)
             stem = f"{folder}{name}_{kind}{target.tag}"
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
+        lanes = f"host/{name}_{kind}_lanes"
+        files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
         foc = f"{name}_{kind}_foc"
         notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter") if accounts else []
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, notes)

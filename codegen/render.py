@@ -83,7 +83,7 @@ def render_filter(
     drive, model = about.drive, about.model
     printer = CPrinter(target)
     n = len(model.states)
-    looped = _repeats(step.body)
+    looped = has_loop(step.body)
     turns = any(listings[block.name].operations()["small_angle"] for block in step.blocks)
     pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
     common = {
@@ -109,7 +109,7 @@ def render_filter(
         **common,
         generated_trig=target.generated_trig,
         notes=notes,
-        constants=_constants(about, step, listings, printer),
+        constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
         pair=pair,
@@ -118,7 +118,7 @@ def render_filter(
         sin_cos=sin_cos_text(printer),
         turns=turns,
         small_angle_note=small_angle_note(target) if turns else [],
-        turn_constants=_turn_constants(printer) if turns else [],
+        turn_constants=turn_constants(printer) if turns else [],
         small_turn=printer.format_literal(LIMIT),
         widest_turn=printer.format_literal(WIDEST),
         doublings=DOUBLINGS,
@@ -177,7 +177,7 @@ def small_angle_note(target: Target) -> list[str]:
     return lines
 
 
-def _turn_constants(printer: CPrinter) -> list[dict[str, str]]:
+def turn_constants(printer: CPrinter) -> list[dict[str, str]]:
     return [
         {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
         for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision), strict=True)
@@ -194,7 +194,7 @@ def sin_cos_text(printer: CPrinter) -> str:
     )
 
 
-def _constants(
+def filter_constants(
     about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter
 ) -> list[dict[str, str]]:
     """The named constants this filter uses."""
@@ -246,9 +246,9 @@ def _locals(step: FilterStep, target: Target) -> list[str]:
     return [f"{target.real} {name}[{size}];" for name, size in sizes.items()]
 
 
-def _repeats(body: tuple[Node, ...]) -> bool:
+def has_loop(body: tuple[Node, ...]) -> bool:
     return any(
-        isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and _repeats(node.then)) for node in body
+        isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and has_loop(node.then)) for node in body
     )
 
 
@@ -295,7 +295,7 @@ def render_module(
         **controller,
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[
-            {"kind": kind, "loops": _repeats(step.body), "program": "\n".join(printer.format_program(step.body))}
+            {"kind": kind, "loops": has_loop(step.body), "program": "\n".join(printer.format_program(step.body))}
             for kind, step in steps.items()
         ],
     )

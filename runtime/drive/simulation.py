@@ -323,8 +323,8 @@ def _open(library: Path, sources: dict[str, str], prefix: str, foc: str) -> tupl
     import cffi
 
     ffi = cffi.FFI()
-    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").rpartition("void runner_run")[0]
-    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").rpartition("void runner_run")[0].split(";", 1)[1]
+    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").partition("void runner_run")[0]
+    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").partition("void runner_run")[0].split(";", 1)[1]
     source = SIMULATOR.read_text(encoding="utf-8")
     struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
     struct = "\n".join(line.partition("/*")[0] for line in struct.splitlines())

@@ -3,26 +3,44 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import UserError
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.lanes import open_lanes
+from runtime.estimator.threads import share_lanes
 
 Array = NDArray[Any]
+
+BoundStep = Callable[[ArrayLike, ArrayLike], Array | None]
+
+#: What the quick way of a single step takes: sequences of two numbers.
+_SEQUENCES, _NUMBERS = frozenset({list, tuple}), frozenset({float, int, np.float64, np.float32})
 
 RUNNER = Path(__file__).with_name("runner.c")
 
 
 class CBackend:
-    """One generated filter in C; see :class:`runtime.estimator.estimator.Backend`."""
+    """One generated filter in C; see :class:`runtime.estimator.estimator.Backend`.
+
+    A float32 batch runs in the lane form, many filters side by side with the scalar form's bits; without ``lanes``
+    in the scalar form, one after the other.
+    """
 
     def __init__(
-        self, folder: GeneratedFolder, kind: str, dtype: str, optimisation: tuple[str, ...] = ("-O2",)
+        self,
+        folder: GeneratedFolder,
+        kind: str,
+        dtype: str,
+        optimisation: tuple[str, ...] = ("-O2",),
+        lanes: bool = True,
     ) -> None:
         prefix, sources = c_sources(folder, kind, dtype)
         self._covariance: str = folder.module.COVARIANCE
@@ -33,8 +51,9 @@ class CBackend:
         self._prefix = prefix
         self._init = getattr(self._library, f"{prefix}_init")
         self._reset = getattr(self._library, f"{prefix}_reset")
-        self._step = getattr(self._library, f"{prefix}_step")
         self._real = "float *" if dtype == "float32" else "double *"
+        self._lane_form = partial(open_lanes, folder, kind, self._ffi) if lanes and dtype == "float32" else None
+        self._lane_library: Any = None
 
     def reset(self, x0: Array, words: Array) -> None:
         batch = x0.shape[1:]
@@ -46,9 +65,8 @@ class CBackend:
             self._init(self._filters + b)
             self._reset(self._filters + b)
         self._x[:], self._words[:] = x0.reshape(x0.shape[0], -1).T, words.reshape(words.shape[0], -1).T
-        self._u, self._y = np.zeros((2, 2), dtype=self.dtype)
-        self._u_pointer, self._y_pointer = self._pointer(self._u), self._pointer(self._y)
-        self._codes = np.zeros(self._lanes, dtype=np.int32)
+        self._call = self._ffi.new("runner_call_t *", {"filter": self._filters})
+        self._codes: Array | int = np.zeros(self._lanes, dtype=np.int32) if batch else 0
 
     def _views(self, n: int, packed: int) -> tuple[Array, Array]:
         """x and the covariance words of every lane as arrays over the structs' own memory."""
@@ -62,7 +80,7 @@ class CBackend:
 
     @property
     def status(self) -> Array:
-        return self._codes.copy().reshape(self._batch)
+        return np.array(self._codes, dtype=np.int32)
 
     @property
     def iterations(self) -> Array:
@@ -83,25 +101,73 @@ class CBackend:
         return (self._x.T if self._batch else self._x[0]).copy()
 
     def step(self, u: Array, y: Array) -> None:
-        if not self._batch:
-            self._u[:], self._y[:] = u, y
-            self._codes[0] = self._step(self._filters, self._u_pointer, self._y_pointer)
-            return
-        self._codes[:] = self.run(u[None], y[None])[3][0]
+        if self._batch:
+            self._codes = self.run(u[None], y[None], last_only=True)[3][0]
+        else:
+            self._call.inputs = [*u.tolist(), *y.tolist()]
+            self._codes = self._library.runner_step(self._call)
 
-    def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    def bound_step(self) -> BoundStep:
+        call, function, estimate = self._call, self._library.runner_step, self._x[0].copy
+        inputs = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs"))).cast("B").cast(self.dtype.char)
+        array, sequences, numbers = np.ndarray, _SEQUENCES, _NUMBERS  # looked up once: each costs as much as a store
+
+        def step(u: Any, y: Any) -> Array | None:
+            if type(u) is array:
+                u = u.tolist()
+            if type(y) is array:
+                y = y.tolist()
+            if type(u) not in sequences or type(y) not in sequences:
+                return None
+            try:
+                (v_alpha, v_beta), (i_alpha, i_beta) = u, y
+            except ValueError:
+                return None
+            if (
+                type(v_alpha) in numbers
+                and type(v_beta) in numbers
+                and type(i_alpha) in numbers
+                and type(i_beta) in numbers
+            ):
+                inputs[0], inputs[1], inputs[2], inputs[3] = v_alpha, v_beta, i_alpha, i_beta
+                self._codes = function(call)
+                return estimate()
+            return None
+
+        return step
+
+    def run(self, u: Array, y: Array, last_only: bool = False) -> tuple[Array, Array, Array, Array]:
         steps = u.shape[0]
+        kept = min(steps, 1) if last_only else steps
         u, y = np.ascontiguousarray(u), np.ascontiguousarray(y)
         n, packed = self._x.shape[1], self._words.shape[1]
-        x = np.empty((steps, n, *self._batch), dtype=self.dtype)
-        words = np.empty((steps, packed, *self._batch), dtype=self.dtype)
-        iterations, status = np.empty((2, steps, *self._batch), dtype=np.int32)
-        pointers = [self._pointer(array) for array in (u, y, x, words)]
-        integers = [self._ffi.cast("int *", array.ctypes.data) for array in (iterations, status)]
-        self._library.runner_run(self._filters, self._lanes, steps, n, packed, *pointers, *integers)
+        x = np.empty((kept, n, *self._batch), dtype=self.dtype)
+        words = np.empty((kept, packed, *self._batch), dtype=self.dtype)
+        iterations, status = np.empty((2, kept, *self._batch), dtype=np.int32)
+        inputs = [self._pointer(array) for array in (u, y)]
+        outputs = [self._pointer(array) for array in (x, words)]
+        outputs += [self._ffi.cast("int *", array.ctypes.data) for array in (iterations, status)]
+        run, group = self._runner
+        share_lanes(
+            lambda first, count: run(
+                self._filters, first, count, self._lanes, steps, *inputs, int(last_only), *outputs
+            ),
+            self._lanes,
+            group,
+            steps,
+        )
         if steps:
-            self._codes[:] = status[-1]
+            self._codes = status[-1].copy()
         return x, words, iterations, status
+
+    @property
+    def _runner(self) -> tuple[Any, int]:
+        """The C function that runs this batch, and how many lanes it likes to keep together."""
+        if not self._batch or self._lane_form is None:
+            return self._library.runner_run, 1
+        if self._lane_library is None:
+            self._lane_library = self._lane_form()
+        return self._lane_library.lanes_run, self._lane_library.lanes_group()
 
     def _pointer(self, array: Array) -> Any:
         return self._ffi.cast(self._real, array.ctypes.data)
@@ -122,11 +188,13 @@ def declarations(header: str, prefix: str, dtype: str) -> str:
     text = "\n".join(kept)
     text = text[: text.rindex(";") + 1]
     real = "float" if dtype == "float32" else "double"
-    runner = (
-        f"void runner_run({prefix}_t *f, int lanes, int steps, int n, int packed, const {dtype} *u, const {dtype} *y, "
-        f"{dtype} *x, {dtype} *words, int *iterations, int *status);"
+    runners = "".join(
+        f"void {name}({prefix}_t *f, int first, int count, int batch, int steps, const {dtype} *u, const {dtype} *y, "
+        f"int last_only, {dtype} *x, {dtype} *words, int *iterations, int *status);"
+        for name in ("runner_run", "lanes_run")
     )
-    return f"typedef {real} {dtype};\n{text}\n{runner}"
+    single = f"typedef struct {{ {prefix}_t *filter; {dtype} inputs[4]; }} runner_call_t; int runner_step(runner_call_t *call);"
+    return f"typedef {real} {dtype};\n{text}\n{runners}int lanes_group(void);{single}"
 
 
 def _open(library: Path, cdef: str) -> tuple[Any, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,13 +21,20 @@ Array = NDArray[Any]
 class Trace:
     """What a run leaves: x (N, n), P (N, n, n), iterations (N,), status (N,); a batch adds a last axis B.
 
-    ``status`` is 0 where all is well, else bits: 1 input rejected, 2 not converged.
+    ``status`` is 0 where all is well, else bits: 1 input rejected, 2 not converged. P is worked out of the filter's
+    own ``words`` (N, n(n+1)/2) when it is first asked for.
     """
 
     x: Array
-    P: Array
     iterations: Array
     status: Array
+    words: Array = field(repr=False)
+    unpack: Callable[[Array], Array] = field(repr=False)
+
+    @cached_property
+    def P(self) -> Array:
+        """Covariances, symmetric."""
+        return self.unpack(self.words)
 
 
 class Backend(Protocol):
@@ -51,8 +60,14 @@ class Backend(Protocol):
     def step(self, u: Array, y: Array) -> None:
         """One step of every lane."""
 
-    def run(self, u: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), covariance words, iterations, status."""
+    def bound_step(self) -> Callable[[ArrayLike, ArrayLike], Array | None] | None:
+        """For a single filter: step and estimate in one, where that is quicker; to be taken again after a reset.
+
+        The function takes pairs of plain numbers and returns None, having done nothing, for anything else.
+        """
+
+    def run(self, u: Array, y: Array, last_only: bool = False) -> tuple[Array, Array, Array, Array]:
+        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), covariance words, iterations, status; or the last step's."""
 
 
 class Estimator:
@@ -153,6 +168,10 @@ class Estimator:
         numpy.ndarray, (n,) or (n, B)
             The new estimate (a copy).
         """
+        if self._bound_step is not None:
+            x = self._bound_step(u, y)
+            if x is not None:
+                return x
         u, y = np.asarray(u, dtype=self.dtype), np.asarray(y, dtype=self.dtype)
         if u.shape != y.shape or u.shape[:1] != (2,) or u.ndim > 2:
             raise UserError(f"u has shape {u.shape}, y {y.shape}; step needs (2,) or (2, B) for both.")
@@ -161,12 +180,14 @@ class Estimator:
         self._backend.step(u, y)
         return self._backend.estimate()
 
-    def run(self, u: ArrayLike, y: ArrayLike) -> Trace:
+    def run(self, u: ArrayLike, y: ArrayLike, keep: str = "all") -> Trace:
         """All steps of a trajectory.
 
         Parameters
         ----------
         u, y : array_like, (N, 2) or (N, 2, B)
+        keep : {"all", "last"}
+            ``"last"`` leaves a trace of the last step alone (N = 1): a large batch then writes next to nothing.
 
         Returns
         -------
@@ -177,8 +198,10 @@ class Estimator:
             raise UserError(f"u has shape {u.shape}, y {y.shape}; run needs (N, 2) or (N, 2, B) for both.")
         if (u.shape[2] if u.ndim == 3 else None) != self._batch:
             self._broadcast(u.shape[2:])
-        x, words, iterations, status = self._backend.run(u, y)
-        return Trace(x, self._unpack(words, axis=1), iterations, status)
+        if keep not in {"all", "last"}:
+            raise UserError(f"keep '{keep}' is not all or last.")
+        x, words, iterations, status = self._backend.run(u, y, keep == "last")
+        return Trace(x, iterations, status, words, partial(self._unpack, axis=1))
 
     def _start(self, x: Array, words: Array, batch: int | None) -> None:
         self._batch = batch
@@ -186,6 +209,7 @@ class Estimator:
             x = np.broadcast_to(x if x.ndim == 2 else x[:, None], (x.shape[0], batch))
             words = np.broadcast_to(words if words.ndim == 2 else words[:, None], (words.shape[0], batch))
         self._backend.reset(np.ascontiguousarray(x), np.ascontiguousarray(words))
+        self._bound_step = self._backend.bound_step() if batch is None else None
 
     def _broadcast(self, lanes: tuple[int, ...]) -> None:
         """A single filter met a batch: every lane goes on from its state."""

@@ -1,0 +1,32 @@
+"""The batch runner in C: the generated lane form, compiled for this processor when a batch first needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from runtime.estimator.compiler import build_library
+from runtime.estimator.folder import GeneratedFolder
+
+LANES_RUNNER = Path(__file__).with_name("lanes_runner.c")
+
+#: Vector instructions of this processor. The last two change no bit: they say that nobody reads errno or the
+#: floating-point exception flags, which would keep roots and comparisons out of vectors.
+OPTIMISATION = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+
+
+def open_lanes(
+    folder: GeneratedFolder, kind: str, ffi: Any, optimisation: tuple[str, ...] = OPTIMISATION
+) -> Any:
+    """A library with ``lanes_run`` and ``lanes_group``, which ``ffi`` has declared already."""
+    prefix = f"{folder.drive}_{kind}"
+    headers = {f"{prefix}.h": folder.text(f"{prefix}.h"), "pmsm_port.h": folder.text("pmsm_port.h")}
+    generated = {f"{prefix}_lanes{end}": folder.text(f"host/{prefix}_lanes{end}") for end in (".h", ".c")}
+    defines = {
+        "FILTER": prefix,
+        "HEADER": f'"{prefix}.h"',
+        "LANES_HEADER": f'"{prefix}_lanes.h"',
+        "COVARIANCE": folder.module.COVARIANCE,
+    }
+    runner = {"lanes_runner.c": LANES_RUNNER.read_text(encoding="utf-8")}
+    return ffi.dlopen(str(build_library({**headers, **generated, **runner}, defines, optimisation)))
