@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,8 @@ BoundStep = Callable[[ArrayLike, ArrayLike], Array | None]
 
 #: What the quick way of a single step takes: sequences of two numbers.
 _SEQUENCES, _NUMBERS = frozenset({list, tuple}), frozenset({float, int, np.float64, np.float32})
+
+_FORMATS: dict[str, Literal["f", "d"]] = {"float32": "f", "float64": "d"}
 
 RUNNER = Path(__file__).with_name("runner.c")
 
@@ -108,8 +110,10 @@ class CBackend:
             self._codes = self._library.runner_step(self._call)
 
     def bound_step(self) -> BoundStep:
-        call, function, estimate = self._call, self._library.runner_step, self._x[0].copy
-        inputs = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs"))).cast("B").cast(self.dtype.char)
+        call, function = self._call, self._library.runner_step
+        estimate: Callable[[], Array] = self._x[0].copy
+        raw = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs")))
+        inputs = raw.cast("B").cast(_FORMATS[self.dtype.name])
         array, sequences, numbers = np.ndarray, _SEQUENCES, _NUMBERS  # looked up once: each costs as much as a store
 
         def step(u: Any, y: Any) -> Array | None:
@@ -193,7 +197,10 @@ def declarations(header: str, prefix: str, dtype: str) -> str:
         f"int last_only, {dtype} *x, {dtype} *words, int *iterations, int *status);"
         for name in ("runner_run", "lanes_run")
     )
-    single = f"typedef struct {{ {prefix}_t *filter; {dtype} inputs[4]; }} runner_call_t; int runner_step(runner_call_t *call);"
+    single = (
+        f"typedef struct {{ {prefix}_t *filter; {dtype} inputs[4]; }} runner_call_t;"
+        "int runner_step(runner_call_t *call);"
+    )
     return f"typedef {real} {dtype};\n{text}\n{runners}int lanes_group(void);{single}"
 
 

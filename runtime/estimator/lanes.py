@@ -15,9 +15,7 @@ LANES_RUNNER = Path(__file__).with_name("lanes_runner.c")
 OPTIMISATION = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
 
 
-def open_lanes(
-    folder: GeneratedFolder, kind: str, ffi: Any, optimisation: tuple[str, ...] = OPTIMISATION
-) -> Any:
+def open_lanes(folder: GeneratedFolder, kind: str, ffi: Any, optimisation: tuple[str, ...] = OPTIMISATION) -> Any:
     """A library with ``lanes_run`` and ``lanes_group``, which ``ffi`` has declared already."""
     prefix = f"{folder.drive}_{kind}"
     headers = {f"{prefix}.h": folder.text(f"{prefix}.h"), "pmsm_port.h": folder.text("pmsm_port.h")}
@@ -29,4 +27,4 @@ def open_lanes(
         "COVARIANCE": folder.module.COVARIANCE,
     }
     runner = {"lanes_runner.c": LANES_RUNNER.read_text(encoding="utf-8")}
-    return ffi.dlopen(str(build_library({**headers, **generated, **runner}, defines, optimisation)))
+    return ffi.dlopen(str(build_library({**headers, **generated, **runner}, defines, OPTIMISATION)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 from runtime.errors import UserError
 
@@ -35,7 +36,7 @@ def share_lanes(work: Callable[[int, int], None], lanes: int, group: int, steps:
     groups = -(-lanes // group)
     threads = max(1, min(thread_count(), groups, lanes * steps // WORTH_IT))
     edges = [min(lanes, group * (groups * k // threads)) for k in range(threads)] + [lanes]
-    ranges = [(begin, end - begin) for begin, end in zip(edges, edges[1:], strict=False)]
+    ranges = [(begin, end - begin) for begin, end in pairwise(edges)]
     if threads == 1:
         work(*ranges[0])
         return

@@ -1,4 +1,4 @@
-"""Link D-E: the float32 step executed by NumPy against the generated C, bit for bit."""
+"""Link D-E: the float32 step executed by NumPy against the generated C, scalar and lane form, bit for bit."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ Array = NDArray[Any]
 #: How the C is compiled: plain, as usual, and with everything this processor offers (FMA contraction stays off).
 OPTIMISATIONS: tuple[tuple[str, ...], ...] = (("-O0",), ("-O2",), ("-O3", "-march=native"))
 
+#: Pieces the trajectory is cut into for the lane form: no multiple of any vector's length.
+PIECES = 21
+
 
 def same_bits(a: Array, b: Array) -> Array:
     """Entry by entry: identical bit patterns (so NaN equals the same NaN, and 0 differs from -0)."""
@@ -42,27 +45,59 @@ class Bits:
         self.box_words = module.pack(full_matrices(box.P, len(self.x0))).astype(np.float32)
         self.numpy.reset(self.x0.copy(), self.words0.copy())
         self.trace = self.numpy.run(self.u, self.y)
-        self.numpy.reset(box.x.astype(np.float32), self.box_words.copy())
-        self.lanes = self.numpy.run(box.u.astype(np.float32)[None], box.y.astype(np.float32)[None])
+        self.lanes = self._box(self.numpy)
 
     def link(self, optimisation: tuple[str, ...]) -> Link:
         """Compare one compilation, along the trajectory and from every draw of the box."""
-        backend = CBackend(self.folder, self.step.kind, "float32", optimisation)
+        backend = CBackend(self.folder, self.step.kind, "float32", optimisation, lanes=False)
         backend.reset(self.x0.copy(), self.words0.copy())
         trace = backend.run(self.u, self.y)
-        first = self._first(trace)
+        data = f"{len(self.u)} steps and {self.box.x.shape[1]} draws, {find_compiler()[0]} {' '.join(optimisation)}"
+        rows = (*_rows("trajectory", self.trace, trace), *_rows("box", self.lanes, self._box(backend)))
+        return self._link("NumPy float32 = C, bit for bit", data, rows, self._first(trace))
+
+    def lane_link(self) -> Link:
+        """Compare the lane form as batches run it: pieces of the trajectory side by side, and every draw of the box."""
+        u, y, x0, words0 = self._pieces()
+        backend = CBackend(self.folder, self.step.kind, "float32")
+        runs = []
+        for each in (self.numpy, backend):
+            each.reset(x0.copy(), words0.copy())
+            runs.append(each.run(u, y))
+        data = f"{len(u)} steps of {PIECES} lanes and {self.box.x.shape[1]} draws, lane form, {find_compiler()[0]}"
+        rows = (*_rows("trajectory", *runs), *_rows("box", self.lanes, self._box(backend)))
+        return self._link("NumPy float32 = each lane of a batch in C, bit for bit", data, rows, self._first_lane(*runs))
+
+    def _box(self, backend: CBackend | NumpyBackend) -> tuple[Array, ...]:
+        """One step from every draw of the box."""
         backend.reset(self.box.x.astype(np.float32), self.box_words.copy())
-        lanes = backend.run(self.box.u.astype(np.float32)[None], self.box.y.astype(np.float32)[None])
-        rows = (
-            _row("25, 34", "x, trajectory", "estimate", self.trace[0], trace[0]),
-            _row("26, 32", "P, trajectory", "covariance", self.trace[1], trace[1]),
-            _integers("33", "status, iterations", self.trace[2:], trace[2:]),
-            _row("25, 34", "x, box", "estimate", self.lanes[0], lanes[0]),
-            _row("26, 32", "P, box", "covariance", self.lanes[1], lanes[1]),
-        )
-        steps = f"{len(self.u)} steps and {self.box.x.shape[1]} draws, {find_compiler()[0]} {' '.join(optimisation)}"
-        claim = "NumPy float32 = C, bit for bit"
-        return Link("D-E", claim, self.folder.drive, self.step.kind, self.step.gain, steps, rows, first)
+        return backend.run(self.box.u.astype(np.float32)[None], self.box.y.astype(np.float32)[None])
+
+    def _pieces(self) -> tuple[Array, Array, Array, Array]:
+        """The trajectory cut up, and where each piece starts: u, y, x and covariance words with a lane axis.
+
+        Every third piece starts with an angle so uncertain that its turns are wide; three inputs are to be rejected.
+        """
+        steps = len(self.u) // PIECES
+        u, y = (a[: steps * PIECES].reshape(PIECES, steps, 2).transpose(1, 2, 0).copy() for a in (self.u, self.y))
+        u[steps // 2, 0, 1], y[steps // 3, 1, 2], y[steps // 4, 0, -1] = np.nan, np.inf, 1e9
+        uncertain = np.where(np.arange(PIECES) % 3 == 0, np.float32(16), np.float32(1))
+        return u, y, np.repeat(self.x0[:, None], PIECES, axis=1), self.words0[:, None] * uncertain
+
+    def _link(self, claim: str, data: str, rows: tuple[Row, ...], first: Divergence | None) -> Link:
+        return Link("D-E", claim, self.folder.drive, self.step.kind, self.step.gain, data, rows, first)
+
+    def _first_lane(self, expected: tuple[Array, ...], found: tuple[Array, ...]) -> Divergence | None:
+        """The first step in which a lane of the trajectory's pieces parts."""
+        different = np.concatenate([~same_bits(a, b) for a, b in zip(expected[:2], found[:2], strict=True)], axis=1)
+        if not different.any():
+            return None
+        k, element, lane = (int(v) for v in np.argwhere(different)[0])
+        n = len(self.x0)
+        port, index = (0, element) if element < n else (1, element - n)
+        name = ("x", self.folder.module.COVARIANCE)[port] + f"[{index}], lane {lane}"
+        wanted, got = (float(trace[port][k, index, lane]) for trace in (expected, found))
+        return Divergence(k, "25-34", "output of the step", name, wanted, got, "identical bits")
 
     def _first(self, trace: tuple[Array, ...]) -> Divergence | None:
         """The first step whose bits differ, then the first stage inside it."""
@@ -79,6 +114,14 @@ class Bits:
         name = ("x", self.folder.module.COVARIANCE)[port] + f"[{index}]"
         found, expected = float(trace[port][k, index]), float(self.trace[port][k, index])
         return Divergence(k, "25-34", "output of the step", name, expected, found, "identical bits")
+
+
+def _rows(where: str, expected: tuple[Array, ...], found: tuple[Array, ...]) -> tuple[Row, ...]:
+    return (
+        _row("25, 34", f"x, {where}", "estimate", expected[0], found[0]),
+        _row("26, 32", f"P, {where}", "covariance", expected[1], found[1]),
+        _integers("33", f"status, iterations, {where}", expected[2:], found[2:]),
+    )
 
 
 def _row(equation: str, stage: str, meaning: str, expected: Array, found: Array) -> Row:

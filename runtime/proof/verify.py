@@ -193,7 +193,7 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B and B-C on trajectory and box, D-E for each optimisation, C-D along the long run, D-chip at its start."""
+        """A-B, B-C on trajectory and box, D-E for each optimisation and for lanes, C-D and D-chip on the long run."""
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
         self.progress(f"{label}: A-B-C, reference along the trajectory")
@@ -202,7 +202,7 @@ class Prover:
         found += self._box(kind)
         self.progress(f"{label}: D-E, compiling and comparing bits")
         bits = self._bits(kind)
-        found += [bits.link(optimisation) for optimisation in self.effort.optimisations]
+        found += [*(bits.link(optimisation) for optimisation in self.effort.optimisations), bits.lane_link()]
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
