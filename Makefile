@@ -27,6 +27,7 @@ bench: $(VENV)/.ready
 	$(BIN)/python -m pip install --quiet -e '.[bench]' || echo "some peers could not be installed"
 	$(BIN)/python benchmarks/cost.py
 	$(BIN)/python benchmarks/simulation.py
+	$(BIN)/python benchmarks/batch.py
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check .

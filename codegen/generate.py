@@ -2,8 +2,8 @@
 
 >>> from model.drive import load_drive
 >>> package = generate(load_drive("paper_spmsm"))
->>> sorted(name for name in package.files if name.endswith(".c"))
-['host/paper_spmsm_ckf_f64.c', 'host/paper_spmsm_ickf_f64.c', 'paper_spmsm_ckf.c', 'paper_spmsm_ickf.c']
+>>> sorted(name for name in package.files if name.startswith("paper_spmsm_ckf."))
+['paper_spmsm_ckf.c', 'paper_spmsm_ckf.h']
 """
 
 from __future__ import annotations

@@ -168,8 +168,9 @@ class Estimator:
         numpy.ndarray, (n,) or (n, B)
             The new estimate (a copy).
         """
-        if self._bound_step is not None:
-            x = self._bound_step(u, y)
+        quick = self._bound_step
+        if quick is not None:
+            x = quick(u, y)
             if x is not None:
                 return x
         u, y = np.asarray(u, dtype=self.dtype), np.asarray(y, dtype=self.dtype)
