@@ -672,9 +672,10 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
         const float32 part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 +
             odd_psi_alpha_1 * odd_psi_alpha_1 * R_1;
-        const float32 noise_00 = part_of_noise_00 + 0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
-            dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
-            dev_y_i_alpha_3 * dev_y_i_alpha_3);
+        const float32 R_0_min_R_1 = smaller(R_0, R_1);
+        const float32 noise_00 = larger(part_of_noise_00, R_0_min_R_1) +
+            0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 + dev_y_i_alpha_1 * dev_y_i_alpha_1 +
+            dev_y_i_alpha_2 * dev_y_i_alpha_2 + dev_y_i_alpha_3 * dev_y_i_alpha_3);
         const float32 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
             0.25f * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
             dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
@@ -713,8 +714,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
             part_of_psi_alpha_new_2 * (part_of_span_second_8 +
             D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2);
-        const float32 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00,
-            smaller(R_0, R_1));
+        const float32 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1);
         const float32 part_of_span_second_14 = 1.0f / part_of_span_first;
         const float32 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
         const float32 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;
