@@ -22,6 +22,8 @@
 #define GAIN_Q 9.9647885e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define MAGNET_D 0.005422841f /* (1 - exp(-T R / L_d)) psi_m, Wb */
 #define HALF_T_POLE_PAIRS 0.00015f /* HALF_T * POLE_PAIRS */
+#define DECAY_D_X4 3.9601994f /* 4 * DECAY_D */
+#define DECAY_Q_X4 3.9718642f /* 4 * DECAY_Q */
 #define ADVANCE_POLE_PAIRS 0.0003f /* ADVANCE * POLE_PAIRS */
 
 /* Adding and subtracting it rounds to the nearest integer. */
@@ -247,130 +249,106 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
         const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
         const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-        const float32 part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 part_of_even_psi_d_mid_0_2 = D_0 * 4.0f * part_of_even_psi_d_mid_0;
-        const float32 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
-            part_of_even_psi_d_mid_0_2 * odd_psi_beta_0;
-        const float32 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0f;
-        const float32 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-            psi_beta_2 * part_of_even_psi_d_mid_0;
-        const float32 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
-            part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0;
-        const float32 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-            psi_alpha_2 * part_of_even_psi_d_mid_0;
         const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
         const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-        const float32 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
-        const float32 gain_d_times_v_d = GAIN_D * v_d;
-        const float32 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
-        const float32 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
-        const float32 gain_d_times_v_q = GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0;
-        const float32 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
-        const float32 gain_q_times_v_q = GAIN_Q * v_q;
-        const float32 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
-        const float32 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
-        const float32 v_d_times_gain_q = v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0;
+        const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+        const float32 psi_d_next = part_of_psi_d_next + MAGNET_D;
+        const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+        const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
+            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
+        const float32 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0f;
+        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
+        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+            part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
+        const float32 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+        const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
+            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
+        const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
+        const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+            part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
         const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
-        const float32 part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 part_of_even_psi_d_mid_1_2 = 4.0f * D_1 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
-            odd_psi_beta_1 * part_of_even_psi_d_mid_1_2;
-        const float32 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-            psi_beta_2 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
-            odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2;
-        const float32 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-            psi_alpha_2 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
-        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1;
-        const float32 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
-        const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1;
+        const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+        const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
+        const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
+            DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
+        const float32 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0f;
+        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+            part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
+        const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
+            DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
+        const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+            part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
         const float32 odd_theta_mid_2 = L_32 + 0.00015f;
-        const float32 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
-            gain_d_times_v_d * cosm1_theta_mid_2;
-        const float32 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
-        const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-        const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
-            gain_d_times_v_q * part_of_even_psi_alpha_next_2_2;
-        const float32 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
-            gain_q_times_v_q * cosm1_theta_mid_2;
-        const float32 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
-            gain_d_times_v_d * cosm1_theta_mid_3;
-        const float32 odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 +
-            gain_d_times_v_q * sinc_theta_mid_3;
-        const float32 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
-            gain_q_times_v_q * cosm1_theta_mid_3;
+        const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
+        const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
+        const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
+        const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_next;
         const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
+        const float32 part_of_even_psi_alpha_next_0_2 = 4.0f * part_of_even_psi_d_next_0_2;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0;
+            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
+            part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0;
         const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
+        const float32 part_of_even_psi_alpha_next_1_2 = 4.0f * part_of_even_psi_d_next_1_2;
         const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1;
+            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
+            part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1;
         const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
-        const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
-        const float32 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
+        const float32 part_of_even_psi_alpha_next_2_2 = 4.0f * part_of_odd_psi_q_next_0_2;
+        const float32 part_of_even_psi_alpha_next_2_3 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 part_of_even_psi_alpha_next_2_4 =
-            psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
-            v_d_times_gain_q * part_of_even_psi_alpha_next_2_2;
+            part_of_even_psi_alpha_next_2_3 * (D_2 * part_of_even_psi_alpha_next_2_3);
         const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
             cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
-            part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4;
+            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_2_4;
         const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
-        const float32 part_of_even_psi_alpha_next_3_2 = 4.0f * D_3 * sinc_theta_mid_3;
-        const float32 part_of_even_psi_alpha_next_3_3 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
-            v_d_times_gain_q * sinc_theta_mid_3;
+        const float32 part_of_even_psi_alpha_next_3_2 = sinc_theta_mid_3 * (D_3 * sinc_theta_mid_3);
         const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
             cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-            part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
+            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_3_2;
         const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_beta_next_0);
+        const float32 even_psi_beta_next_0 = part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 +
+            even_psi_q_next_0 + cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
         const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_beta_next_1);
-        const float32 part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2;
-        const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 +
-            (even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2);
+        const float32 even_psi_beta_next_1 = part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 +
+            even_psi_q_next_1 + cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
+        const float32 part_of_even_psi_beta_next_2 = 4.0f * part_of_odd_psi_d_next_0;
+        const float32 part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2;
+        const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_4 * part_of_even_psi_beta_next_2 +
+            even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2;
         const float32 part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3;
-        const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 +
-            (even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3);
-        const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-            part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0;
-        const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-            part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1;
-        const float32 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0f;
-        const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2;
-        const float32 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0f;
-        const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+        const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * part_of_even_psi_beta_next_2 +
+            even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3;
+        const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_next_0 * odd_psi_d_next_0 -
+            part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
+        const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
+            part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
+        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0f);
+        const float32 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
+            part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
+        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0f);
+        const float32 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
             sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
-        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
-            part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
-        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
-            part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
-        const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
-            part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2;
+        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+            part_of_odd_psi_q_next_0 * odd_psi_q_next_0;
+        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+            part_of_odd_psi_q_next_1 * odd_psi_q_next_1;
+        const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_3 -
+            part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
         const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-            part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3;
-        const float32 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
-        const float32 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
+            part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
+        const float32 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
+        const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
         const float32 odd_theta_next_2 = L_32 + 0.0003f;
 
-        /* --- eq. 16: x_pred = mean X_i' */
+        /* --- eq. 16 */
         const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
             even_psi_alpha_next_3) * 0.25f;
         const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
             even_psi_beta_next_2 + even_psi_beta_next_3);
-        const float32 psi_alpha_pred = odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
-            (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta);
-        const float32 psi_beta_pred = odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
-            (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta);
-        const float32 theta_pred = theta + ADVANCE_POLE_PAIRS * omega;
 
-        /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
+        /* --- eq. 17 */
         const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
         const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
         const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -379,6 +357,17 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
         const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
         const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
+
+        /* --- eq. 16: x_pred = mean X_i' */
+        const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
+        const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
+        const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
+            odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
+        const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
+            odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
+        const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+
+        /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
         const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
         const float32 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
@@ -625,17 +614,17 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
             part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
         const float32 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
-        const float32 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + (even_i_q_pred_0 +
-            cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0);
+        const float32 even_y_i_beta_0 = odd_i_d_pred_0 * part_of_even_psi_q_pred_0 + even_i_q_pred_0 +
+            cosm1_theta_0 * i_q_pred_plus_even_i_q_pred_0;
         const float32 i_q_pred_plus_even_i_q_pred_1 = i_q_pred + even_i_q_pred_1;
-        const float32 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + (even_i_q_pred_1 +
-            cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1);
+        const float32 even_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_i_d_pred_1 + even_i_q_pred_1 +
+            cosm1_theta_1 * i_q_pred_plus_even_i_q_pred_1;
         const float32 i_q_pred_plus_even_i_q_pred_2 = i_q_pred + even_i_q_pred_2;
-        const float32 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + (even_i_q_pred_2 +
-            cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2);
+        const float32 even_y_i_beta_2 = part_of_even_y_i_alpha_2 * odd_i_d_pred_2 + even_i_q_pred_2 +
+            cosm1_theta_2 * i_q_pred_plus_even_i_q_pred_2;
         const float32 i_q_pred_plus_even_i_q_pred_3 = i_q_pred + even_i_q_pred_3;
-        const float32 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + (even_i_q_pred_3 +
-            cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3);
+        const float32 even_y_i_beta_3 = part_of_even_y_i_alpha_3 * odd_i_d_pred_3 + even_i_q_pred_3 +
+            cosm1_theta_3 * i_q_pred_plus_even_i_q_pred_3;
         const float32 odd_y_i_alpha_0 = part_of_odd_psi_d_pred_0 * odd_i_d_pred_0 -
             L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
         const float32 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
@@ -684,9 +673,9 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
 
         /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
         const float32 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
-            (i_d_pred + offset_y_i_alpha);
-        const float32 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas -
-            (i_q_pred + offset_y_i_beta);
+            i_d_pred - offset_y_i_alpha;
+        const float32 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred
+            - offset_y_i_beta;
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
         const float32 part_of_span_first = larger(noise_00 + odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3,

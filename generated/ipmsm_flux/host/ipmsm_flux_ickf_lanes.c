@@ -22,6 +22,8 @@
 #define GAIN_Q 9.9647885e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define MAGNET_D 0.005422841f /* (1 - exp(-T R / L_d)) psi_m, Wb */
 #define HALF_T_POLE_PAIRS 0.00015f /* HALF_T * POLE_PAIRS */
+#define DECAY_D_X4 3.9601994f /* 4 * DECAY_D */
+#define DECAY_Q_X4 3.9718642f /* 4 * DECAY_Q */
 #define ADVANCE_POLE_PAIRS 0.0003f /* ADVANCE * POLE_PAIRS */
 
 /* Adding and subtracting it rounds to the nearest integer. */
@@ -285,130 +287,106 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
         const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
         const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-        const float32 part_of_even_psi_d_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 part_of_even_psi_d_mid_0_2 = D_0 * 4.0f * part_of_even_psi_d_mid_0;
-        const float32 even_psi_d_mid_0 = psi_alpha_2 * cosm1_theta_mid_0 +
-            part_of_even_psi_d_mid_0_2 * odd_psi_beta_0;
-        const float32 part_of_odd_psi_q_mid_0 = cosm1_theta_mid_0 + 1.0f;
-        const float32 odd_psi_d_mid_0 = part_of_odd_psi_q_mid_0 * odd_psi_alpha_0 +
-            psi_beta_2 * part_of_even_psi_d_mid_0;
-        const float32 even_psi_q_mid_0 = psi_beta_2 * cosm1_theta_mid_0 -
-            part_of_even_psi_d_mid_0_2 * odd_psi_alpha_0;
-        const float32 odd_psi_q_mid_0 = odd_psi_beta_0 * part_of_odd_psi_q_mid_0 -
-            psi_alpha_2 * part_of_even_psi_d_mid_0;
         const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
         const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-        const float32 decay_d_times_psi_alpha_2 = DECAY_D * psi_alpha_2;
-        const float32 gain_d_times_v_d = GAIN_D * v_d;
-        const float32 psi_d_next = decay_d_times_psi_alpha_2 + gain_d_times_v_d + MAGNET_D;
-        const float32 even_psi_d_next_0 = DECAY_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0;
-        const float32 gain_d_times_v_q = GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = DECAY_D * odd_psi_d_mid_0 + gain_d_times_v_q * part_of_even_psi_d_mid_0;
-        const float32 decay_q_times_psi_beta_2 = DECAY_Q * psi_beta_2;
-        const float32 gain_q_times_v_q = GAIN_Q * v_q;
-        const float32 psi_q_next = decay_q_times_psi_beta_2 + gain_q_times_v_q;
-        const float32 even_psi_q_next_0 = DECAY_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0;
-        const float32 v_d_times_gain_q = v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = DECAY_Q * odd_psi_q_mid_0 - v_d_times_gain_q * part_of_even_psi_d_mid_0;
+        const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+        const float32 psi_d_next = part_of_psi_d_next + MAGNET_D;
+        const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+        const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
+            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
+        const float32 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0f;
+        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
+        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+            part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
+        const float32 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+        const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
+            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
+        const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
+        const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+            part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
         const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
-        const float32 part_of_even_psi_d_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 part_of_even_psi_d_mid_1_2 = 4.0f * D_1 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_d_mid_1 = psi_alpha_2 * cosm1_theta_mid_1 +
-            odd_psi_beta_1 * part_of_even_psi_d_mid_1_2;
-        const float32 part_of_odd_psi_q_mid_1 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_psi_d_mid_1 = odd_psi_alpha_1 * part_of_odd_psi_q_mid_1 +
-            psi_beta_2 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_q_mid_1 = psi_beta_2 * cosm1_theta_mid_1 -
-            odd_psi_alpha_1 * part_of_even_psi_d_mid_1_2;
-        const float32 odd_psi_q_mid_1 = odd_psi_beta_1 * part_of_odd_psi_q_mid_1 -
-            psi_alpha_2 * part_of_even_psi_d_mid_1;
-        const float32 even_psi_d_next_1 = DECAY_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1;
-        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_d_mid_1 + gain_d_times_v_q * part_of_even_psi_d_mid_1;
-        const float32 even_psi_q_next_1 = DECAY_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1;
-        const float32 odd_psi_q_next_1 = DECAY_Q * odd_psi_q_mid_1 - v_d_times_gain_q * part_of_even_psi_d_mid_1;
+        const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+        const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
+        const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
+            DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
+        const float32 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0f;
+        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+            part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
+        const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
+            DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
+        const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+            part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
         const float32 odd_theta_mid_2 = L_32 + 0.00015f;
-        const float32 even_psi_d_next_2 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_2 +
-            gain_d_times_v_d * cosm1_theta_mid_2;
-        const float32 decay_d_times_psi_beta_2 = DECAY_D * psi_beta_2;
-        const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-        const float32 odd_psi_d_next_2 = decay_d_times_psi_beta_2 * part_of_even_psi_alpha_next_2_2 +
-            gain_d_times_v_q * part_of_even_psi_alpha_next_2_2;
-        const float32 even_psi_q_next_2 = decay_q_times_psi_beta_2 * cosm1_theta_mid_2 +
-            gain_q_times_v_q * cosm1_theta_mid_2;
-        const float32 even_psi_d_next_3 = decay_d_times_psi_alpha_2 * cosm1_theta_mid_3 +
-            gain_d_times_v_d * cosm1_theta_mid_3;
-        const float32 odd_psi_d_next_3 = decay_d_times_psi_beta_2 * sinc_theta_mid_3 +
-            gain_d_times_v_q * sinc_theta_mid_3;
-        const float32 even_psi_q_next_3 = decay_q_times_psi_beta_2 * cosm1_theta_mid_3 +
-            gain_q_times_v_q * cosm1_theta_mid_3;
+        const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
+        const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
+        const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
+        const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_next;
         const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
+        const float32 part_of_even_psi_alpha_next_0_2 = 4.0f * part_of_even_psi_d_next_0_2;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_2 * odd_psi_q_next_0;
+            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
+            part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0;
         const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
+        const float32 part_of_even_psi_alpha_next_1_2 = 4.0f * part_of_even_psi_d_next_1_2;
         const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_2 * odd_psi_q_next_1;
+            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
+            part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1;
         const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
-        const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
-        const float32 psi_alpha_2_times_decay_q = psi_alpha_2 * DECAY_Q;
+        const float32 part_of_even_psi_alpha_next_2_2 = 4.0f * part_of_odd_psi_q_next_0_2;
+        const float32 part_of_even_psi_alpha_next_2_3 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 part_of_even_psi_alpha_next_2_4 =
-            psi_alpha_2_times_decay_q * part_of_even_psi_alpha_next_2_2 +
-            v_d_times_gain_q * part_of_even_psi_alpha_next_2_2;
+            part_of_even_psi_alpha_next_2_3 * (D_2 * part_of_even_psi_alpha_next_2_3);
         const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
             cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 +
-            part_of_even_psi_alpha_next_2_3 * part_of_even_psi_alpha_next_2_4;
+            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_2_4;
         const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
-        const float32 part_of_even_psi_alpha_next_3_2 = 4.0f * D_3 * sinc_theta_mid_3;
-        const float32 part_of_even_psi_alpha_next_3_3 = psi_alpha_2_times_decay_q * sinc_theta_mid_3 +
-            v_d_times_gain_q * sinc_theta_mid_3;
+        const float32 part_of_even_psi_alpha_next_3_2 = sinc_theta_mid_3 * (D_3 * sinc_theta_mid_3);
         const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
             cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-            part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
+            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_alpha_next_3_2;
         const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * odd_psi_d_next_0 + (even_psi_q_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_beta_next_0);
+        const float32 even_psi_beta_next_0 = part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 +
+            even_psi_q_next_0 + cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
         const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * odd_psi_d_next_1 + (even_psi_q_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_beta_next_1);
-        const float32 part_of_even_psi_beta_next_2 = psi_q_next + even_psi_q_next_2;
-        const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * odd_psi_d_next_2 +
-            (even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2);
+        const float32 even_psi_beta_next_1 = part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 +
+            even_psi_q_next_1 + cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
+        const float32 part_of_even_psi_beta_next_2 = 4.0f * part_of_odd_psi_d_next_0;
+        const float32 part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2;
+        const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_4 * part_of_even_psi_beta_next_2 +
+            even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2;
         const float32 part_of_even_psi_beta_next_3 = psi_q_next + even_psi_q_next_3;
-        const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * odd_psi_d_next_3 +
-            (even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3);
-        const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_mid_0 * odd_psi_d_next_0 -
-            part_of_even_psi_d_mid_0 * part_of_even_psi_beta_next_0;
-        const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_mid_1 * odd_psi_d_next_1 -
-            part_of_even_psi_d_mid_1 * part_of_even_psi_beta_next_1;
-        const float32 part_of_odd_psi_alpha_next_2 = cosm1_theta_mid_2 + 1.0f;
-        const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * part_of_odd_psi_alpha_next_2 -
-            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2;
-        const float32 part_of_odd_psi_alpha_next_3 = cosm1_theta_mid_3 + 1.0f;
-        const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * part_of_odd_psi_alpha_next_3 -
+        const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_2 * part_of_even_psi_beta_next_2 +
+            even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3;
+        const float32 odd_psi_alpha_next_0 = part_of_odd_psi_q_next_0 * odd_psi_d_next_0 -
+            part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
+        const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
+            part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
+        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0f);
+        const float32 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
+            part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
+        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0f);
+        const float32 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
             sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
-        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0 * part_of_even_psi_alpha_next_0 +
-            part_of_odd_psi_q_mid_0 * odd_psi_q_next_0;
-        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1 * part_of_even_psi_alpha_next_1 +
-            part_of_odd_psi_q_mid_1 * odd_psi_q_next_1;
-        const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 -
-            part_of_even_psi_alpha_next_2_4 * part_of_odd_psi_alpha_next_2;
+        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+            part_of_odd_psi_q_next_0 * odd_psi_q_next_0;
+        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+            part_of_odd_psi_q_next_1 * odd_psi_q_next_1;
+        const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_3 -
+            part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
         const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-            part_of_even_psi_alpha_next_3_3 * part_of_odd_psi_alpha_next_3;
-        const float32 odd_theta_next_0 = L_30 + ADVANCE_POLE_PAIRS * L_20;
-        const float32 odd_theta_next_1 = L_31 + ADVANCE_POLE_PAIRS * L_21;
+            part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
+        const float32 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
+        const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
         const float32 odd_theta_next_2 = L_32 + 0.0003f;
 
-        /* --- eq. 16: x_pred = mean X_i' */
+        /* --- eq. 16 */
         const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
             even_psi_alpha_next_3) * 0.25f;
         const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
             even_psi_beta_next_2 + even_psi_beta_next_3);
-        const float32 psi_alpha_pred = odd_psi_beta_1 * psi_d_next - odd_psi_alpha_1 * psi_q_next +
-            (odd_psi_beta_1 * offset_psi_alpha - odd_psi_alpha_1 * offset_psi_beta);
-        const float32 psi_beta_pred = odd_psi_alpha_1 * psi_d_next + odd_psi_beta_1 * psi_q_next +
-            (odd_psi_alpha_1 * offset_psi_alpha + odd_psi_beta_1 * offset_psi_beta);
-        const float32 theta_pred = theta + ADVANCE_POLE_PAIRS * omega;
 
-        /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
+        /* --- eq. 17 */
         const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
         const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
         const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -417,6 +395,17 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
         const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
         const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
+
+        /* --- eq. 16: x_pred = mean X_i' */
+        const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
+        const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
+        const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
+            odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
+        const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
+            odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
+        const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+
+        /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
         const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
         const float32 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
@@ -556,48 +545,46 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 slope_y_i_alpha_0 = cos_theta_j * cos_theta_j_times_inv_l_d +
             sin_theta_j * sin_theta_j_times_inv_l_q;
         const float32 cos_theta_j_times_inv_l_q = cos_theta_j * INV_L_Q;
-        const float32 slope_y_i_alpha_1 = cos_theta_j_times_inv_l_d * sin_theta_j -
-            sin_theta_j * cos_theta_j_times_inv_l_q;
+        const float32 slope_y_i_alpha_1 = sin_theta_j * (cos_theta_j_times_inv_l_d - cos_theta_j_times_inv_l_q);
         const float32 inv_l_d_times_sin_theta_j = INV_L_D * sin_theta_j;
         const float32 psi_d_j_minus_psi_m = psi_d_j - PSI_M;
         const float32 part_of_slope_y_i_alpha_3 = inv_l_d_times_sin_theta_j * psi_d_j_minus_psi_m;
         const float32 part_of_slope_y_i_alpha_3_2 = cos_theta_j_times_inv_l_q * psi_q_j;
         const float32 slope_y_i_alpha_3 = cos_theta_j_times_inv_l_d * psi_q_j - part_of_slope_y_i_alpha_3 -
-            (part_of_slope_y_i_alpha_3_2 - sin_theta_j_times_inv_l_q * psi_d_j);
+            part_of_slope_y_i_alpha_3_2 + sin_theta_j_times_inv_l_q * psi_d_j;
         const float32 slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j +
             cos_theta_j * cos_theta_j_times_inv_l_q;
         const float32 part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
         const float32 part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j;
         const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-            (cos_theta_j_times_inv_l_q * psi_d_j + part_of_innovation_i_alpha_2);
+            cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha_2;
 
         /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-        const float32 innovation_i_alpha = i_alpha_meas -
-            (part_of_innovation_i_alpha - part_of_innovation_i_alpha_2) - (slope_y_i_alpha_0 * back_psi_alpha +
-            slope_y_i_alpha_1 * back_psi_beta + slope_y_i_alpha_3 * back_theta);
-        const float32 innovation_i_beta = i_beta_meas - (part_of_slope_y_i_alpha_3 + part_of_slope_y_i_alpha_3_2)
-            - (back_psi_alpha * slope_y_i_alpha_1 + back_psi_beta * slope_y_i_beta_1 +
-            back_theta * slope_y_i_beta_3);
+        const float32 innovation_i_alpha = i_alpha_meas - part_of_innovation_i_alpha +
+            part_of_innovation_i_alpha_2 - slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta
+            - slope_y_i_alpha_3 * back_theta;
+        const float32 innovation_i_beta = i_beta_meas - part_of_slope_y_i_alpha_3 - part_of_slope_y_i_alpha_3_2 -
+            slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
 
         /* --- eq. 22: Pyy^j */
         const float32 part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 +
             slope_y_i_alpha_3 * L_pred_30;
         const float32 D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00;
         const float32 part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
-        const float32 D_pred_1_times_part_of_Pyy_00_2 = D_pred_1 * part_of_Pyy_00_2;
+        const float32 part_of_Pyy_00_2_times_D_pred_1 = part_of_Pyy_00_2 * D_pred_1;
         const float32 part_of_Pyy_00_3 = slope_y_i_alpha_3 * L_pred_32;
-        const float32 D_pred_2_times_L_pred_32 = D_pred_2 * L_pred_32;
-        const float32 part_of_Pyy_00_4 = slope_y_i_alpha_3 * D_pred_2_times_L_pred_32;
+        const float32 L_pred_32_times_D_pred_2 = L_pred_32 * D_pred_2;
+        const float32 part_of_Pyy_00_4 = slope_y_i_alpha_3 * L_pred_32_times_D_pred_2;
         const float32 part_of_Pyy_00_5 = slope_y_i_alpha_3 * D_pred_3;
         const float32 Pyy_00 = part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-            part_of_Pyy_00_2 * D_pred_1_times_part_of_Pyy_00_2 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
+            part_of_Pyy_00_2 * part_of_Pyy_00_2_times_D_pred_1 + part_of_Pyy_00_3 * part_of_Pyy_00_4 +
             slope_y_i_alpha_3 * part_of_Pyy_00_5 + R_0;
         const float32 part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 +
             L_pred_30 * slope_y_i_beta_3;
         const float32 part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3;
-        const float32 part_of_Pyy_10_3 = D_pred_2_times_L_pred_32 * slope_y_i_beta_3;
+        const float32 part_of_Pyy_10_3 = L_pred_32_times_D_pred_2 * slope_y_i_beta_3;
         const float32 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-            D_pred_1_times_part_of_Pyy_00_2 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
+            part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
             part_of_Pyy_00_5 * slope_y_i_beta_3;
         const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
         const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
@@ -615,15 +602,14 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
 
         /* --- eq. 31: K innovation = L along; x^{j+1} */
         const float32 along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1;
-        const float32 along_1 = D_pred_1_times_part_of_Pyy_00_2 * share_0 +
+        const float32 along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 +
             D_pred_1_times_part_of_Pyy_10_2 * share_1;
         const float32 along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1;
-        const float32 along_3 = part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1;
         const float32 psi_alpha_after = psi_alpha_pred + along_0;
-        const float32 psi_beta_after = psi_beta_pred + (L_pred_10 * along_0 + along_1);
-        const float32 omega_after = omega_pred + (along_0 * L_pred_20 + along_1 * L_pred_21 + along_2);
-        const float32 theta_after = theta_pred + (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2
-            + along_3);
+        const float32 psi_beta_after = psi_beta_pred + L_pred_10 * along_0 + along_1;
+        const float32 omega_after = omega_pred + along_0 * L_pred_20 + along_1 * L_pred_21 + along_2;
+        const float32 theta_after = theta_pred + L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
+            part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1;
 
         /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
         const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;

@@ -17,10 +17,8 @@
 #define GAIN_V 0.023952097f /* T / L, A/V */
 #define DECAY_OMEGA 0.999995f /* 1 - T D / J */
 #define GAIN_E_POLE_PAIRS 0.016766466f /* GAIN_E * POLE_PAIRS */
-#define GAIN_E_POLE_PAIRS_X4 0.067065865f /* 4 * GAIN_E * POLE_PAIRS */
 #define POLE_PAIRS_SAMPLE_TIME 8e-05f /* POLE_PAIRS * SAMPLE_TIME */
 #define GAIN_E_SQ_POLE_PAIRS_SQ 0.00028111442f /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
-#define DECAY_OMEGA_SQ 0.99999f /* DECAY_OMEGA * DECAY_OMEGA */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -231,118 +229,113 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 drive_alpha = GAIN_V * v_alpha;
-        const float32 drive_beta = GAIN_V * v_beta;
-        const float32 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
         const pmsm_pair sincos_theta = sin_cos(theta);
-        const float32 sin_theta = sincos_theta.sine;
-        const float32 cos_theta = sincos_theta.cosine;
-        const float32 part_of_i_alpha_pred = gain_e_pole_pairs_times_omega * sin_theta;
-        const float32 part_of_even_i_alpha_next_0 = GAIN_E_POLE_PAIRS_X4 * cos_theta;
-        const float32 D_0_times_L_20 = D_0 * L_20;
+        const float32 odd_i_alpha_1 = sincos_theta.sine;
+        const float32 odd_i_beta_1 = sincos_theta.cosine;
+        const float32 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
+        const float32 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
+        const float32 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
         const float32 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
-        const float32 part_of_even_i_alpha_next_0_2 = D_0_times_L_20 * L_30_times_sinc_theta_0;
-        const float32 even_i_alpha_next_0 = part_of_i_alpha_pred * cosm1_theta_0 +
-            part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_0_2;
-        const float32 D_1_times_L_21 = D_1 * L_21;
+        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 +
+            gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0;
         const float32 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
-        const float32 part_of_even_i_alpha_next_1 = D_1_times_L_21 * L_31_times_sinc_theta_1;
-        const float32 even_i_alpha_next_1 = part_of_i_alpha_pred * cosm1_theta_1 +
-            part_of_even_i_alpha_next_0 * part_of_even_i_alpha_next_1;
-        const float32 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
-        const float32 part_of_even_i_alpha_next_2 = 0.067065865f * D_2 * L_32_times_sinc_theta_2;
-        const float32 even_i_alpha_next_2 = part_of_i_alpha_pred * cosm1_theta_2 +
-            cos_theta * part_of_even_i_alpha_next_2;
-        const float32 even_i_alpha_next_3 = part_of_i_alpha_pred * cosm1_theta_3;
-        const float32 part_of_i_beta_pred = gain_e_pole_pairs_times_omega * cos_theta;
-        const float32 part_of_odd_i_alpha_next_0 = GAIN_E_POLE_PAIRS * sin_theta;
-        const float32 part_of_odd_i_alpha_next_0_2 = L_20 * (cosm1_theta_0 + 1.0f);
-        const float32 odd_i_alpha_next_0 = DECAY_I + (part_of_i_beta_pred * L_30_times_sinc_theta_0 +
-            part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_0_2);
-        const float32 part_of_odd_i_alpha_next_1 = L_21 * (cosm1_theta_1 + 1.0f);
-        const float32 odd_i_alpha_next_1 = part_of_i_beta_pred * L_31_times_sinc_theta_1 +
-            part_of_odd_i_alpha_next_0 * part_of_odd_i_alpha_next_1;
-        const float32 part_of_odd_i_alpha_next_2 = 0.016766466f * (cosm1_theta_2 + 1.0f);
-        const float32 odd_i_alpha_next_2 = part_of_i_beta_pred * L_32_times_sinc_theta_2 +
-            sin_theta * part_of_odd_i_alpha_next_2;
-        const float32 part_of_odd_i_beta_next_0 = GAIN_E_POLE_PAIRS * cos_theta;
-        const float32 odd_i_beta_next_0 = DECAY_I * L_10 -
-            (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_0_2 -
-            part_of_i_alpha_pred * L_30_times_sinc_theta_0);
-        const float32 odd_i_beta_next_1 = DECAY_I - (part_of_odd_i_beta_next_0 * part_of_odd_i_alpha_next_1 -
-            part_of_i_alpha_pred * L_31_times_sinc_theta_1);
-        const float32 odd_theta_next_0 = L_30 + POLE_PAIRS_SAMPLE_TIME * L_20;
-        const float32 odd_theta_next_1 = L_31 + POLE_PAIRS_SAMPLE_TIME * L_21;
+        const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 +
+            gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1;
+        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
+            GAIN_E_POLE_PAIRS * L_20 * (cosm1_theta_0 + 1.0f);
+        const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
+            GAIN_E_POLE_PAIRS * L_21 * (cosm1_theta_1 + 1.0f);
+        const float32 odd_theta_next_0 = L_30 + L_20 * POLE_PAIRS_SAMPLE_TIME;
+        const float32 odd_theta_next_1 = L_31 + L_21 * POLE_PAIRS_SAMPLE_TIME;
         const float32 odd_theta_next_2 = L_32 + 8e-05f;
 
+        /* --- eq. 17 */
+        const float32 L_20_times_D_0 = L_20 * D_0;
+        const float32 part_of_i_alpha_pred_3 = L_30_times_sinc_theta_0 * L_20_times_D_0;
+        const float32 L_21_times_D_1 = L_21 * D_1;
+        const float32 part_of_i_alpha_pred_4 = L_31_times_sinc_theta_1 * L_21_times_D_1;
+        const float32 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
+        const float32 part_of_i_alpha_pred_5 = L_32_times_sinc_theta_2 * D_2;
+        const float32 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_3 + part_of_i_alpha_pred_4 +
+            part_of_i_alpha_pred_5;
+        const float32 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_6 * 0.25f;
+        const float32 dev_i_alpha_0 = part_of_i_alpha_pred_3 - part_of_dev_i_alpha_0;
+        const float32 dev_i_alpha_1 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0;
+        const float32 dev_i_alpha_2 = part_of_i_alpha_pred_5 - part_of_dev_i_alpha_0;
+        const float32 part_of_i_alpha_pred = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
+        const float32 part_of_dev_i_beta_0 = part_of_i_alpha_pred * 0.25f;
+        const float32 dev_i_beta_0 = cosm1_theta_0 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_1 = cosm1_theta_1 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_2 = cosm1_theta_2 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_3 = cosm1_theta_3 - part_of_dev_i_beta_0;
+
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
-            even_i_alpha_next_3) * 0.25f;
-        const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred + drive_alpha + offset_i_alpha;
-        const float32 part_of_i_beta_pred_2 = GAIN_E_POLE_PAIRS_X4 * sin_theta;
-        const float32 part_of_i_beta_pred_3 = cosm1_theta_0 * part_of_i_beta_pred -
-            part_of_i_beta_pred_2 * part_of_even_i_alpha_next_0_2;
-        const float32 part_of_i_beta_pred_4 = part_of_i_beta_pred * cosm1_theta_1 -
-            part_of_i_beta_pred_2 * part_of_even_i_alpha_next_1;
-        const float32 part_of_i_beta_pred_5 = part_of_i_beta_pred * cosm1_theta_2 -
-            sin_theta * part_of_even_i_alpha_next_2;
-        const float32 part_of_i_beta_pred_6 = part_of_i_beta_pred * cosm1_theta_3;
-        const float32 part_of_i_beta_pred_7 = 0.25f * (part_of_i_beta_pred_3 + part_of_i_beta_pred_4 +
-            part_of_i_beta_pred_5 + part_of_i_beta_pred_6);
-        const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_beta_pred + drive_beta - part_of_i_beta_pred_7;
+        const float32 part_of_i_alpha_pred_2 = gain_e_pole_pairs_times_omega +
+            omega * 0.0041916166f * part_of_i_alpha_pred;
+        const float32 part_of_i_alpha_pred_7 = 0.016766466f * part_of_i_alpha_pred_6;
+        const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred_2 * odd_i_alpha_1 + GAIN_V * v_alpha
+            + odd_i_beta_1 * part_of_i_alpha_pred_7;
+        const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred_2 * odd_i_beta_1 + GAIN_V * v_beta +
+            odd_i_alpha_1 * part_of_i_alpha_pred_7;
         const float32 omega_pred = omega * DECAY_OMEGA;
-        const float32 theta_pred = theta + POLE_PAIRS_SAMPLE_TIME * omega;
+        const float32 theta_pred = theta + omega * POLE_PAIRS_SAMPLE_TIME;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-        const float32 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
-        const float32 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
-        const float32 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
-        const float32 dev_i_alpha_3 = even_i_alpha_next_3 - offset_i_alpha;
-        const float32 dev_i_beta_0 = part_of_i_beta_pred_7 - part_of_i_beta_pred_3;
-        const float32 dev_i_beta_1 = part_of_i_beta_pred_7 - part_of_i_beta_pred_4;
-        const float32 dev_i_beta_2 = part_of_i_beta_pred_7 - part_of_i_beta_pred_5;
-        const float32 dev_i_beta_3 = part_of_i_beta_pred_7 - part_of_i_beta_pred_6;
         const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
         const float32 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
-        const float32 D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2;
-        const float32 D_3_times_sinc_theta_3 = D_3 * sinc_theta_3;
-        const float32 part_of_P_pred_00 =
-            D_3_times_sinc_theta_3 * (omega * (GAIN_E_SQ_POLE_PAIRS_SQ * omega) * sinc_theta_3);
-        const float32 P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2
-            + cos_theta * cos_theta * part_of_P_pred_00 + 0.25f * (dev_i_alpha_0 * dev_i_alpha_0 +
-            dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + dev_i_alpha_3 * dev_i_alpha_3) + Q_0;
-        const float32 part_of_P_pred_10 = cos_theta * part_of_odd_i_alpha_next_2 -
-            part_of_i_alpha_pred * L_32_times_sinc_theta_2;
-        const float32 part_of_P_pred_10_2 = sin_theta * part_of_P_pred_00;
-        const float32 P_pred_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - D_2_times_odd_i_alpha_next_2 * part_of_P_pred_10 +
-            cos_theta * part_of_P_pred_10_2 + 0.25f * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1
-            + dev_i_alpha_2 * dev_i_beta_2 + dev_i_alpha_3 * dev_i_beta_3);
+        const float32 omega_sq = omega * omega;
+        const float32 sinc_theta_3_times_D_3 = sinc_theta_3 * D_3;
+        const float32 part_of_P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+            omega_sq * (L_32_times_sinc_theta_2 * part_of_i_alpha_pred_5 +
+            sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
+            0.0011244577f * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
+            dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625f);
+        const float32 part_of_P_pred_00_2 = cosm1_theta_2 + 1.0f;
+        const float32 part_of_P_pred_00_3 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
+            omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
+            dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
+            part_of_dev_i_alpha_0 * dev_i_beta_3) * 0.00028111442f;
+        const float32 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
-        const float32 D_2_times_part_of_P_pred_10 = D_2 * part_of_P_pred_10;
-        const float32 P_pred_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_10 * D_2_times_part_of_P_pred_10 +
-            sin_theta * part_of_P_pred_10_2 + 0.25f * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
-            dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3) + Q_1;
-        const float32 part_of_P_pred_20 = D_0_times_L_20 * DECAY_OMEGA;
-        const float32 part_of_P_pred_20_2 = D_1_times_L_21 * DECAY_OMEGA;
-        const float32 P_pred_20 = part_of_P_pred_20 * odd_i_alpha_next_0 +
-            part_of_P_pred_20_2 * odd_i_alpha_next_1 + DECAY_OMEGA * D_2_times_odd_i_alpha_next_2;
-        const float32 P_pred_21 = part_of_P_pred_20 * odd_i_beta_next_0 + part_of_P_pred_20_2 * odd_i_beta_next_1
-            - DECAY_OMEGA * D_2_times_part_of_P_pred_10;
-        const float32 P_pred_22 = DECAY_OMEGA_SQ * L_20 * D_0_times_L_20 + DECAY_OMEGA_SQ * L_21 * D_1_times_L_21
-            + DECAY_OMEGA_SQ * D_2 + Q_2;
-        const float32 P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_i_alpha_next_2 * odd_theta_next_2 +
-            part_of_i_beta_pred * D_3_times_sinc_theta_3;
-        const float32 P_pred_31 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_pred_10 * odd_theta_next_2 +
-            part_of_i_alpha_pred * D_3_times_sinc_theta_3;
+        const float32 D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2;
+        const float32 part_of_P_pred_00_6 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
+            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+            part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2 * 0.00028111442f +
+            omega_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
+            dev_i_beta_3 * dev_i_beta_3) * 7.0278606e-05f;
+        const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
+            odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_6) + Q_0;
+        const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_6;
+        const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
+        const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+        const float32 odd_i_beta_1_times_decay_omega = odd_i_beta_1 * DECAY_OMEGA;
+        const float32 part_of_P_pred_20 = gain_e_pole_pairs_times_omega * part_of_i_alpha_pred_5;
+        const float32 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_alpha_next_0 +
+            L_21_times_D_1 * odd_i_alpha_next_1 + part_of_P_pred_20;
+        const float32 odd_i_alpha_1_times_decay_omega = odd_i_alpha_1 * DECAY_OMEGA;
+        const float32 part_of_P_pred_20_3 = 0.016766466f * D_2_times_part_of_P_pred_00_2;
+        const float32 part_of_P_pred_20_4 = L_20_times_D_0 * odd_i_beta_next_0 +
+            L_21_times_D_1 * odd_i_beta_next_1 - part_of_P_pred_20_3;
+        const float32 P_pred_20 = odd_i_beta_1_times_decay_omega * part_of_P_pred_20_2 -
+            odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_4;
+        const float32 P_pred_21 = odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_2 +
+            odd_i_beta_1_times_decay_omega * part_of_P_pred_20_4;
+        const float32 P_pred_22 = 0.99999f * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2;
+        const float32 part_of_P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
+            gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3;
+        const float32 part_of_P_pred_30_2 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_3 * odd_theta_next_2;
+        const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
+        const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-        const float32 P_pred_32 = part_of_P_pred_20 * odd_theta_next_0 + part_of_P_pred_20_2 * odd_theta_next_1 +
-            DECAY_OMEGA * D_2_times_odd_theta_next_2;
+        const float32 P_pred_32 = DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 +
+            L_21_times_D_1 * odd_theta_next_1 + D_2_times_odd_theta_next_2);
         const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
             D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
 
@@ -421,14 +414,15 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
         const float32 part_of_i_alpha_new_2 = 1.0f / span_second;
         const float32 part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2;
-        const float32 i_alpha_new = i_alpha_pred + part_of_i_alpha_new +
-            part_of_span_second_2 * part_of_i_alpha_new_3;
+        const float32 part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3;
+        const float32 i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4;
         const float32 i_beta_new = i_beta_pred + part_of_innovation_after_first +
             part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3);
-        const float32 omega_new = omega_pred + part_of_i_alpha_new * L_pred_20 +
-            part_of_i_alpha_new_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20);
-        const float32 theta_new = wrap_angle(theta_pred + part_of_i_alpha_new * L_pred_30 +
-            part_of_i_alpha_new_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30));
+        const float32 part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4;
+        const float32 part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3;
+        const float32 omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21;
+        const float32 theta_new = wrap_angle(theta_pred + part_of_omega_new * L_pred_30 +
+            part_of_omega_new_2 * L_pred_31);
 
         /* --- eq. 26: L D L^T = P_new */
         const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2;

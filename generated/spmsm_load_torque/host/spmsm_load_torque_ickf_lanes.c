@@ -13,17 +13,18 @@
 #endif
 
 /* Motor data and sample time, folded. */
-#define POLE_PAIRS 4.0f /* p */
 #define DECAY_I 0.7087082f /* exp(-T R / L) */
 #define GAIN_V 0.10131888f /* (1 - exp(-T R / L)) / R, A/V */
-#define GAIN_E 0.017730804f /* psi_m (1 - exp(-T R / L)) / R, A s/rad */
-#define HALF_T 5e-05f /* T / 2, s */
 #define DECAY_OMEGA 0.999975f /* exp(-T D / J) */
 #define GAIN_OMEGA 0.012499844f /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
 #define HALF_P_T 0.0002f /* p T / 2, s */
-#define GAIN_TORQUE 1.05f /* 1.5 p psi_m, N m/A */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
+#define GAIN_E_POLE_PAIRS 0.07092322f /* GAIN_E * POLE_PAIRS */
+#define GAIN_E_SQ_POLE_PAIRS_SQ 0.0050301026f /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
 #define GAIN_OMEGA_GAIN_TORQUE 0.013124836f /* GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_E_GAIN_OMEGA_POLE_PAIRS 0.0008865291f /* GAIN_E * GAIN_OMEGA * POLE_PAIRS */
+#define GAIN_OMEGA_SQ 0.0001562461f /* GAIN_OMEGA * GAIN_OMEGA */
+#define GAIN_OMEGA_HALF_P_T 2.4999688e-06f /* GAIN_OMEGA * HALF_P_T */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -246,8 +247,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 omega_e = POLE_PAIRS * omega;
-        const float32 theta_mid = theta + omega_e * HALF_T;
+        const float32 theta_mid = theta + omega * HALF_T_POLE_PAIRS;
         const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
         const float32 odd_i_alpha_1 = sincos_theta_mid.sine;
         const float32 odd_i_beta_1 = sincos_theta_mid.cosine;
@@ -255,207 +255,202 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
         const float32 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
         const float32 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
-        const float32 odd_omega_e_0 = POLE_PAIRS * L_20;
-        const float32 odd_theta_mid_0 = L_30 + HALF_T * odd_omega_e_0;
-        const float32 emf_step = GAIN_E * omega_e;
-        const float32 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
+        const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+        const float32 emf_step = GAIN_E_POLE_PAIRS * omega;
         const float32 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
         const float32 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
-        const float32 i_alpha_mid = 0.5f * (i_alpha_2 + (DECAY_I * i_alpha_2 + drive_alpha));
-        const float32 part_of_even_i_alpha_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 part_of_even_i_alpha_next_0_2 = D_0 * 5.0f * part_of_even_i_alpha_next_0;
-        const float32 even_i_alpha_next_0 = odd_emf_step_0 * part_of_even_i_alpha_next_0_2;
-        const float32 even_i_alpha_mid_0 = even_i_alpha_next_0 * 0.5f;
-        const float32 i_beta_mid = 0.5f * (i_beta_2 + (DECAY_I * i_beta_2 - emf_step + drive_beta));
-        const float32 part_of_odd_i_beta_next_0 = cosm1_theta_mid_0 + 1.0f;
-        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 - odd_emf_step_0 * part_of_odd_i_beta_next_0;
-        const float32 odd_torque_0 =
-            GAIN_TORQUE * (0.5f * part_of_odd_i_beta_next_0 * (odd_i_beta_0 + odd_i_beta_next_0) -
-            part_of_even_i_alpha_next_0 * (i_alpha_mid + even_i_alpha_mid_0));
-        const float32 odd_omega_e_1 = POLE_PAIRS * L_21;
-        const float32 odd_theta_mid_1 = L_31 + HALF_T * odd_omega_e_1;
-        const float32 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
-        const float32 part_of_even_i_alpha_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 part_of_even_i_alpha_next_1_2 = 5.0f * D_1 * part_of_even_i_alpha_next_1;
-        const float32 even_i_alpha_next_1 = odd_emf_step_1 * part_of_even_i_alpha_next_1_2;
-        const float32 even_i_alpha_mid_1 = even_i_alpha_next_1 * 0.5f;
-        const float32 part_of_odd_i_beta_next_1 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 - odd_emf_step_1 * part_of_odd_i_beta_next_1;
-        const float32 odd_torque_1 =
-            GAIN_TORQUE * (0.5f * part_of_odd_i_beta_next_1 * (odd_i_beta_1 + odd_i_beta_next_1) -
-            part_of_even_i_alpha_next_1 * (i_alpha_mid + even_i_alpha_mid_1));
+        const float32 part_of_i_alpha_mid = 1.7087082f * i_alpha_2 + drive_alpha;
+        const float32 i_alpha_mid = 0.5f * part_of_i_alpha_mid;
+        const float32 part_of_i_alpha_pred_2 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0;
+        const float32 part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3;
+        const float32 even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804f;
+        const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1;
+        const float32 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1;
+        const float32 part_of_i_alpha_pred_7 = L_21 * part_of_i_alpha_pred_6;
+        const float32 even_i_alpha_mid_1 = part_of_i_alpha_pred_7 * 0.17730804f;
         const float32 odd_theta_mid_2 = L_32 + 0.0002f;
-        const float32 part_of_even_i_alpha_next_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-        const float32 part_of_even_i_alpha_next_2_2 = 5.0f * D_2 * part_of_even_i_alpha_next_2;
-        const float32 even_i_alpha_next_2 = 0.07092322f * part_of_even_i_alpha_next_2_2;
-        const float32 even_i_alpha_mid_2 = even_i_alpha_next_2 * 0.5f;
-        const float32 part_of_dev_i_beta_4 = emf_step * cosm1_theta_mid_0;
-        const float32 part_of_even_omega_next_0 = part_of_dev_i_beta_4 * 0.5f;
-        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_even_i_alpha_next_0;
-        const float32 even_omega_next_0 =
-            GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_0 * (i_beta_mid - part_of_even_omega_next_0) -
-            part_of_even_omega_next_0 -
-            part_of_even_i_alpha_next_0_2 * 0.5f * (odd_i_alpha_0 + odd_i_alpha_next_0));
-        const float32 part_of_dev_i_beta_4_2 = emf_step * cosm1_theta_mid_1;
-        const float32 part_of_even_omega_next_1 = part_of_dev_i_beta_4_2 * 0.5f;
-        const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_even_i_alpha_next_1;
-        const float32 even_omega_next_1 =
-            GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_1 * (i_beta_mid - part_of_even_omega_next_1) -
-            part_of_even_omega_next_1 -
-            part_of_even_i_alpha_next_1_2 * 0.5f * (odd_i_alpha_1 + odd_i_alpha_next_1));
-        const float32 part_of_dev_i_beta_4_3 = emf_step * cosm1_theta_mid_2;
-        const float32 part_of_even_omega_next_2 = part_of_dev_i_beta_4_3 * 0.5f;
-        const float32 odd_i_alpha_next_2 = emf_step * part_of_even_i_alpha_next_2;
-        const float32 even_omega_next_2 =
-            GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_2 * (i_beta_mid - part_of_even_omega_next_2) -
-            part_of_even_omega_next_2 - part_of_even_i_alpha_next_2_2 * 0.5f * odd_i_alpha_next_2);
-        const float32 part_of_dev_i_beta_4_4 = emf_step * cosm1_theta_mid_3;
-        const float32 part_of_even_omega_next_3 = part_of_dev_i_beta_4_4 * 0.5f;
-        const float32 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3;
-        const float32 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
-        const float32 even_omega_next_3 =
-            GAIN_OMEGA_GAIN_TORQUE * (cosm1_theta_mid_3 * (i_beta_mid - part_of_even_omega_next_3) -
-            part_of_even_omega_next_3 - 2.5f * sinc_theta_mid_3 * D_3_times_odd_i_alpha_next_3);
-        const float32 even_theta_next_0 = even_omega_next_0 * HALF_P_T;
-        const float32 even_theta_next_1 = even_omega_next_1 * HALF_P_T;
-        const float32 even_theta_next_2 = even_omega_next_2 * HALF_P_T;
-        const float32 even_theta_next_3 = even_omega_next_3 * HALF_P_T;
-        const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40);
-        const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41);
-        const float32 part_of_P_pred_00_2 = cosm1_theta_mid_2 + 1.0f;
-        const float32 part_of_P_pred_00_3 = 0.07092322f * part_of_P_pred_00_2;
+        const float32 part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2;
+        const float32 part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2;
+        const float32 even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804f;
+        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2;
+        const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5;
+        const float32 part_of_offset_omega_2 = cosm1_theta_mid_0 + 1.0f;
+        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
+            GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2;
+        const float32 part_of_offset_omega_5 = cosm1_theta_mid_1 + 1.0f;
+        const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
+            GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5;
+        const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
+            0.006562418f * part_of_offset_omega_2 * (odd_i_beta_0 + odd_i_beta_next_0) -
+            GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_2 * (i_alpha_mid + even_i_alpha_mid_0) -
+            GAIN_OMEGA * L_40;
+        const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
+            0.006562418f * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
+            GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
+            GAIN_OMEGA * L_41;
+        const float32 part_of_offset_omega_7 = cosm1_theta_mid_2 + 1.0f;
         const float32 odd_omega_next_2 = DECAY_OMEGA -
-            GAIN_OMEGA * (GAIN_TORQUE * (0.5f * part_of_P_pred_00_2 * part_of_P_pred_00_3 +
-            part_of_even_i_alpha_next_2 * (i_alpha_mid + even_i_alpha_mid_2)) + L_42);
+            GAIN_OMEGA * (part_of_offset_omega_7 * part_of_offset_omega_7 * 0.03723469f + L_42) -
+            GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_8 * (i_alpha_mid + even_i_alpha_mid_2);
         const float32 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
         const float32 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
         const float32 odd_theta_next_2 = L_32 + HALF_P_T * (1.0f + odd_omega_next_2);
-        const float32 part_of_P_pred_20 = GAIN_OMEGA * (GAIN_TORQUE * sinc_theta_mid_3 * i_alpha_mid + L_43);
-        const float32 odd_theta_next_3 = 1.0f - HALF_P_T * part_of_P_pred_20;
+        const float32 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.525f + L_43;
+        const float32 odd_theta_next_3 = 1.0f - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
+
+        /* --- eq. 16 */
+        const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_2 - emf_step + drive_beta);
+        const float32 part_of_offset_omega_3 = omega * 0.03546161f;
+        const float32 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
+            cosm1_theta_mid_0 * part_of_offset_omega_2 * part_of_offset_omega_3 -
+            part_of_i_alpha_pred_3 * (odd_i_alpha_0 + odd_i_alpha_next_0) * 2.5f;
+        const float32 part_of_offset_omega_6 = cosm1_theta_mid_1 * part_of_offset_omega -
+            cosm1_theta_mid_1 * part_of_offset_omega_3 * part_of_offset_omega_5 -
+            part_of_i_alpha_pred_6 * 2.5f * (odd_i_alpha_1 + odd_i_alpha_next_1);
+        const float32 part_of_offset_omega_8 = part_of_i_alpha_pred_8 * part_of_i_alpha_pred_9;
+        const float32 part_of_offset_omega_9 = omega * 0.17730804f;
+        const float32 part_of_offset_omega_10 = cosm1_theta_mid_2 * part_of_offset_omega -
+            cosm1_theta_mid_2 * part_of_offset_omega_3 * part_of_offset_omega_7 -
+            part_of_offset_omega_8 * part_of_offset_omega_9;
+        const float32 sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3;
+        const float32 part_of_offset_omega_11 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3;
+        const float32 part_of_offset_omega_12 = cosm1_theta_mid_3 * part_of_offset_omega -
+            cosm1_theta_mid_3 * part_of_offset_omega_3 * (cosm1_theta_mid_3 + 1.0f) -
+            part_of_offset_omega_9 * part_of_offset_omega_11;
+        const float32 part_of_offset_omega_13 = part_of_offset_omega_4 + part_of_offset_omega_6 +
+            part_of_offset_omega_10 + part_of_offset_omega_12;
+        const float32 offset_omega = 0.0026249671f * part_of_offset_omega_13;
+        const float32 offset_theta = part_of_offset_omega_13 * 5.249934e-07f;
+
+        /* --- eq. 17 */
+        const float32 part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 +
+            part_of_i_alpha_pred_9;
+        const float32 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2f;
+        const float32 dev_i_alpha_0 = part_of_i_alpha_pred_4 - part_of_dev_i_alpha_0;
+        const float32 dev_i_alpha_1 = part_of_i_alpha_pred_7 - part_of_dev_i_alpha_0;
+        const float32 dev_i_alpha_2 = part_of_i_alpha_pred_9 - part_of_dev_i_alpha_0;
+        const float32 part_of_i_alpha_pred_12 = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 +
+            cosm1_theta_mid_3;
+        const float32 part_of_dev_i_beta_0 = part_of_i_alpha_pred_12 * 0.2f;
+        const float32 dev_i_beta_0 = cosm1_theta_mid_0 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_1 = cosm1_theta_mid_1 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_2 = cosm1_theta_mid_2 - part_of_dev_i_beta_0;
+        const float32 dev_i_beta_3 = cosm1_theta_mid_3 - part_of_dev_i_beta_0;
+        const float32 part_of_dev_omega_0 = part_of_offset_omega_13 * 0.2f;
+        const float32 dev_omega_0 = part_of_offset_omega_4 - part_of_dev_omega_0;
+        const float32 dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0;
+        const float32 dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0;
+        const float32 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 offset_i_alpha = (even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2) * 0.2f;
-        const float32 offset_omega = 0.2f * (even_omega_next_0 + even_omega_next_1 + even_omega_next_2 +
-            even_omega_next_3);
-        const float32 offset_theta = 0.2f * (even_theta_next_0 + even_theta_next_1 + even_theta_next_2 +
-            even_theta_next_3);
         const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
-        const float32 dev_i_beta_4 = 0.2f * (part_of_dev_i_beta_4 + part_of_dev_i_beta_4_2 +
-            part_of_dev_i_beta_4_3 + part_of_dev_i_beta_4_4);
-        const float32 i_alpha_pred = part_of_i_alpha_pred +
-            (odd_i_beta_1 * offset_i_alpha + odd_i_alpha_1 * dev_i_beta_4);
+        const float32 part_of_i_alpha_pred_11 = 0.07092322f * part_of_i_alpha_pred_10;
+        const float32 part_of_i_alpha_pred_13 = omega * 0.0141846435f * part_of_i_alpha_pred_12;
+        const float32 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * part_of_i_alpha_pred_11 +
+            odd_i_alpha_1 * part_of_i_alpha_pred_13;
         const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
-        const float32 i_beta_pred = part_of_i_beta_pred +
-            (odd_i_alpha_1 * offset_i_alpha - odd_i_beta_1 * dev_i_beta_4);
+        const float32 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
+            odd_i_beta_1 * part_of_i_alpha_pred_13;
         const float32 part_of_omega_pred = omega * DECAY_OMEGA +
-            GAIN_OMEGA * (GAIN_TORQUE * (odd_i_beta_1 * 0.5f * (i_beta + part_of_i_beta_pred) -
-            odd_i_alpha_1 * 0.5f * (i_alpha + part_of_i_alpha_pred)) - load_torque);
+            0.006562418f * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
+            0.006562418f * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque;
         const float32 omega_pred = part_of_omega_pred + offset_omega;
         const float32 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
-        const float32 dev_i_alpha_0 = even_i_alpha_next_0 - offset_i_alpha;
-        const float32 dev_i_alpha_1 = even_i_alpha_next_1 - offset_i_alpha;
-        const float32 dev_i_alpha_2 = even_i_alpha_next_2 - offset_i_alpha;
-        const float32 dev_i_beta_0 = dev_i_beta_4 - part_of_dev_i_beta_4;
-        const float32 dev_i_beta_1 = dev_i_beta_4 - part_of_dev_i_beta_4_2;
-        const float32 dev_i_beta_2 = dev_i_beta_4 - part_of_dev_i_beta_4_3;
-        const float32 dev_i_beta_3 = dev_i_beta_4 - part_of_dev_i_beta_4_4;
-        const float32 dev_omega_0 = even_omega_next_0 - offset_omega;
-        const float32 dev_omega_1 = even_omega_next_1 - offset_omega;
-        const float32 dev_omega_2 = even_omega_next_2 - offset_omega;
-        const float32 dev_omega_3 = even_omega_next_3 - offset_omega;
-        const float32 dev_theta_0 = even_theta_next_0 - offset_theta;
-        const float32 dev_theta_1 = even_theta_next_1 - offset_theta;
-        const float32 dev_theta_2 = even_theta_next_2 - offset_theta;
-        const float32 dev_theta_3 = even_theta_next_3 - offset_theta;
-        const float32 offset_i_alpha_sq = offset_i_alpha * offset_i_alpha;
-        const float32 part_of_P_pred_00 = D_0 * odd_i_alpha_next_0 * odd_i_alpha_next_0 +
-            D_1 * odd_i_alpha_next_1 * odd_i_alpha_next_1 + D_2 * odd_i_alpha_next_2 * odd_i_alpha_next_2 +
-            odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2f * (dev_i_alpha_0 * dev_i_alpha_0 +
-            dev_i_alpha_1 * dev_i_alpha_1 + dev_i_alpha_2 * dev_i_alpha_2 + offset_i_alpha_sq +
-            offset_i_alpha_sq);
+        const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
+        const float32 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+        const float32 omega_sq = omega * omega;
+        const float32 part_of_P_pred_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
+            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+            omega_sq * (part_of_offset_omega_8 + part_of_offset_omega_11) * GAIN_E_SQ_POLE_PAIRS_SQ +
+            (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
+            dev_i_alpha_2 * dev_i_alpha_2) * 0.025150513f +
+            0.0020120412f * part_of_i_alpha_pred_10 * part_of_i_alpha_pred_10;
+        const float32 part_of_P_pred_00_2 = part_of_i_alpha_pred_12 * 0.04f;
+        const float32 part_of_P_pred_00_3 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
+            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
+            omega * (part_of_i_alpha_pred_9 * part_of_offset_omega_7 + dev_i_alpha_0 * dev_i_beta_0 +
+            dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 - part_of_dev_i_alpha_0 * dev_i_beta_3 +
+            part_of_i_alpha_pred_10 * part_of_P_pred_00_2) * 0.0050301026f;
+        const float32 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
-        const float32 D_2_times_part_of_P_pred_00_3 = D_2 * part_of_P_pred_00_3;
-        const float32 part_of_P_pred_00_4 = odd_i_alpha_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_i_beta_next_1 - odd_i_alpha_next_2 * D_2_times_part_of_P_pred_00_3
-            + 0.2f * (dev_i_alpha_0 * dev_i_beta_0 + dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
-            offset_i_alpha * dev_i_beta_3 - offset_i_alpha * dev_i_beta_4);
-        const float32 part_of_P_pred_00_5 = odd_i_alpha_1 * part_of_P_pred_00_4;
-        const float32 part_of_P_pred_00_6 = odd_i_beta_1 * part_of_P_pred_00_4;
+        const float32 part_of_P_pred_00_6 = D_2 * part_of_offset_omega_7;
         const float32 part_of_P_pred_00_7 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_pred_00_3 * D_2_times_part_of_P_pred_00_3
-            + 0.2f * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
-            dev_i_beta_3 * dev_i_beta_3 + dev_i_beta_4 * dev_i_beta_4);
-        const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_5) -
-            odd_i_alpha_1 * (part_of_P_pred_00_6 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
-        const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_6;
-        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_5 + odd_i_beta_1 * part_of_P_pred_00_7;
+            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+            part_of_offset_omega_7 * part_of_P_pred_00_6 * 0.0050301026f + omega_sq * (dev_i_beta_0 * dev_i_beta_0
+            + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3 +
+            part_of_i_alpha_pred_12 * part_of_P_pred_00_2) * 0.0010060206f;
+        const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
+            odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
+        const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_7;
         const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
         const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+        const float32 part_of_P_pred_20 = emf_step * part_of_i_alpha_pred_9;
+        const float32 part_of_P_pred_20_3 = part_of_offset_omega_13 * 0.04f;
+        const float32 part_of_P_pred_20_4 = dev_i_alpha_0 * dev_omega_0 + dev_i_alpha_1 * dev_omega_1 +
+            dev_i_alpha_2 * dev_omega_2 - part_of_dev_i_alpha_0 * dev_omega_3 +
+            part_of_i_alpha_pred_10 * part_of_P_pred_20_3;
+        const float32 part_of_P_pred_20_5 = D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
+            D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + part_of_P_pred_20 * odd_omega_next_2 -
+            omega * sinc_theta_mid_3_times_D_3 * GAIN_E_GAIN_OMEGA_POLE_PAIRS * part_of_P_pred_20_2 +
+            0.0009308556f * part_of_P_pred_20_4;
+        const float32 part_of_P_pred_20_6 = 0.07092322f * part_of_P_pred_00_6;
+        const float32 part_of_P_pred_20_7 = omega * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 +
+            dev_i_beta_2 * dev_omega_2 + dev_i_beta_3 * dev_omega_3 +
+            part_of_offset_omega_13 * part_of_P_pred_00_2);
+        const float32 part_of_P_pred_20_8 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
+            D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - part_of_P_pred_20_6 * odd_omega_next_2 -
+            0.00018617112f * part_of_P_pred_20_7;
+        const float32 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_5 - odd_i_alpha_1 * part_of_P_pred_20_8;
+        const float32 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_5 + odd_i_beta_1 * part_of_P_pred_20_8;
         const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
         const float32 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
         const float32 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
-        const float32 D_3_times_part_of_P_pred_20 = D_3 * part_of_P_pred_20;
-        const float32 part_of_P_pred_20_2 = odd_i_alpha_next_0 * D_0_times_odd_omega_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_omega_next_1 + odd_i_alpha_next_2 * D_2_times_odd_omega_next_2 -
-            odd_i_alpha_next_3 * D_3_times_part_of_P_pred_20 + 0.2f * (dev_i_alpha_0 * dev_omega_0 +
-            dev_i_alpha_1 * dev_omega_1 + dev_i_alpha_2 * dev_omega_2 - offset_i_alpha * dev_omega_3 +
-            offset_i_alpha * offset_omega);
-        const float32 part_of_P_pred_20_3 = odd_i_beta_next_0 * D_0_times_odd_omega_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_omega_next_1 - part_of_P_pred_00_3 * D_2_times_odd_omega_next_2 +
-            0.2f * (dev_i_beta_0 * dev_omega_0 + dev_i_beta_1 * dev_omega_1 + dev_i_beta_2 * dev_omega_2 +
-            dev_i_beta_3 * dev_omega_3 - dev_i_beta_4 * offset_omega);
-        const float32 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_2 - odd_i_alpha_1 * part_of_P_pred_20_3;
-        const float32 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_2 + odd_i_beta_1 * part_of_P_pred_20_3;
-        const float32 part_of_P_pred_22 = D_4 * 0.012499844f;
+        const float32 part_of_P_pred_22 = dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1 +
+            dev_omega_2 * dev_omega_2 + dev_omega_3 * dev_omega_3 + part_of_offset_omega_13 * part_of_P_pred_20_3;
         const float32 P_pred_22 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
             odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
-            part_of_P_pred_20 * D_3_times_part_of_P_pred_20 + 0.012499844f * part_of_P_pred_22 +
-            0.2f * (dev_omega_0 * dev_omega_0 + dev_omega_1 * dev_omega_1 + dev_omega_2 * dev_omega_2 +
-            dev_omega_3 * dev_omega_3 + offset_omega * offset_omega) + Q_2;
-        const float32 D_0_times_odd_theta_next_0 = D_0 * odd_theta_next_0;
-        const float32 D_1_times_odd_theta_next_1 = D_1 * odd_theta_next_1;
-        const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
+            D_3 * part_of_P_pred_20_2 * part_of_P_pred_20_2 * GAIN_OMEGA_SQ + 0.0001562461f * D_4 +
+            3.4452263e-05f * part_of_P_pred_22 + Q_2;
+        const float32 part_of_P_pred_30 = emf_step * sinc_theta_mid_3_times_D_3;
+        const float32 part_of_P_pred_30_2 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
+            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
+            part_of_P_pred_30 * odd_theta_next_3 + part_of_P_pred_20_4 * 1.8617112e-07f;
+        const float32 part_of_P_pred_30_3 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
+            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_6 * odd_theta_next_2 -
+            part_of_P_pred_20_7 * 3.7234223e-08f;
+        const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30_2 - odd_i_alpha_1 * part_of_P_pred_30_3;
+        const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30_2 + odd_i_beta_1 * part_of_P_pred_30_3;
+        const float32 part_of_P_pred_32 = GAIN_OMEGA * part_of_P_pred_20_2;
         const float32 D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3;
-        const float32 part_of_P_pred_30 = odd_i_alpha_next_0 * D_0_times_odd_theta_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_theta_next_1 + odd_i_alpha_next_2 * D_2_times_odd_theta_next_2 +
-            odd_i_alpha_next_3 * D_3_times_odd_theta_next_3 + 0.2f * (dev_i_alpha_0 * dev_theta_0 +
-            dev_i_alpha_1 * dev_theta_1 + dev_i_alpha_2 * dev_theta_2 - offset_i_alpha * dev_theta_3 +
-            offset_i_alpha * offset_theta);
-        const float32 part_of_P_pred_30_2 = odd_i_beta_next_0 * D_0_times_odd_theta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_theta_next_1 - part_of_P_pred_00_3 * D_2_times_odd_theta_next_2 +
-            0.2f * (dev_i_beta_0 * dev_theta_0 + dev_i_beta_1 * dev_theta_1 + dev_i_beta_2 * dev_theta_2 +
-            dev_i_beta_3 * dev_theta_3 - dev_i_beta_4 * offset_theta);
-        const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
-        const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2;
-        const float32 part_of_P_pred_32 = D_4 * 2.4999688e-06f;
-        const float32 P_pred_32 = odd_omega_next_0 * D_0_times_odd_theta_next_0 +
-            odd_omega_next_1 * D_1_times_odd_theta_next_1 + odd_omega_next_2 * D_2_times_odd_theta_next_2 -
-            part_of_P_pred_20 * D_3_times_odd_theta_next_3 + 0.012499844f * part_of_P_pred_32 +
-            0.2f * (dev_omega_0 * dev_theta_0 + dev_omega_1 * dev_theta_1 + dev_omega_2 * dev_theta_2 +
-            dev_omega_3 * dev_theta_3 + offset_omega * offset_theta);
-        const float32 P_pred_33 = odd_theta_next_0 * D_0_times_odd_theta_next_0 +
-            odd_theta_next_1 * D_1_times_odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 +
-            odd_theta_next_3 * D_3_times_odd_theta_next_3 + 2.4999688e-06f * part_of_P_pred_32 +
-            0.2f * (dev_theta_0 * dev_theta_0 + dev_theta_1 * dev_theta_1 + dev_theta_2 * dev_theta_2 +
-            dev_theta_3 * dev_theta_3 + offset_theta * offset_theta) + Q_3;
+        const float32 P_pred_32 = D_0_times_odd_omega_next_0 * odd_theta_next_0 +
+            D_1_times_odd_omega_next_1 * odd_theta_next_1 + D_2_times_odd_omega_next_2 * odd_theta_next_2 -
+            part_of_P_pred_32 * D_3_times_odd_theta_next_3 + D_4 * 3.124922e-08f +
+            part_of_P_pred_22 * 6.8904527e-09f;
+        const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
+            D_1 * odd_theta_next_1 * odd_theta_next_1 + D_2 * odd_theta_next_2 * odd_theta_next_2 +
+            odd_theta_next_3 * D_3_times_odd_theta_next_3 + D_4 * 6.249844e-12f +
+            part_of_P_pred_22 * 1.3780906e-12f + Q_3;
+        const float32 part_of_P_pred_40 = D_0_times_odd_i_alpha_next_0 * L_40 +
+            D_1_times_odd_i_alpha_next_1 * L_41 + part_of_P_pred_20 * L_42 + part_of_P_pred_30 * L_43;
+        const float32 part_of_P_pred_40_2 = D_0_times_odd_i_beta_next_0 * L_40 +
+            D_1_times_odd_i_beta_next_1 * L_41 - part_of_P_pred_20_6 * L_42;
+        const float32 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
+        const float32 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
         const float32 D_0_times_L_40 = D_0 * L_40;
         const float32 D_1_times_L_41 = D_1 * L_41;
         const float32 D_2_times_L_42 = D_2 * L_42;
         const float32 D_3_times_L_43 = D_3 * L_43;
-        const float32 part_of_P_pred_40 = odd_i_alpha_next_0 * D_0_times_L_40 +
-            odd_i_alpha_next_1 * D_1_times_L_41 + odd_i_alpha_next_2 * D_2_times_L_42 +
-            odd_i_alpha_next_3 * D_3_times_L_43;
-        const float32 part_of_P_pred_40_2 = odd_i_beta_next_0 * D_0_times_L_40 +
-            odd_i_beta_next_1 * D_1_times_L_41 - part_of_P_pred_00_3 * D_2_times_L_42;
-        const float32 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
-        const float32 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
-        const float32 P_pred_42 = odd_omega_next_0 * D_0_times_L_40 + odd_omega_next_1 * D_1_times_L_41 +
-            odd_omega_next_2 * D_2_times_L_42 - part_of_P_pred_20 * D_3_times_L_43 - part_of_P_pred_22;
-        const float32 P_pred_43 = odd_theta_next_0 * D_0_times_L_40 + odd_theta_next_1 * D_1_times_L_41 +
-            odd_theta_next_2 * D_2_times_L_42 + odd_theta_next_3 * D_3_times_L_43 - part_of_P_pred_32;
+        const float32 P_pred_42 = D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
+            D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * part_of_P_pred_32 - D_4 * 0.012499844f;
+        const float32 P_pred_43 = D_0_times_L_40 * odd_theta_next_0 + D_1_times_L_41 * odd_theta_next_1 +
+            D_2_times_L_42 * odd_theta_next_2 + D_3_times_L_43 * odd_theta_next_3 - D_4 * 2.4999688e-06f;
         const float32 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
             L_43 * D_3_times_L_43 + D_4 + Q_4;
 
@@ -557,16 +552,18 @@ static void ickf_measurement_update(const lanes *__restrict x_pred, const lanes 
         const float32 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
         const float32 part_of_i_alpha_after_2 = 1.0f / span_second;
         const float32 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
-        const float32 i_alpha_after = i_alpha_pred + part_of_i_alpha_after +
-            part_of_span_second_2 * part_of_i_alpha_after_3;
+        const float32 part_of_i_alpha_after_4 = part_of_span_second_2 * part_of_i_alpha_after_3;
+        const float32 i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_i_alpha_after_4;
         const float32 i_beta_after = i_beta_pred + part_of_innovation_after_first +
             part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3);
-        const float32 omega_after = omega_pred + part_of_i_alpha_after * L_pred_20 +
-            part_of_i_alpha_after_3 * (D_pred_1 * L_pred_21 + part_of_span_second_2 * L_pred_20);
-        const float32 theta_after = theta_pred + part_of_i_alpha_after * L_pred_30 +
-            part_of_i_alpha_after_3 * (D_pred_1 * L_pred_31 + part_of_span_second_2 * L_pred_30);
-        const float32 load_torque_after = load_torque_pred + part_of_i_alpha_after * L_pred_40 +
-            part_of_i_alpha_after_3 * (D_pred_1 * L_pred_41 + part_of_span_second_2 * L_pred_40);
+        const float32 part_of_omega_after = part_of_i_alpha_after + part_of_i_alpha_after_4;
+        const float32 part_of_omega_after_2 = D_pred_1 * part_of_i_alpha_after_3;
+        const float32 omega_after = omega_pred + part_of_omega_after * L_pred_20 +
+            part_of_omega_after_2 * L_pred_21;
+        const float32 theta_after = theta_pred + part_of_omega_after * L_pred_30 +
+            part_of_omega_after_2 * L_pred_31;
+        const float32 load_torque_after = load_torque_pred + part_of_omega_after * L_pred_40 +
+            part_of_omega_after_2 * L_pred_41;
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_after);
