@@ -117,16 +117,7 @@ def render_filter(
         trig_note=trig_note(target),
         sin_cos=sin_cos_text(printer),
         turns=turns,
-        small_angle_note=small_angle_note(target) if turns else [],
-        turn_constants=turn_constants(printer) if turns else [],
-        small_turn=printer.format_literal(LIMIT),
-        widest_turn=printer.format_literal(WIDEST),
-        doublings=DOUBLINGS,
-        quarter=printer.format_literal(0.25),
-        one=printer.format_literal(1.0),
-        two=printer.format_literal(2.0),
-        sinc_text=printer.format_turn("SINC", "part"),
-        cosm1_text=printer.format_turn("COSM1", "part"),
+        **(turn_context(printer) if turns else {}),
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
@@ -177,12 +168,24 @@ def small_angle_note(target: Target) -> list[str]:
     return lines
 
 
-def turn_constants(printer: CPrinter) -> list[dict[str, str]]:
-    return [
-        {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
-        for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision), strict=True)
-        for k, value in enumerate(part, start=1)
-    ]
+def turn_context(printer: CPrinter) -> dict[str, Any]:
+    """What ``widen.j2`` prints: small angles, and those that are not."""
+    return {
+        "small_angle_note": small_angle_note(printer.target),
+        "turn_constants": [
+            {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
+            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision), strict=True)
+            for k, value in enumerate(part, start=1)
+        ],
+        "small_turn": printer.format_literal(LIMIT),
+        "widest_turn": printer.format_literal(WIDEST),
+        "doublings": DOUBLINGS,
+        "quarter": printer.format_literal(0.25),
+        "one": printer.format_literal(1.0),
+        "two": printer.format_literal(2.0),
+        "sinc_text": printer.format_turn("SINC", "part"),
+        "cosm1_text": printer.format_turn("COSM1", "part"),
+    }
 
 
 def sin_cos_text(printer: CPrinter) -> str:

@@ -11,11 +11,9 @@ from codegen.render import (
     has_loop,
     render,
     sin_cos_text,
-    small_angle_note,
     trig_note,
-    turn_constants,
+    turn_context,
 )
-from codegen.small_angle import LIMIT
 from codegen.targets import F28335
 from codegen.trig import wrap_listing
 from model.filters import FilterStep
@@ -56,16 +54,12 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
         below_pi=printer.format_literal(target.precision.below_pi),
-        pair=turns or any(count["sincos"] for count in operations),
-        pair_type=printer.pair,
+        pair=any(count["sincos"] for count in operations),
         trig_note=trig_note(target),
         sin_cos=_inlined(sin_cos_text(printer)),
         turns=turns,
-        small_angle_note=small_angle_note(target) if turns else [],
-        turn_constants=turn_constants(printer) if turns else [],
-        small_turn=printer.format_literal(LIMIT),
-        one=printer.format_literal(1.0),
-        sqrt=target.sqrt,
+        **(turn_context(printer) if turns else {}),
+        zero=printer.format_literal(0.0),
         wrap_angle=_inlined(printer.format_helper(wrap_listing(target.precision))),
         looped=has_loop(step.body),
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],

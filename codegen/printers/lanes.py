@@ -63,7 +63,7 @@ class LanesPrinter(CPrinter):
     @staticmethod
     def _widen_some(listing: Listing, count: int) -> list[str]:
         z, turn = listing.outputs
-        return [f"{INDENT}if (wide != 0) {{", f"{INDENT * 2}widen({z}_out, {turn}_out, {count});", f"{INDENT}}}"]
+        return [f"{INDENT}if (wide != 0) {{", f"{INDENT * 2}widen_lanes({z}_out, {turn}_out, {count});", f"{INDENT}}}"]
 
     def _signature(self, block: Block) -> list[str]:
         args = [unbroken(f"const lanes *__restrict {port.name}") for port in block.inputs]

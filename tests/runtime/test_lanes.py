@@ -101,7 +101,7 @@ def test_other_kinds_and_the_literal_form(kind: str, form: str, tmp_path: Path) 
     ("old", "new"),
     [
         ("#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f"),  # its last bit
-        ("turn[2 * k].of[lane] = side.sine / d", "turn[2 * k].of[lane] = side.sine"),  # in wide lanes alone
+        ("turn[2 * k].of[lane] = one[0]", "turn[2 * k].of[lane] = one[1]"),  # in wide lanes alone
         ("f->iterations[lane] = good", "f->iterations[lane] = 1"),  # in rejected lanes alone
         ("(u_good != 0) ? u[0].of[lane] : held_0", "u[0].of[lane]"),
     ],

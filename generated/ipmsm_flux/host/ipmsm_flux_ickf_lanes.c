@@ -81,20 +81,53 @@ INLINE float32 wrap_angle(float32 x)
 #define COSM1_2 0.04166321f
 #define COSM1_3 -0.0013704121f
 #define SMALL_TURN 0.5f /* rad^2 */
+#define DOUBLINGS 3
+#define WIDEST_TURN 32.0f /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 
-/* Turns that are not small, far from a settled filter: by sine and cosine, one by one. */
-static void widen(const lanes *__restrict z, lanes *__restrict turn, int count)
+/* Turns that are not small, far from a settled filter: d halved until it is, then doubled again. Beyond WIDEST_TURN
+ * the angle is unknown, and its sine and cosine average out. */
+static void widen(const float32 z[], float32 turn[], int count)
+{
+    int k;
+    for (k = 0; k < count; k++) {
+        if (z[k] > SMALL_TURN) {
+            float32 part = smaller(z[k], WIDEST_TURN);
+            float32 sinc;
+            float32 cosm1;
+            int doublings = 0;
+            int j;
+            for (j = 0; j < DOUBLINGS; j++) {
+                if (part > SMALL_TURN) {
+                    part = 0.25f * part;
+                    doublings++;
+                }
+            }
+            sinc = ((SINC_3 * part + SINC_2) * part + SINC_1) * part + 1.0f;
+            cosm1 = ((COSM1_3 * part + COSM1_2) * part + COSM1_1) * part;
+            for (j = 0; j < DOUBLINGS; j++) {
+                if (j < doublings) {
+                    sinc = sinc * (cosm1 + 1.0f);
+                    cosm1 = larger(2.0f * cosm1 * (cosm1 + 2.0f), -2.0f);
+                }
+            }
+            turn[2 * k] = (z[k] > WIDEST_TURN) ? 0.0f : sinc;
+            turn[(2 * k) + 1] = (z[k] > WIDEST_TURN) ? -1.0f : cosm1;
+        }
+    }
+}
+
+/* The same in lanes, one by one. */
+static void widen_lanes(const lanes *__restrict z, lanes *__restrict turn, int count)
 {
     int k;
     int lane;
     for (k = 0; k < count; k++) {
         for (lane = 0; lane < LANES; lane++) {
-            const float32 square = z[k].of[lane];
-            if (square > SMALL_TURN) {
-                const float32 d = PMSM_SQRT(square);
-                const pmsm_pair side = sin_cos(d);
-                turn[2 * k].of[lane] = side.sine / d;
-                turn[(2 * k) + 1].of[lane] = side.cosine - 1.0f;
+            if (z[k].of[lane] > SMALL_TURN) {
+                float32 one[2];
+                widen(&z[k].of[lane], one, 1);
+                turn[2 * k].of[lane] = one[0];
+                turn[(2 * k) + 1].of[lane] = one[1];
             }
         }
     }
@@ -237,7 +270,7 @@ static void time_update_turns(const lanes *__restrict LD, lanes *__restrict z_ou
             (d_theta_mid_sq_2 > SMALL_TURN) | (d_theta_mid_sq_3 > SMALL_TURN);
     }
     if (wide != 0) {
-        widen(z_out, turn_out, 4);
+        widen_lanes(z_out, turn_out, 4);
     }
 }
 
