@@ -192,11 +192,11 @@ static void time_update_turns(const lanes *__restrict LD, lanes *__restrict z_ou
         const float32 D_3 = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+        const float32 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const float32 d_theta_mid_sq_0 = D_0 * 4.0f * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-        const float32 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 d_theta_mid_sq_1 = 4.0f * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-        const float32 part_of_d_theta_mid_sq_2 = L_32 + 0.00015f;
+        const float32 part_of_d_theta_mid_sq_2 = 0.00015f + L_32;
         const float32 d_theta_mid_sq_2 = 4.0f * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
         const float32 d_theta_mid_sq_3 = 4.0f * D_3;
         const float32 sinc_theta_mid_0 = ((SINC_3 * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
@@ -273,46 +273,46 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+        const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
+        const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
-        const float32 odd_psi_alpha_1 = sincos_theta_mid.sine;
-        const float32 odd_psi_beta_1 = sincos_theta_mid.cosine;
-        const float32 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
-        const float32 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
-        const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
-        const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
-        const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-        const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
-        const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-        const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+        const float32 sin_theta_mid = sincos_theta_mid.sine;
+        const float32 cos_theta_mid = sincos_theta_mid.cosine;
+        const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+        const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+        const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
+        const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
+        const float32 part_of_psi_d_next = DECAY_D * psi_d_mid + GAIN_D * v_d;
         const float32 psi_d_next = part_of_psi_d_next + MAGNET_D;
         const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+        const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
-        const float32 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0f;
-        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_turned_0;
+        const float32 part_of_odd_psi_q_next_0 = 1.0f + cosm1_theta_mid_0;
+        const float32 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_q_mid + GAIN_D * v_q;
+        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_turned_0 +
             part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-        const float32 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+        const float32 psi_q_next = DECAY_Q * psi_q_mid + GAIN_Q * v_q;
         const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
-            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
-        const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_turned_0;
+        const float32 part_of_odd_psi_q_next_0_2 = psi_d_mid * DECAY_Q + v_d * GAIN_Q;
+        const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
             part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
-        const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
         const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-            DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
-        const float32 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+            DECAY_D_X4 * cos_theta_mid * part_of_even_psi_d_next_1_2;
+        const float32 part_of_odd_psi_q_next_1 = 1.0f + cosm1_theta_mid_1;
+        const float32 odd_psi_d_next_1 = DECAY_D * sin_theta_mid * part_of_odd_psi_q_next_1 +
             part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
         const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
-            DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
-        const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+            DECAY_Q_X4 * sin_theta_mid * part_of_even_psi_d_next_1_2;
+        const float32 odd_psi_q_next_1 = cos_theta_mid * DECAY_Q * part_of_odd_psi_q_next_1 -
             part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
-        const float32 odd_theta_mid_2 = L_32 + 0.00015f;
+        const float32 odd_theta_mid_2 = 0.00015f + L_32;
         const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
         const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
         const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
@@ -357,10 +357,10 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
         const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
             part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
-        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0f);
+        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (1.0f + cosm1_theta_mid_2);
         const float32 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
             part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
-        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0f);
+        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (1.0f + cosm1_theta_mid_3);
         const float32 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
             sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
         const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
@@ -371,17 +371,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
         const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
             part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
-        const float32 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
-        const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
-        const float32 odd_theta_next_2 = L_32 + 0.0003f;
+        const float32 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
+        const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
+        const float32 odd_theta_next_2 = 0.0003f + L_32;
 
-        /* --- eq. 16 */
+        /* --- eq. 16: x_pred = mean X_i' */
         const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
             even_psi_alpha_next_3) * 0.25f;
         const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
             even_psi_beta_next_2 + even_psi_beta_next_3);
-
-        /* --- eq. 17 */
         const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
         const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
         const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -390,15 +388,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
         const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
         const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
-
-        /* --- eq. 16: x_pred = mean X_i' */
         const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
         const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
-        const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
-            odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
-        const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
-            odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
-        const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+        const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
+            sin_theta_mid * psi_q_next_plus_offset_psi_beta;
+        const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
+            cos_theta_mid * psi_q_next_plus_offset_psi_beta;
+        const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
@@ -417,8 +413,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
             dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
             dev_psi_alpha_3 * dev_psi_beta_3);
-        const float32 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-        const float32 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
+        const float32 part_of_P_pred_00_3 = sin_theta_mid * part_of_P_pred_00_2;
+        const float32 part_of_P_pred_00_4 = cos_theta_mid * part_of_P_pred_00_2;
         const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
         const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
         const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
@@ -428,21 +424,20 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
             odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
             dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-        const float32 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-            odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
-        const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
-        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
-        const float32 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
-        const float32 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
-            Q_1;
+        const float32 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_3) -
+            sin_theta_mid * (part_of_P_pred_00_4 - sin_theta_mid * part_of_P_pred_00_5) + Q_0;
+        const float32 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_4;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + cos_theta_mid * part_of_P_pred_00_5;
+        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+        const float32 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
         const float32 D_0_times_L_20 = D_0 * L_20;
         const float32 D_1_times_L_21 = D_1 * L_21;
         const float32 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
             D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
         const float32 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
             D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
-        const float32 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
-        const float32 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+        const float32 P_pred_20 = cos_theta_mid * part_of_P_pred_20 - sin_theta_mid * part_of_P_pred_20_2;
+        const float32 P_pred_21 = sin_theta_mid * part_of_P_pred_20 + cos_theta_mid * part_of_P_pred_20_2;
         const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
         const float32 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
             D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
@@ -450,8 +445,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
             D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
             D_3_times_odd_psi_beta_next_3;
-        const float32 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
-        const float32 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+        const float32 P_pred_30 = cos_theta_mid * part_of_P_pred_30 - sin_theta_mid * part_of_P_pred_30_2;
+        const float32 P_pred_31 = sin_theta_mid * part_of_P_pred_30 + cos_theta_mid * part_of_P_pred_30_2;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
         const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
             D_2_times_odd_theta_next_2;
@@ -586,48 +581,50 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
 
         /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
         const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
-        const float32 odd_psi_alpha_1 = sincos_theta_pred.sine;
-        const float32 odd_psi_beta_1 = sincos_theta_pred.cosine;
-        const float32 psi_alpha = psi_alpha_pred * odd_psi_beta_1 + odd_psi_alpha_1 * psi_beta_pred;
-        const float32 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_pred_10;
-        const float32 psi_beta = odd_psi_beta_1 * psi_beta_pred - psi_alpha_pred * odd_psi_alpha_1;
-        const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_pred_10 - odd_psi_alpha_1;
+        const float32 sin_theta_pred = sincos_theta_pred.sine;
+        const float32 cos_theta_pred = sincos_theta_pred.cosine;
+        const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
         const float32 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
         const float32 part_of_even_psi_q_pred_0 = D_pred_0 * L_pred_30_times_sinc_theta_0 * 4.0f;
-        const float32 even_psi_d_pred_0 = cosm1_theta_0 * psi_alpha + part_of_even_psi_q_pred_0 * odd_psi_beta_0;
-        const float32 part_of_odd_psi_d_pred_0 = cosm1_theta_0 + 1.0f;
-        const float32 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_0 +
-            L_pred_30_times_sinc_theta_0 * psi_beta;
-        const float32 even_psi_q_pred_0 = cosm1_theta_0 * psi_beta - odd_psi_alpha_0 * part_of_even_psi_q_pred_0;
-        const float32 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_0 -
-            L_pred_30_times_sinc_theta_0 * psi_alpha;
-        const float32 i_d_pred = INV_L_D * (psi_alpha - PSI_M);
+        const float32 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
+        const float32 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
+            part_of_even_psi_q_pred_0 * odd_psi_beta_turned_0;
+        const float32 part_of_odd_psi_d_pred_0 = 1.0f + cosm1_theta_0;
+        const float32 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
+        const float32 psi_q_pred = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
+        const float32 odd_psi_d_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_alpha_turned_0 +
+            L_pred_30_times_sinc_theta_0 * psi_q_pred;
+        const float32 even_psi_q_pred_0 = cosm1_theta_0 * psi_q_pred -
+            odd_psi_alpha_turned_0 * part_of_even_psi_q_pred_0;
+        const float32 odd_psi_q_pred_0 = part_of_odd_psi_d_pred_0 * odd_psi_beta_turned_0 -
+            L_pred_30_times_sinc_theta_0 * psi_d_pred;
+        const float32 i_d_pred = INV_L_D * (psi_d_pred - PSI_M);
         const float32 even_i_d_pred_0 = INV_L_D * even_psi_d_pred_0;
         const float32 odd_i_d_pred_0 = INV_L_D * odd_psi_d_pred_0;
-        const float32 i_q_pred = psi_beta * INV_L_Q;
+        const float32 i_q_pred = psi_q_pred * INV_L_Q;
         const float32 even_i_q_pred_0 = INV_L_Q * even_psi_q_pred_0;
         const float32 odd_i_q_pred_0 = INV_L_Q * odd_psi_q_pred_0;
         const float32 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
         const float32 part_of_even_psi_d_pred_1 = 4.0f * D_pred_1 * L_pred_31_times_sinc_theta_1;
-        const float32 even_psi_d_pred_1 = psi_alpha * cosm1_theta_1 + odd_psi_beta_1 * part_of_even_psi_d_pred_1;
-        const float32 part_of_odd_psi_q_pred_1 = cosm1_theta_1 + 1.0f;
-        const float32 odd_psi_d_pred_1 = odd_psi_alpha_1 * part_of_odd_psi_q_pred_1 +
-            psi_beta * L_pred_31_times_sinc_theta_1;
-        const float32 even_psi_q_pred_1 = psi_beta * cosm1_theta_1 - odd_psi_alpha_1 * part_of_even_psi_d_pred_1;
-        const float32 odd_psi_q_pred_1 = odd_psi_beta_1 * part_of_odd_psi_q_pred_1 -
-            psi_alpha * L_pred_31_times_sinc_theta_1;
+        const float32 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * part_of_even_psi_d_pred_1;
+        const float32 part_of_odd_psi_q_pred_1 = 1.0f + cosm1_theta_1;
+        const float32 odd_psi_d_pred_1 = sin_theta_pred * part_of_odd_psi_q_pred_1 +
+            psi_q_pred * L_pred_31_times_sinc_theta_1;
+        const float32 even_psi_q_pred_1 = psi_q_pred * cosm1_theta_1 - sin_theta_pred * part_of_even_psi_d_pred_1;
+        const float32 odd_psi_q_pred_1 = cos_theta_pred * part_of_odd_psi_q_pred_1 -
+            psi_d_pred * L_pred_31_times_sinc_theta_1;
         const float32 even_i_d_pred_1 = INV_L_D * even_psi_d_pred_1;
         const float32 odd_i_d_pred_1 = INV_L_D * odd_psi_d_pred_1;
         const float32 even_i_q_pred_1 = INV_L_Q * even_psi_q_pred_1;
         const float32 odd_i_q_pred_1 = INV_L_Q * odd_psi_q_pred_1;
-        const float32 inv_l_d_times_psi_alpha = INV_L_D * psi_alpha;
-        const float32 even_i_d_pred_2 = inv_l_d_times_psi_alpha * cosm1_theta_2;
-        const float32 inv_l_d_times_psi_beta = INV_L_D * psi_beta;
+        const float32 inv_l_d_times_psi_d_pred = INV_L_D * psi_d_pred;
+        const float32 even_i_d_pred_2 = inv_l_d_times_psi_d_pred * cosm1_theta_2;
+        const float32 inv_l_d_times_psi_q_pred = INV_L_D * psi_q_pred;
         const float32 L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2;
-        const float32 odd_i_d_pred_2 = inv_l_d_times_psi_beta * L_pred_32_times_sinc_theta_2;
+        const float32 odd_i_d_pred_2 = inv_l_d_times_psi_q_pred * L_pred_32_times_sinc_theta_2;
         const float32 even_i_q_pred_2 = i_q_pred * cosm1_theta_2;
-        const float32 even_i_d_pred_3 = inv_l_d_times_psi_alpha * cosm1_theta_3;
-        const float32 odd_i_d_pred_3 = inv_l_d_times_psi_beta * sinc_theta_3;
+        const float32 even_i_d_pred_3 = inv_l_d_times_psi_d_pred * cosm1_theta_3;
+        const float32 odd_i_d_pred_3 = inv_l_d_times_psi_q_pred * sinc_theta_3;
         const float32 even_i_q_pred_3 = i_q_pred * cosm1_theta_3;
         const float32 i_d_pred_plus_even_i_d_pred_0 = i_d_pred + even_i_d_pred_0;
         const float32 even_y_i_alpha_0 = even_i_d_pred_0 + cosm1_theta_0 * i_d_pred_plus_even_i_d_pred_0 -
@@ -637,13 +634,13 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
             part_of_even_psi_d_pred_1 * odd_i_q_pred_1;
         const float32 i_d_pred_plus_even_i_d_pred_2 = i_d_pred + even_i_d_pred_2;
         const float32 part_of_even_y_i_alpha_2 = 4.0f * D_pred_2 * L_pred_32_times_sinc_theta_2;
-        const float32 inv_l_q_times_psi_alpha = INV_L_Q * psi_alpha;
-        const float32 part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_alpha * L_pred_32_times_sinc_theta_2;
+        const float32 inv_l_q_times_psi_d_pred = INV_L_Q * psi_d_pred;
+        const float32 part_of_even_y_i_alpha_2_2 = inv_l_q_times_psi_d_pred * L_pred_32_times_sinc_theta_2;
         const float32 even_y_i_alpha_2 = even_i_d_pred_2 + cosm1_theta_2 * i_d_pred_plus_even_i_d_pred_2 +
             part_of_even_y_i_alpha_2 * part_of_even_y_i_alpha_2_2;
         const float32 i_d_pred_plus_even_i_d_pred_3 = i_d_pred + even_i_d_pred_3;
         const float32 part_of_even_y_i_alpha_3 = 4.0f * D_pred_3 * sinc_theta_3;
-        const float32 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_alpha * sinc_theta_3;
+        const float32 part_of_even_y_i_alpha_3_2 = inv_l_q_times_psi_d_pred * sinc_theta_3;
         const float32 even_y_i_alpha_3 = even_i_d_pred_3 + cosm1_theta_3 * i_d_pred_plus_even_i_d_pred_3 +
             part_of_even_y_i_alpha_3 * part_of_even_y_i_alpha_3_2;
         const float32 i_q_pred_plus_even_i_q_pred_0 = i_q_pred + even_i_q_pred_0;
@@ -662,10 +659,10 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
             L_pred_30_times_sinc_theta_0 * i_q_pred_plus_even_i_q_pred_0;
         const float32 odd_y_i_alpha_1 = part_of_odd_psi_q_pred_1 * odd_i_d_pred_1 -
             L_pred_31_times_sinc_theta_1 * i_q_pred_plus_even_i_q_pred_1;
-        const float32 part_of_odd_y_i_alpha_2 = cosm1_theta_2 + 1.0f;
+        const float32 part_of_odd_y_i_alpha_2 = 1.0f + cosm1_theta_2;
         const float32 odd_y_i_alpha_2 = part_of_odd_y_i_alpha_2 * odd_i_d_pred_2 -
             L_pred_32_times_sinc_theta_2 * i_q_pred_plus_even_i_q_pred_2;
-        const float32 part_of_odd_y_i_alpha_3 = cosm1_theta_3 + 1.0f;
+        const float32 part_of_odd_y_i_alpha_3 = 1.0f + cosm1_theta_3;
         const float32 odd_y_i_alpha_3 = part_of_odd_y_i_alpha_3 * odd_i_d_pred_3 -
             sinc_theta_3 * i_q_pred_plus_even_i_q_pred_3;
         const float32 odd_y_i_beta_0 = L_pred_30_times_sinc_theta_0 * i_d_pred_plus_even_i_d_pred_0 +
@@ -682,8 +679,6 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
             even_y_i_alpha_3) * 0.25f;
         const float32 offset_y_i_beta = 0.25f * (even_y_i_beta_0 + even_y_i_beta_1 + even_y_i_beta_2 +
             even_y_i_beta_3);
-
-        /* --- eq. 22: R, and what the bend of h adds to it */
         const float32 dev_y_i_alpha_0 = even_y_i_alpha_0 - offset_y_i_alpha;
         const float32 dev_y_i_alpha_1 = even_y_i_alpha_1 - offset_y_i_alpha;
         const float32 dev_y_i_alpha_2 = even_y_i_alpha_2 - offset_y_i_alpha;
@@ -692,22 +687,22 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 dev_y_i_beta_1 = even_y_i_beta_1 - offset_y_i_beta;
         const float32 dev_y_i_beta_2 = even_y_i_beta_2 - offset_y_i_beta;
         const float32 dev_y_i_beta_3 = even_y_i_beta_3 - offset_y_i_beta;
-        const float32 part_of_noise_00 = odd_psi_beta_1 * odd_psi_beta_1 * R_0 +
-            odd_psi_alpha_1 * odd_psi_alpha_1 * R_1;
+
+        /* --- eq. 22: R, and what the bend of h adds to it */
+        const float32 part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 +
+            sin_theta_pred * sin_theta_pred * R_1;
         const float32 R_0_min_R_1 = smaller(R_0, R_1);
         const float32 noise_00 = larger(part_of_noise_00, R_0_min_R_1) +
             0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 + dev_y_i_alpha_1 * dev_y_i_alpha_1 +
             dev_y_i_alpha_2 * dev_y_i_alpha_2 + dev_y_i_alpha_3 * dev_y_i_alpha_3);
-        const float32 noise_10 = odd_psi_beta_1 * odd_psi_alpha_1 * (R_1 - R_0) +
+        const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             0.25f * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
             dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
-        const float32 noise_11 = R_0 + R_1 - part_of_noise_00 + 0.25f * (dev_y_i_beta_0 * dev_y_i_beta_0 +
-            dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3);
 
         /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
-        const float32 innovation_i_alpha = odd_psi_beta_1 * i_alpha_meas + odd_psi_alpha_1 * i_beta_meas -
-            i_d_pred - offset_y_i_alpha;
-        const float32 innovation_i_beta = odd_psi_beta_1 * i_beta_meas - odd_psi_alpha_1 * i_alpha_meas - i_q_pred
+        const float32 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - i_d_pred
+            - offset_y_i_alpha;
+        const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas - i_q_pred
             - offset_y_i_beta;
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
@@ -736,7 +731,9 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
             part_of_psi_alpha_new_2 * (part_of_span_second_8 +
             D_pred_0_times_odd_y_i_alpha_0 * part_of_span_second_2);
-        const float32 part_of_span_second_13 = larger(noise_11 - noise_10 * noise_10_per_noise_00, R_0_min_R_1);
+        const float32 part_of_span_second_13 = larger(0.25f * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+            dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
+            part_of_noise_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
         const float32 part_of_span_second_14 = 1.0f / part_of_span_first;
         const float32 part_of_span_second_15 = D_pred_3 * noise_00 * part_of_span_second_14;
         const float32 part_of_span_second_16 = part_of_span_second_3 * part_of_span_second_15;
@@ -767,20 +764,20 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
             part_of_span_second_11 * part_of_span_second_12, part_of_span_second_13);
         const float32 part_of_psi_alpha_new_3 = 1.0f / span_second;
         const float32 part_of_psi_alpha_new_4 = innovation_after_first * part_of_psi_alpha_new_3;
-        const float32 psi_alpha_new = psi_alpha_pred + D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
-            part_of_span_second_12 * part_of_psi_alpha_new_4;
+        const float32 psi_alpha_new = D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_2 +
+            part_of_span_second_12 * part_of_psi_alpha_new_4 + psi_alpha_pred;
         const float32 part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_10;
-        const float32 psi_beta_new = psi_beta_pred + part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
+        const float32 psi_beta_new = part_of_psi_alpha_new_2 * (D_pred_1_times_odd_y_i_alpha_1 +
             L_pred_10 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_span_second_27 +
-            part_of_span_second_12 * part_of_psi_beta_new);
+            part_of_span_second_12 * part_of_psi_beta_new) + psi_beta_pred;
         const float32 part_of_omega_new = D_pred_2_times_odd_y_i_alpha_2 +
             D_pred_1_times_odd_y_i_alpha_1 * L_pred_21;
         const float32 part_of_omega_new_2 = L_pred_21 - D_pred_2_times_odd_y_i_alpha_2 * part_of_span_second_24;
         const float32 part_of_omega_new_3 = part_of_span_second_22 + part_of_span_second_27 * part_of_omega_new_2;
         const float32 part_of_omega_new_4 = L_pred_20 - part_of_span_second_10 * part_of_omega_new;
-        const float32 omega_new = omega_pred + part_of_psi_alpha_new_2 * (part_of_omega_new +
+        const float32 omega_new = part_of_psi_alpha_new_2 * (part_of_omega_new +
             D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) + part_of_psi_alpha_new_4 * (part_of_omega_new_3 +
-            part_of_span_second_12 * part_of_omega_new_4);
+            part_of_span_second_12 * part_of_omega_new_4) + omega_pred;
         const float32 part_of_theta_new = D_pred_3_times_odd_y_i_alpha_3 +
             L_pred_32 * D_pred_2_times_odd_y_i_alpha_2;
         const float32 part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1;
@@ -789,9 +786,9 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 part_of_theta_new_5 = L_pred_31 - part_of_span_second_24 * part_of_theta_new;
         const float32 part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_27 * part_of_theta_new_5;
         const float32 part_of_theta_new_7 = L_pred_30 - part_of_span_second_10 * part_of_theta_new_2;
-        const float32 theta_new = wrap_angle(theta_pred + part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
+        const float32 theta_new = wrap_angle(part_of_psi_alpha_new_2 * (part_of_theta_new_2 +
             L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_4 * (part_of_theta_new_6 +
-            part_of_span_second_12 * part_of_theta_new_7));
+            part_of_span_second_12 * part_of_theta_new_7) + theta_pred);
 
         /* --- eq. 26: L D L^T = P_new */
         const float32 D_new_0 = part_of_span_second * part_of_span_second_28 * part_of_psi_alpha_new_3;

@@ -230,11 +230,11 @@ static void time_update_turns(const lanes *__restrict LD, lanes *__restrict z_ou
         const float32 D_3 = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+        const float32 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const float32 d_theta_mid_sq_0 = D_0 * 4.0f * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-        const float32 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 d_theta_mid_sq_1 = 4.0f * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-        const float32 part_of_d_theta_mid_sq_2 = L_32 + 0.00015f;
+        const float32 part_of_d_theta_mid_sq_2 = 0.00015f + L_32;
         const float32 d_theta_mid_sq_2 = 4.0f * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
         const float32 d_theta_mid_sq_3 = 4.0f * D_3;
         const float32 sinc_theta_mid_0 = ((SINC_3 * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
@@ -311,46 +311,46 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_mid = theta + HALF_T_POLE_PAIRS * omega;
+        const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
+        const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
-        const float32 odd_psi_alpha_1 = sincos_theta_mid.sine;
-        const float32 odd_psi_beta_1 = sincos_theta_mid.cosine;
-        const float32 psi_alpha_2 = odd_psi_beta_1 * psi_alpha + odd_psi_alpha_1 * psi_beta;
-        const float32 odd_psi_alpha_0 = odd_psi_beta_1 + odd_psi_alpha_1 * L_10;
-        const float32 psi_beta_2 = odd_psi_beta_1 * psi_beta - psi_alpha * odd_psi_alpha_1;
-        const float32 odd_psi_beta_0 = odd_psi_beta_1 * L_10 - odd_psi_alpha_1;
-        const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
-        const float32 v_d = odd_psi_beta_1 * v_alpha + odd_psi_alpha_1 * v_beta;
-        const float32 v_q = odd_psi_beta_1 * v_beta - odd_psi_alpha_1 * v_alpha;
-        const float32 part_of_psi_d_next = DECAY_D * psi_alpha_2 + GAIN_D * v_d;
+        const float32 sin_theta_mid = sincos_theta_mid.sine;
+        const float32 cos_theta_mid = sincos_theta_mid.cosine;
+        const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+        const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+        const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
+        const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
+        const float32 part_of_psi_d_next = DECAY_D * psi_d_mid + GAIN_D * v_d;
         const float32 psi_d_next = part_of_psi_d_next + MAGNET_D;
         const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 part_of_even_psi_d_next_0_2 = D_0 * part_of_even_psi_d_next_0;
+        const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_0;
-        const float32 part_of_odd_psi_q_next_0 = cosm1_theta_mid_0 + 1.0f;
-        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_beta_2 + GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_0 +
+            DECAY_D_X4 * part_of_even_psi_d_next_0_2 * odd_psi_beta_turned_0;
+        const float32 part_of_odd_psi_q_next_0 = 1.0f + cosm1_theta_mid_0;
+        const float32 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+        const float32 part_of_odd_psi_d_next_0 = DECAY_D * psi_q_mid + GAIN_D * v_q;
+        const float32 odd_psi_d_next_0 = DECAY_D * part_of_odd_psi_q_next_0 * odd_psi_alpha_turned_0 +
             part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-        const float32 psi_q_next = DECAY_Q * psi_beta_2 + GAIN_Q * v_q;
+        const float32 psi_q_next = DECAY_Q * psi_q_mid + GAIN_Q * v_q;
         const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_next -
-            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_0;
-        const float32 part_of_odd_psi_q_next_0_2 = psi_alpha_2 * DECAY_Q + v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = odd_psi_beta_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
+            DECAY_Q_X4 * part_of_even_psi_d_next_0_2 * odd_psi_alpha_turned_0;
+        const float32 part_of_odd_psi_q_next_0_2 = psi_d_mid * DECAY_Q + v_d * GAIN_Q;
+        const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * DECAY_Q * part_of_odd_psi_q_next_0 -
             part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0_2;
-        const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 part_of_even_psi_d_next_1_2 = D_1 * part_of_even_psi_d_next_1;
         const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-            DECAY_D_X4 * odd_psi_beta_1 * part_of_even_psi_d_next_1_2;
-        const float32 part_of_odd_psi_q_next_1 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_psi_d_next_1 = DECAY_D * odd_psi_alpha_1 * part_of_odd_psi_q_next_1 +
+            DECAY_D_X4 * cos_theta_mid * part_of_even_psi_d_next_1_2;
+        const float32 part_of_odd_psi_q_next_1 = 1.0f + cosm1_theta_mid_1;
+        const float32 odd_psi_d_next_1 = DECAY_D * sin_theta_mid * part_of_odd_psi_q_next_1 +
             part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
         const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_next -
-            DECAY_Q_X4 * odd_psi_alpha_1 * part_of_even_psi_d_next_1_2;
-        const float32 odd_psi_q_next_1 = odd_psi_beta_1 * DECAY_Q * part_of_odd_psi_q_next_1 -
+            DECAY_Q_X4 * sin_theta_mid * part_of_even_psi_d_next_1_2;
+        const float32 odd_psi_q_next_1 = cos_theta_mid * DECAY_Q * part_of_odd_psi_q_next_1 -
             part_of_odd_psi_q_next_0_2 * part_of_even_psi_d_next_1;
-        const float32 odd_theta_mid_2 = L_32 + 0.00015f;
+        const float32 odd_theta_mid_2 = 0.00015f + L_32;
         const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
         const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_next;
         const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
@@ -395,10 +395,10 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
         const float32 odd_psi_alpha_next_1 = part_of_odd_psi_q_next_1 * odd_psi_d_next_1 -
             part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
-        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (cosm1_theta_mid_2 + 1.0f);
+        const float32 part_of_odd_psi_alpha_next_2 = part_of_even_psi_alpha_next_2_3 * (1.0f + cosm1_theta_mid_2);
         const float32 odd_psi_alpha_next_2 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_2 -
             part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2_2;
-        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (cosm1_theta_mid_3 + 1.0f);
+        const float32 part_of_odd_psi_alpha_next_3 = sinc_theta_mid_3 * (1.0f + cosm1_theta_mid_3);
         const float32 odd_psi_alpha_next_3 = part_of_odd_psi_d_next_0 * part_of_odd_psi_alpha_next_3 -
             sinc_theta_mid_3 * part_of_even_psi_beta_next_3;
         const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
@@ -409,17 +409,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_2;
         const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
             part_of_odd_psi_q_next_0_2 * part_of_odd_psi_alpha_next_3;
-        const float32 odd_theta_next_0 = L_30 + L_20 * ADVANCE_POLE_PAIRS;
-        const float32 odd_theta_next_1 = L_31 + L_21 * ADVANCE_POLE_PAIRS;
-        const float32 odd_theta_next_2 = L_32 + 0.0003f;
+        const float32 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
+        const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
+        const float32 odd_theta_next_2 = 0.0003f + L_32;
 
-        /* --- eq. 16 */
+        /* --- eq. 16: x_pred = mean X_i' */
         const float32 offset_psi_alpha = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
             even_psi_alpha_next_3) * 0.25f;
         const float32 offset_psi_beta = 0.25f * (even_psi_beta_next_0 + even_psi_beta_next_1 +
             even_psi_beta_next_2 + even_psi_beta_next_3);
-
-        /* --- eq. 17 */
         const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - offset_psi_alpha;
         const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - offset_psi_alpha;
         const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - offset_psi_alpha;
@@ -428,15 +426,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_psi_beta_1 = even_psi_beta_next_1 - offset_psi_beta;
         const float32 dev_psi_beta_2 = even_psi_beta_next_2 - offset_psi_beta;
         const float32 dev_psi_beta_3 = even_psi_beta_next_3 - offset_psi_beta;
-
-        /* --- eq. 16: x_pred = mean X_i' */
         const float32 part_of_psi_alpha_pred = psi_d_next + offset_psi_alpha;
         const float32 psi_q_next_plus_offset_psi_beta = psi_q_next + offset_psi_beta;
-        const float32 psi_alpha_pred = odd_psi_beta_1 * part_of_psi_alpha_pred -
-            odd_psi_alpha_1 * psi_q_next_plus_offset_psi_beta;
-        const float32 psi_beta_pred = odd_psi_alpha_1 * part_of_psi_alpha_pred +
-            odd_psi_beta_1 * psi_q_next_plus_offset_psi_beta;
-        const float32 theta_pred = theta + omega * ADVANCE_POLE_PAIRS;
+        const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
+            sin_theta_mid * psi_q_next_plus_offset_psi_beta;
+        const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
+            cos_theta_mid * psi_q_next_plus_offset_psi_beta;
+        const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
@@ -455,8 +451,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
             dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
             dev_psi_alpha_3 * dev_psi_beta_3);
-        const float32 part_of_P_pred_00_3 = odd_psi_alpha_1 * part_of_P_pred_00_2;
-        const float32 part_of_P_pred_00_4 = odd_psi_beta_1 * part_of_P_pred_00_2;
+        const float32 part_of_P_pred_00_3 = sin_theta_mid * part_of_P_pred_00_2;
+        const float32 part_of_P_pred_00_4 = cos_theta_mid * part_of_P_pred_00_2;
         const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
         const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
         const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
@@ -466,21 +462,20 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
             odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
             dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-        const float32 P_pred_00 = odd_psi_beta_1 * (odd_psi_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_3) -
-            odd_psi_alpha_1 * (part_of_P_pred_00_4 - odd_psi_alpha_1 * part_of_P_pred_00_5) + Q_0;
-        const float32 part_of_P_pred_10 = odd_psi_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_4;
-        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + odd_psi_beta_1 * part_of_P_pred_00_5;
-        const float32 P_pred_10 = odd_psi_beta_1 * part_of_P_pred_10 - odd_psi_alpha_1 * part_of_P_pred_10_2;
-        const float32 P_pred_11 = odd_psi_alpha_1 * part_of_P_pred_10 + odd_psi_beta_1 * part_of_P_pred_10_2 +
-            Q_1;
+        const float32 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_3) -
+            sin_theta_mid * (part_of_P_pred_00_4 - sin_theta_mid * part_of_P_pred_00_5) + Q_0;
+        const float32 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_4;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_3 + cos_theta_mid * part_of_P_pred_00_5;
+        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+        const float32 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
         const float32 D_0_times_L_20 = D_0 * L_20;
         const float32 D_1_times_L_21 = D_1 * L_21;
         const float32 part_of_P_pred_20 = D_0_times_L_20 * odd_psi_alpha_next_0 +
             D_1_times_L_21 * odd_psi_alpha_next_1 + D_2_times_odd_psi_alpha_next_2;
         const float32 part_of_P_pred_20_2 = D_0_times_L_20 * odd_psi_beta_next_0 +
             D_1_times_L_21 * odd_psi_beta_next_1 + D_2_times_odd_psi_beta_next_2;
-        const float32 P_pred_20 = odd_psi_beta_1 * part_of_P_pred_20 - odd_psi_alpha_1 * part_of_P_pred_20_2;
-        const float32 P_pred_21 = odd_psi_alpha_1 * part_of_P_pred_20 + odd_psi_beta_1 * part_of_P_pred_20_2;
+        const float32 P_pred_20 = cos_theta_mid * part_of_P_pred_20 - sin_theta_mid * part_of_P_pred_20_2;
+        const float32 P_pred_21 = sin_theta_mid * part_of_P_pred_20 + cos_theta_mid * part_of_P_pred_20_2;
         const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
         const float32 part_of_P_pred_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
             D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
@@ -488,8 +483,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_P_pred_30_2 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
             D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
             D_3_times_odd_psi_beta_next_3;
-        const float32 P_pred_30 = odd_psi_beta_1 * part_of_P_pred_30 - odd_psi_alpha_1 * part_of_P_pred_30_2;
-        const float32 P_pred_31 = odd_psi_alpha_1 * part_of_P_pred_30 + odd_psi_beta_1 * part_of_P_pred_30_2;
+        const float32 P_pred_30 = cos_theta_mid * part_of_P_pred_30 - sin_theta_mid * part_of_P_pred_30_2;
+        const float32 P_pred_31 = sin_theta_mid * part_of_P_pred_30 + cos_theta_mid * part_of_P_pred_30_2;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
         const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
             D_2_times_odd_theta_next_2;
@@ -587,15 +582,15 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
             part_of_slope_y_i_alpha_3_2 + sin_theta_j_times_inv_l_q * psi_d_j;
         const float32 slope_y_i_beta_1 = sin_theta_j * inv_l_d_times_sin_theta_j +
             cos_theta_j * cos_theta_j_times_inv_l_q;
-        const float32 part_of_innovation_i_alpha = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
-        const float32 part_of_innovation_i_alpha_2 = sin_theta_j_times_inv_l_q * psi_q_j;
-        const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha -
-            cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha_2;
+        const float32 part_of_innovation_i_alpha_2 = cos_theta_j_times_inv_l_d * psi_d_j_minus_psi_m;
+        const float32 part_of_innovation_i_alpha = sin_theta_j_times_inv_l_q * psi_q_j;
+        const float32 slope_y_i_beta_3 = inv_l_d_times_sin_theta_j * psi_q_j + part_of_innovation_i_alpha_2 -
+            cos_theta_j_times_inv_l_q * psi_d_j - part_of_innovation_i_alpha;
 
         /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-        const float32 innovation_i_alpha = i_alpha_meas - part_of_innovation_i_alpha +
-            part_of_innovation_i_alpha_2 - slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta
-            - slope_y_i_alpha_3 * back_theta;
+        const float32 innovation_i_alpha = part_of_innovation_i_alpha - part_of_innovation_i_alpha_2 -
+            slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
+            slope_y_i_alpha_3 * back_theta + i_alpha_meas;
         const float32 innovation_i_beta = i_beta_meas - part_of_slope_y_i_alpha_3 - part_of_slope_y_i_alpha_3_2 -
             slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
 
@@ -619,18 +614,18 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
             part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * part_of_Pyy_10_3 +
             part_of_Pyy_00_5 * slope_y_i_beta_3;
-        const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
-        const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
-        const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
-        const float32 Pyy_11 = part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10 +
-            part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3)
-            + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 + R_1;
 
         /* --- eq. 28: Pyy^-1 innovation */
         const float32 part_of_share_0 = 1.0f / Pyy_00;
         const float32 part_of_share_0_times_Pyy_10 = part_of_share_0 * Pyy_10;
+        const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
+        const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
+        const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
         const float32 share_1 = (innovation_i_beta -
-            innovation_i_alpha * part_of_share_0_times_Pyy_10) / larger(Pyy_11 - Pyy_10 * part_of_share_0_times_Pyy_10, R_1);
+            innovation_i_alpha * part_of_share_0_times_Pyy_10) / larger(part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10
+            + part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 +
+            part_of_Pyy_10_3 * (L_pred_32 * slope_y_i_beta_3) + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3
+            - Pyy_10 * part_of_share_0_times_Pyy_10 + R_1, R_1);
         const float32 share_0 = innovation_i_alpha * part_of_share_0 - part_of_share_0_times_Pyy_10 * share_1;
 
         /* --- eq. 31: K innovation = L along; x^{j+1} */
@@ -638,11 +633,11 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 +
             D_pred_1_times_part_of_Pyy_10_2 * share_1;
         const float32 along_2 = part_of_Pyy_00_4 * share_0 + part_of_Pyy_10_3 * share_1;
-        const float32 psi_alpha_after = psi_alpha_pred + along_0;
-        const float32 psi_beta_after = psi_beta_pred + L_pred_10 * along_0 + along_1;
-        const float32 omega_after = omega_pred + along_0 * L_pred_20 + along_1 * L_pred_21 + along_2;
-        const float32 theta_after = theta_pred + L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-            part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1;
+        const float32 psi_alpha_after = along_0 + psi_alpha_pred;
+        const float32 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
+        const float32 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
+        const float32 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
+            part_of_Pyy_00_5 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1 + theta_pred;
 
         /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
         const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
@@ -705,16 +700,16 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
 
         /* --- eq. 32 */
         const float32 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
-        const float32 part_of_D_new_0 = larger(noise_00 + HL_03 * HL_03_times_D_pred_3, noise_00);
+        const float32 part_of_D_new_0 = larger(HL_03 * HL_03_times_D_pred_3 + noise_00, noise_00);
         const float32 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
         const float32 part_of_D_new_0_2 = larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, noise_00);
         const float32 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
         const float32 part_of_D_new_0_3 = larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, noise_00);
         const float32 span_first = larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, noise_00);
         const float32 part_of_D_new_0_5 = 1.0f / part_of_D_new_0;
-        const float32 part_of_D_new_0_6 = noise_00 * D_pred_3 * part_of_D_new_0_5;
+        const float32 part_of_D_new_0_6 = D_pred_3 * noise_00 * part_of_D_new_0_5;
         const float32 HL_13_times_part_of_D_new_0_6 = HL_13 * part_of_D_new_0_6;
-        const float32 part_of_D_new_0_7 = larger(noise_11 + HL_13 * HL_13_times_part_of_D_new_0_6, noise_11);
+        const float32 part_of_D_new_0_7 = larger(HL_13 * HL_13_times_part_of_D_new_0_6 + noise_11, noise_11);
         const float32 HL_02_times_part_of_D_new_0_5 = HL_02 * part_of_D_new_0_5;
         const float32 part_of_D_new_0_8 = HL_03_times_D_pred_3 * HL_13;
         const float32 part_of_D_new_0_9 = HL_12 - HL_02_times_part_of_D_new_0_5 * part_of_D_new_0_8;
@@ -768,7 +763,7 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 part_of_L_new_32 = 1.0f / part_of_D_new_0_7;
         const float32 L_new_32 = part_of_L_new_30_2 -
             HL_13_times_part_of_D_new_0_6 * part_of_D_new_0_9 * part_of_L_new_32;
-        const float32 D_new_3 = noise_11 * part_of_D_new_0_6 * part_of_L_new_32;
+        const float32 D_new_3 = part_of_D_new_0_6 * noise_11 * part_of_L_new_32;
 
         x_out[0].of[lane] = psi_alpha_j;
         x_out[1].of[lane] = psi_beta_j;

@@ -263,26 +263,25 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
         const pmsm_pair sincos_theta = sin_cos(theta);
-        const float32 odd_i_alpha_1 = sincos_theta.sine;
-        const float32 odd_i_beta_1 = sincos_theta.cosine;
-        const float32 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
-        const float32 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
+        const float32 sin_theta = sincos_theta.sine;
+        const float32 cos_theta = sincos_theta.cosine;
+        const float32 odd_i_alpha_turned_0 = cos_theta + sin_theta * L_10;
+        const float32 odd_i_beta_turned_0 = cos_theta * L_10 - sin_theta;
         const float32 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
         const float32 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
-        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 +
+        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 +
             gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0;
         const float32 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
-        const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 +
+        const float32 odd_i_alpha_next_1 = DECAY_I * sin_theta +
             gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1;
-        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
-            GAIN_E_POLE_PAIRS * L_20 * (cosm1_theta_0 + 1.0f);
-        const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
-            GAIN_E_POLE_PAIRS * L_21 * (cosm1_theta_1 + 1.0f);
-        const float32 odd_theta_next_0 = L_30 + L_20 * POLE_PAIRS_SAMPLE_TIME;
-        const float32 odd_theta_next_1 = L_31 + L_21 * POLE_PAIRS_SAMPLE_TIME;
-        const float32 odd_theta_next_2 = L_32 + 8e-05f;
+        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
+            GAIN_E_POLE_PAIRS * L_20 * (1.0f + cosm1_theta_0);
+        const float32 odd_i_beta_next_1 = DECAY_I * cos_theta - GAIN_E_POLE_PAIRS * L_21 * (1.0f + cosm1_theta_1);
+        const float32 odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30;
+        const float32 odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31;
+        const float32 odd_theta_next_2 = 8e-05f + L_32;
 
-        /* --- eq. 17 */
+        /* --- eq. 16: x_pred = mean X_i' */
         const float32 L_20_times_D_0 = L_20 * D_0;
         const float32 part_of_i_alpha_pred_3 = L_30_times_sinc_theta_0 * L_20_times_D_0;
         const float32 L_21_times_D_1 = L_21 * D_1;
@@ -301,17 +300,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_i_beta_1 = cosm1_theta_1 - part_of_dev_i_beta_0;
         const float32 dev_i_beta_2 = cosm1_theta_2 - part_of_dev_i_beta_0;
         const float32 dev_i_beta_3 = cosm1_theta_3 - part_of_dev_i_beta_0;
-
-        /* --- eq. 16: x_pred = mean X_i' */
         const float32 part_of_i_alpha_pred_2 = gain_e_pole_pairs_times_omega +
             omega * 0.0041916166f * part_of_i_alpha_pred;
         const float32 part_of_i_alpha_pred_7 = 0.016766466f * part_of_i_alpha_pred_6;
-        const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred_2 * odd_i_alpha_1 + GAIN_V * v_alpha
-            + odd_i_beta_1 * part_of_i_alpha_pred_7;
-        const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred_2 * odd_i_beta_1 + GAIN_V * v_beta +
-            odd_i_alpha_1 * part_of_i_alpha_pred_7;
+        const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred_2 * sin_theta + GAIN_V * v_alpha +
+            cos_theta * part_of_i_alpha_pred_7;
+        const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred_2 * cos_theta + GAIN_V * v_beta +
+            sin_theta * part_of_i_alpha_pred_7;
         const float32 omega_pred = omega * DECAY_OMEGA;
-        const float32 theta_pred = theta + omega * POLE_PAIRS_SAMPLE_TIME;
+        const float32 theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
@@ -324,14 +321,14 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             sinc_theta_3 * sinc_theta_3_times_D_3) * GAIN_E_SQ_POLE_PAIRS_SQ +
             0.0011244577f * (dev_i_alpha_0 * dev_i_alpha_0 + dev_i_alpha_1 * dev_i_alpha_1 +
             dev_i_alpha_2 * dev_i_alpha_2 + part_of_i_alpha_pred_6 * part_of_i_alpha_pred_6 * 0.0625f);
-        const float32 part_of_P_pred_00_2 = cosm1_theta_2 + 1.0f;
+        const float32 part_of_P_pred_00_2 = 1.0f + cosm1_theta_2;
         const float32 part_of_P_pred_00_3 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
             D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
             omega * (part_of_i_alpha_pred_5 * part_of_P_pred_00_2 + dev_i_alpha_0 * dev_i_beta_0 +
             dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 -
             part_of_dev_i_alpha_0 * dev_i_beta_3) * 0.00028111442f;
-        const float32 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
-        const float32 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_4 = sin_theta * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_5 = cos_theta * part_of_P_pred_00_3;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
         const float32 D_2_times_part_of_P_pred_00_2 = D_2 * part_of_P_pred_00_2;
@@ -340,32 +337,32 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_P_pred_00_2 * D_2_times_part_of_P_pred_00_2 * 0.00028111442f +
             omega_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 +
             dev_i_beta_3 * dev_i_beta_3) * 7.0278606e-05f;
-        const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
-            odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_6) + Q_0;
-        const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
-        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_6;
-        const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
-        const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
-        const float32 odd_i_beta_1_times_decay_omega = odd_i_beta_1 * DECAY_OMEGA;
+        const float32 P_pred_00 = cos_theta * (cos_theta * part_of_P_pred_00 - part_of_P_pred_00_4) -
+            sin_theta * (part_of_P_pred_00_5 - sin_theta * part_of_P_pred_00_6) + Q_0;
+        const float32 part_of_P_pred_10 = sin_theta * part_of_P_pred_00 + part_of_P_pred_00_5;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + cos_theta * part_of_P_pred_00_6;
+        const float32 P_pred_10 = cos_theta * part_of_P_pred_10 - sin_theta * part_of_P_pred_10_2;
+        const float32 P_pred_11 = sin_theta * part_of_P_pred_10 + cos_theta * part_of_P_pred_10_2 + Q_1;
+        const float32 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
         const float32 part_of_P_pred_20 = gain_e_pole_pairs_times_omega * part_of_i_alpha_pred_5;
         const float32 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_alpha_next_0 +
             L_21_times_D_1 * odd_i_alpha_next_1 + part_of_P_pred_20;
-        const float32 odd_i_alpha_1_times_decay_omega = odd_i_alpha_1 * DECAY_OMEGA;
+        const float32 sin_theta_times_decay_omega = sin_theta * DECAY_OMEGA;
         const float32 part_of_P_pred_20_3 = 0.016766466f * D_2_times_part_of_P_pred_00_2;
         const float32 part_of_P_pred_20_4 = L_20_times_D_0 * odd_i_beta_next_0 +
             L_21_times_D_1 * odd_i_beta_next_1 - part_of_P_pred_20_3;
-        const float32 P_pred_20 = odd_i_beta_1_times_decay_omega * part_of_P_pred_20_2 -
-            odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_4;
-        const float32 P_pred_21 = odd_i_alpha_1_times_decay_omega * part_of_P_pred_20_2 +
-            odd_i_beta_1_times_decay_omega * part_of_P_pred_20_4;
+        const float32 P_pred_20 = cos_theta_times_decay_omega * part_of_P_pred_20_2 -
+            sin_theta_times_decay_omega * part_of_P_pred_20_4;
+        const float32 P_pred_21 = sin_theta_times_decay_omega * part_of_P_pred_20_2 +
+            cos_theta_times_decay_omega * part_of_P_pred_20_4;
         const float32 P_pred_22 = 0.99999f * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2;
         const float32 part_of_P_pred_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
             D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
             gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3;
         const float32 part_of_P_pred_30_2 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
             D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_3 * odd_theta_next_2;
-        const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30 - odd_i_alpha_1 * part_of_P_pred_30_2;
-        const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30 + odd_i_beta_1 * part_of_P_pred_30_2;
+        const float32 P_pred_30 = cos_theta * part_of_P_pred_30 - sin_theta * part_of_P_pred_30_2;
+        const float32 P_pred_31 = sin_theta * part_of_P_pred_30 + cos_theta * part_of_P_pred_30_2;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
         const float32 P_pred_32 = DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 +
             L_21_times_D_1 * odd_theta_next_1 + D_2_times_odd_theta_next_2);
@@ -434,35 +431,34 @@ static void ickf_measurement_update(const lanes *__restrict x_pred, const lanes 
 
         /* --- eq. 31: y - y_pred; x^{j+1} */
         const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-        const float32 innovation_i_beta = i_beta_meas - i_beta_pred;
         const float32 span_first = R_0 + D_pred_0;
         const float32 D_pred_0_per_span_first = D_pred_0 / span_first;
-        const float32 part_of_i_alpha_after = innovation_i_alpha * D_pred_0_per_span_first;
-        const float32 part_of_innovation_after_first = part_of_i_alpha_after * L_pred_10;
-        const float32 innovation_after_first = innovation_i_beta - part_of_innovation_after_first;
+        const float32 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first;
+        const float32 part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10;
+        const float32 innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred;
         const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
         const float32 part_of_span_second = R_0 * D_pred_0_per_span_first;
         const float32 part_of_span_second_2 = part_of_span_second * L_pred_10;
         const float32 part_of_span_second_3 = L_pred_10 * part_of_span_second_2;
         const float32 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
-        const float32 part_of_i_alpha_after_2 = 1.0f / span_second;
-        const float32 part_of_i_alpha_after_3 = innovation_after_first * part_of_i_alpha_after_2;
-        const float32 part_of_i_alpha_after_4 = part_of_span_second_2 * part_of_i_alpha_after_3;
-        const float32 i_alpha_after = i_alpha_pred + part_of_i_alpha_after + part_of_i_alpha_after_4;
-        const float32 i_beta_after = i_beta_pred + part_of_innovation_after_first +
-            part_of_i_alpha_after_3 * (D_pred_1 + part_of_span_second_3);
-        const float32 part_of_omega_after = part_of_i_alpha_after + part_of_i_alpha_after_4;
-        const float32 part_of_omega_after_2 = D_pred_1 * part_of_i_alpha_after_3;
-        const float32 omega_after = omega_pred + part_of_omega_after * L_pred_20 +
-            part_of_omega_after_2 * L_pred_21;
-        const float32 theta_after = theta_pred + part_of_omega_after * L_pred_30 +
-            part_of_omega_after_2 * L_pred_31;
+        const float32 part_of_i_alpha_after = 1.0f / span_second;
+        const float32 part_of_i_alpha_after_2 = innovation_after_first * part_of_i_alpha_after;
+        const float32 part_of_i_alpha_after_3 = part_of_innovation_after_first +
+            part_of_span_second_2 * part_of_i_alpha_after_2;
+        const float32 i_alpha_after = part_of_i_alpha_after_3 + i_alpha_pred;
+        const float32 i_beta_after = part_of_innovation_after_firs_2 +
+            part_of_i_alpha_after_2 * (part_of_span_second_3 + D_pred_1) + i_beta_pred;
+        const float32 part_of_omega_after = D_pred_1 * part_of_i_alpha_after_2;
+        const float32 omega_after = part_of_i_alpha_after_3 * L_pred_20 + part_of_omega_after * L_pred_21 +
+            omega_pred;
+        const float32 theta_after = part_of_i_alpha_after_3 * L_pred_30 + part_of_omega_after * L_pred_31 +
+            theta_pred;
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_after);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after_2;
+        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_after;
         const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
         const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
         const float32 L_new_10 = L_pred_10 - part_of_L_new_10;

@@ -192,11 +192,11 @@ static void time_update_turns(const lanes *__restrict LD, lanes *__restrict z_ou
         const float32 D_3 = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2, what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_d_theta_mid_sq_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+        const float32 part_of_d_theta_mid_sq_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const float32 d_theta_mid_sq_0 = D_0 * 5.0f * part_of_d_theta_mid_sq_0 * part_of_d_theta_mid_sq_0;
-        const float32 part_of_d_theta_mid_sq_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 part_of_d_theta_mid_sq_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 d_theta_mid_sq_1 = 5.0f * D_1 * part_of_d_theta_mid_sq_1 * part_of_d_theta_mid_sq_1;
-        const float32 part_of_d_theta_mid_sq_2 = L_32 + 0.0002f;
+        const float32 part_of_d_theta_mid_sq_2 = 0.0002f + L_32;
         const float32 d_theta_mid_sq_2 = 5.0f * D_2 * part_of_d_theta_mid_sq_2 * part_of_d_theta_mid_sq_2;
         const float32 d_theta_mid_sq_3 = 5.0f * D_3;
         const float32 sinc_theta_mid_0 = ((SINC_3 * d_theta_mid_sq_0 + SINC_2) * d_theta_mid_sq_0 +
@@ -280,68 +280,68 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_mid = theta + omega * HALF_T_POLE_PAIRS;
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
-        const float32 odd_i_alpha_1 = sincos_theta_mid.sine;
-        const float32 odd_i_beta_1 = sincos_theta_mid.cosine;
-        const float32 i_alpha_2 = i_alpha * odd_i_beta_1 + odd_i_alpha_1 * i_beta;
-        const float32 odd_i_alpha_0 = odd_i_beta_1 + odd_i_alpha_1 * L_10;
-        const float32 i_beta_2 = odd_i_beta_1 * i_beta - i_alpha * odd_i_alpha_1;
-        const float32 odd_i_beta_0 = odd_i_beta_1 * L_10 - odd_i_alpha_1;
-        const float32 odd_theta_mid_0 = L_30 + HALF_T_POLE_PAIRS * L_20;
+        const float32 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
+        const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
         const float32 emf_step = GAIN_E_POLE_PAIRS * omega;
-        const float32 drive_alpha = GAIN_V * (v_alpha * odd_i_beta_1 + odd_i_alpha_1 * v_beta);
-        const float32 drive_beta = GAIN_V * (odd_i_beta_1 * v_beta - odd_i_alpha_1 * v_alpha);
-        const float32 part_of_i_alpha_mid = 1.7087082f * i_alpha_2 + drive_alpha;
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+        const float32 sin_theta_mid = sincos_theta_mid.sine;
+        const float32 cos_theta_mid = sincos_theta_mid.cosine;
+        const float32 drive_alpha = GAIN_V * (v_alpha * cos_theta_mid + sin_theta_mid * v_beta);
+        const float32 drive_beta = GAIN_V * (cos_theta_mid * v_beta - sin_theta_mid * v_alpha);
+        const float32 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
+        const float32 part_of_i_alpha_mid = 1.7087082f * i_alpha_turned + drive_alpha;
         const float32 i_alpha_mid = 0.5f * part_of_i_alpha_mid;
         const float32 part_of_i_alpha_pred_2 = odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 part_of_i_alpha_pred_3 = part_of_i_alpha_pred_2 * D_0;
         const float32 part_of_i_alpha_pred_4 = L_20 * part_of_i_alpha_pred_3;
         const float32 even_i_alpha_mid_0 = part_of_i_alpha_pred_4 * 0.17730804f;
-        const float32 odd_theta_mid_1 = L_31 + HALF_T_POLE_PAIRS * L_21;
+        const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
+        const float32 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
+        const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+        const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 part_of_i_alpha_pred_5 = odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 part_of_i_alpha_pred_6 = part_of_i_alpha_pred_5 * D_1;
         const float32 part_of_i_alpha_pred_7 = L_21 * part_of_i_alpha_pred_6;
         const float32 even_i_alpha_mid_1 = part_of_i_alpha_pred_7 * 0.17730804f;
-        const float32 odd_theta_mid_2 = L_32 + 0.0002f;
+        const float32 odd_theta_mid_2 = 0.0002f + L_32;
         const float32 part_of_i_alpha_pred_8 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 part_of_i_alpha_pred_9 = part_of_i_alpha_pred_8 * D_2;
         const float32 even_i_alpha_mid_2 = part_of_i_alpha_pred_9 * 0.17730804f;
-        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_0 + emf_step * part_of_i_alpha_pred_2;
-        const float32 odd_i_alpha_next_1 = DECAY_I * odd_i_alpha_1 + emf_step * part_of_i_alpha_pred_5;
-        const float32 part_of_offset_omega_2 = cosm1_theta_mid_0 + 1.0f;
-        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_0 -
+        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * part_of_i_alpha_pred_2;
+        const float32 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * part_of_i_alpha_pred_5;
+        const float32 part_of_offset_omega_2 = 1.0f + cosm1_theta_mid_0;
+        const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
             GAIN_E_POLE_PAIRS * L_20 * part_of_offset_omega_2;
-        const float32 part_of_offset_omega_5 = cosm1_theta_mid_1 + 1.0f;
-        const float32 odd_i_beta_next_1 = DECAY_I * odd_i_beta_1 -
+        const float32 part_of_offset_omega_5 = 1.0f + cosm1_theta_mid_1;
+        const float32 odd_i_beta_next_1 = DECAY_I * cos_theta_mid -
             GAIN_E_POLE_PAIRS * L_21 * part_of_offset_omega_5;
         const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
-            0.006562418f * part_of_offset_omega_2 * (odd_i_beta_0 + odd_i_beta_next_0) -
+            0.006562418f * part_of_offset_omega_2 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
             GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_2 * (i_alpha_mid + even_i_alpha_mid_0) -
             GAIN_OMEGA * L_40;
         const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
-            0.006562418f * part_of_offset_omega_5 * (odd_i_beta_1 + odd_i_beta_next_1) -
+            0.006562418f * part_of_offset_omega_5 * (cos_theta_mid + odd_i_beta_next_1) -
             GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_5 * (i_alpha_mid + even_i_alpha_mid_1) -
             GAIN_OMEGA * L_41;
-        const float32 part_of_offset_omega_7 = cosm1_theta_mid_2 + 1.0f;
+        const float32 part_of_offset_omega_7 = 1.0f + cosm1_theta_mid_2;
         const float32 odd_omega_next_2 = DECAY_OMEGA -
             GAIN_OMEGA * (part_of_offset_omega_7 * part_of_offset_omega_7 * 0.03723469f + L_42) -
             GAIN_OMEGA_GAIN_TORQUE * part_of_i_alpha_pred_8 * (i_alpha_mid + even_i_alpha_mid_2);
-        const float32 odd_theta_next_0 = L_30 + HALF_P_T * (L_20 + odd_omega_next_0);
-        const float32 odd_theta_next_1 = L_31 + HALF_P_T * (L_21 + odd_omega_next_1);
-        const float32 odd_theta_next_2 = L_32 + HALF_P_T * (1.0f + odd_omega_next_2);
+        const float32 odd_theta_next_0 = HALF_P_T * (odd_omega_next_0 + L_20) + L_30;
+        const float32 odd_theta_next_1 = HALF_P_T * (odd_omega_next_1 + L_21) + L_31;
+        const float32 odd_theta_next_2 = HALF_P_T * (1.0f + odd_omega_next_2) + L_32;
         const float32 part_of_P_pred_20_2 = sinc_theta_mid_3 * part_of_i_alpha_mid * 0.525f + L_43;
         const float32 odd_theta_next_3 = 1.0f - part_of_P_pred_20_2 * GAIN_OMEGA_HALF_P_T;
 
-        /* --- eq. 16 */
-        const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_2 - emf_step + drive_beta);
+        /* --- eq. 16: x_pred = mean X_i' */
+        const float32 part_of_offset_omega = 0.5f * (1.7087082f * i_beta_turned - emf_step + drive_beta);
         const float32 part_of_offset_omega_3 = omega * 0.03546161f;
         const float32 part_of_offset_omega_4 = cosm1_theta_mid_0 * part_of_offset_omega -
             cosm1_theta_mid_0 * part_of_offset_omega_2 * part_of_offset_omega_3 -
-            part_of_i_alpha_pred_3 * (odd_i_alpha_0 + odd_i_alpha_next_0) * 2.5f;
+            part_of_i_alpha_pred_3 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 2.5f;
         const float32 part_of_offset_omega_6 = cosm1_theta_mid_1 * part_of_offset_omega -
             cosm1_theta_mid_1 * part_of_offset_omega_3 * part_of_offset_omega_5 -
-            part_of_i_alpha_pred_6 * 2.5f * (odd_i_alpha_1 + odd_i_alpha_next_1);
+            part_of_i_alpha_pred_6 * 2.5f * (sin_theta_mid + odd_i_alpha_next_1);
         const float32 part_of_offset_omega_8 = part_of_i_alpha_pred_8 * part_of_i_alpha_pred_9;
         const float32 part_of_offset_omega_9 = omega * 0.17730804f;
         const float32 part_of_offset_omega_10 = cosm1_theta_mid_2 * part_of_offset_omega -
@@ -350,14 +350,12 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3;
         const float32 part_of_offset_omega_11 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3;
         const float32 part_of_offset_omega_12 = cosm1_theta_mid_3 * part_of_offset_omega -
-            cosm1_theta_mid_3 * part_of_offset_omega_3 * (cosm1_theta_mid_3 + 1.0f) -
+            cosm1_theta_mid_3 * part_of_offset_omega_3 * (1.0f + cosm1_theta_mid_3) -
             part_of_offset_omega_9 * part_of_offset_omega_11;
         const float32 part_of_offset_omega_13 = part_of_offset_omega_4 + part_of_offset_omega_6 +
             part_of_offset_omega_10 + part_of_offset_omega_12;
         const float32 offset_omega = 0.0026249671f * part_of_offset_omega_13;
         const float32 offset_theta = part_of_offset_omega_13 * 5.249934e-07f;
-
-        /* --- eq. 17 */
         const float32 part_of_i_alpha_pred_10 = part_of_i_alpha_pred_4 + part_of_i_alpha_pred_7 +
             part_of_i_alpha_pred_9;
         const float32 part_of_dev_i_alpha_0 = part_of_i_alpha_pred_10 * 0.2f;
@@ -376,21 +374,19 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_omega_1 = part_of_offset_omega_6 - part_of_dev_omega_0;
         const float32 dev_omega_2 = part_of_offset_omega_10 - part_of_dev_omega_0;
         const float32 dev_omega_3 = part_of_offset_omega_12 - part_of_dev_omega_0;
-
-        /* --- eq. 16: x_pred = mean X_i' */
-        const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * odd_i_alpha_1 + GAIN_V * v_alpha;
+        const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + GAIN_V * v_alpha;
         const float32 part_of_i_alpha_pred_11 = 0.07092322f * part_of_i_alpha_pred_10;
         const float32 part_of_i_alpha_pred_13 = omega * 0.0141846435f * part_of_i_alpha_pred_12;
-        const float32 i_alpha_pred = part_of_i_alpha_pred + odd_i_beta_1 * part_of_i_alpha_pred_11 +
-            odd_i_alpha_1 * part_of_i_alpha_pred_13;
-        const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * odd_i_beta_1 + GAIN_V * v_beta;
-        const float32 i_beta_pred = part_of_i_beta_pred + odd_i_alpha_1 * part_of_i_alpha_pred_11 -
-            odd_i_beta_1 * part_of_i_alpha_pred_13;
+        const float32 i_alpha_pred = part_of_i_alpha_pred + cos_theta_mid * part_of_i_alpha_pred_11 +
+            sin_theta_mid * part_of_i_alpha_pred_13;
+        const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * cos_theta_mid + GAIN_V * v_beta;
+        const float32 i_beta_pred = part_of_i_beta_pred + sin_theta_mid * part_of_i_alpha_pred_11 -
+            cos_theta_mid * part_of_i_alpha_pred_13;
         const float32 part_of_omega_pred = omega * DECAY_OMEGA +
-            0.006562418f * odd_i_beta_1 * (i_beta + part_of_i_beta_pred) -
-            0.006562418f * odd_i_alpha_1 * (i_alpha + part_of_i_alpha_pred) - GAIN_OMEGA * load_torque;
+            0.006562418f * cos_theta_mid * (part_of_i_beta_pred + i_beta) -
+            0.006562418f * sin_theta_mid * (part_of_i_alpha_pred + i_alpha) - GAIN_OMEGA * load_torque;
         const float32 omega_pred = part_of_omega_pred + offset_omega;
-        const float32 theta_pred = theta + HALF_P_T * (omega + part_of_omega_pred) + offset_theta;
+        const float32 theta_pred = HALF_P_T * (part_of_omega_pred + omega) + offset_theta + theta;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q */
         const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
@@ -408,8 +404,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             omega * (part_of_i_alpha_pred_9 * part_of_offset_omega_7 + dev_i_alpha_0 * dev_i_beta_0 +
             dev_i_alpha_1 * dev_i_beta_1 + dev_i_alpha_2 * dev_i_beta_2 - part_of_dev_i_alpha_0 * dev_i_beta_3 +
             part_of_i_alpha_pred_10 * part_of_P_pred_00_2) * 0.0050301026f;
-        const float32 part_of_P_pred_00_4 = odd_i_alpha_1 * part_of_P_pred_00_3;
-        const float32 part_of_P_pred_00_5 = odd_i_beta_1 * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_4 = sin_theta_mid * part_of_P_pred_00_3;
+        const float32 part_of_P_pred_00_5 = cos_theta_mid * part_of_P_pred_00_3;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
         const float32 part_of_P_pred_00_6 = D_2 * part_of_offset_omega_7;
@@ -418,12 +414,12 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_offset_omega_7 * part_of_P_pred_00_6 * 0.0050301026f + omega_sq * (dev_i_beta_0 * dev_i_beta_0
             + dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3 +
             part_of_i_alpha_pred_12 * part_of_P_pred_00_2) * 0.0010060206f;
-        const float32 P_pred_00 = odd_i_beta_1 * (odd_i_beta_1 * part_of_P_pred_00 - part_of_P_pred_00_4) -
-            odd_i_alpha_1 * (part_of_P_pred_00_5 - odd_i_alpha_1 * part_of_P_pred_00_7) + Q_0;
-        const float32 part_of_P_pred_10 = odd_i_alpha_1 * part_of_P_pred_00 + part_of_P_pred_00_5;
-        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + odd_i_beta_1 * part_of_P_pred_00_7;
-        const float32 P_pred_10 = odd_i_beta_1 * part_of_P_pred_10 - odd_i_alpha_1 * part_of_P_pred_10_2;
-        const float32 P_pred_11 = odd_i_alpha_1 * part_of_P_pred_10 + odd_i_beta_1 * part_of_P_pred_10_2 + Q_1;
+        const float32 P_pred_00 = cos_theta_mid * (cos_theta_mid * part_of_P_pred_00 - part_of_P_pred_00_4) -
+            sin_theta_mid * (part_of_P_pred_00_5 - sin_theta_mid * part_of_P_pred_00_7) + Q_0;
+        const float32 part_of_P_pred_10 = sin_theta_mid * part_of_P_pred_00 + part_of_P_pred_00_5;
+        const float32 part_of_P_pred_10_2 = part_of_P_pred_00_4 + cos_theta_mid * part_of_P_pred_00_7;
+        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_10 - sin_theta_mid * part_of_P_pred_10_2;
+        const float32 P_pred_11 = sin_theta_mid * part_of_P_pred_10 + cos_theta_mid * part_of_P_pred_10_2 + Q_1;
         const float32 part_of_P_pred_20 = emf_step * part_of_i_alpha_pred_9;
         const float32 part_of_P_pred_20_3 = part_of_offset_omega_13 * 0.04f;
         const float32 part_of_P_pred_20_4 = dev_i_alpha_0 * dev_omega_0 + dev_i_alpha_1 * dev_omega_1 +
@@ -440,8 +436,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_P_pred_20_8 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
             D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - part_of_P_pred_20_6 * odd_omega_next_2 -
             0.00018617112f * part_of_P_pred_20_7;
-        const float32 P_pred_20 = odd_i_beta_1 * part_of_P_pred_20_5 - odd_i_alpha_1 * part_of_P_pred_20_8;
-        const float32 P_pred_21 = odd_i_alpha_1 * part_of_P_pred_20_5 + odd_i_beta_1 * part_of_P_pred_20_8;
+        const float32 P_pred_20 = cos_theta_mid * part_of_P_pred_20_5 - sin_theta_mid * part_of_P_pred_20_8;
+        const float32 P_pred_21 = sin_theta_mid * part_of_P_pred_20_5 + cos_theta_mid * part_of_P_pred_20_8;
         const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
         const float32 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
         const float32 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
@@ -458,8 +454,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_P_pred_30_3 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
             D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - part_of_P_pred_20_6 * odd_theta_next_2 -
             part_of_P_pred_20_7 * 3.7234223e-08f;
-        const float32 P_pred_30 = odd_i_beta_1 * part_of_P_pred_30_2 - odd_i_alpha_1 * part_of_P_pred_30_3;
-        const float32 P_pred_31 = odd_i_alpha_1 * part_of_P_pred_30_2 + odd_i_beta_1 * part_of_P_pred_30_3;
+        const float32 P_pred_30 = cos_theta_mid * part_of_P_pred_30_2 - sin_theta_mid * part_of_P_pred_30_3;
+        const float32 P_pred_31 = sin_theta_mid * part_of_P_pred_30_2 + cos_theta_mid * part_of_P_pred_30_3;
         const float32 part_of_P_pred_32 = GAIN_OMEGA * part_of_P_pred_20_2;
         const float32 D_3_times_odd_theta_next_3 = D_3 * odd_theta_next_3;
         const float32 P_pred_32 = D_0_times_odd_omega_next_0 * odd_theta_next_0 +
@@ -474,8 +470,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             D_1_times_odd_i_alpha_next_1 * L_41 + part_of_P_pred_20 * L_42 + part_of_P_pred_30 * L_43;
         const float32 part_of_P_pred_40_2 = D_0_times_odd_i_beta_next_0 * L_40 +
             D_1_times_odd_i_beta_next_1 * L_41 - part_of_P_pred_20_6 * L_42;
-        const float32 P_pred_40 = odd_i_beta_1 * part_of_P_pred_40 - odd_i_alpha_1 * part_of_P_pred_40_2;
-        const float32 P_pred_41 = odd_i_alpha_1 * part_of_P_pred_40 + odd_i_beta_1 * part_of_P_pred_40_2;
+        const float32 P_pred_40 = cos_theta_mid * part_of_P_pred_40 - sin_theta_mid * part_of_P_pred_40_2;
+        const float32 P_pred_41 = sin_theta_mid * part_of_P_pred_40 + cos_theta_mid * part_of_P_pred_40_2;
         const float32 D_0_times_L_40 = D_0 * L_40;
         const float32 D_1_times_L_41 = D_1 * L_41;
         const float32 D_2_times_L_42 = D_2 * L_42;
@@ -572,33 +568,32 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
 
         /* --- eq. 25: y - y_pred; theta wrapped */
         const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-        const float32 innovation_i_beta = i_beta_meas - i_beta_pred;
         const float32 span_first = R_0 + D_pred_0;
         const float32 D_pred_0_per_span_first = D_pred_0 / span_first;
-        const float32 part_of_i_alpha_new = innovation_i_alpha * D_pred_0_per_span_first;
-        const float32 part_of_innovation_after_first = part_of_i_alpha_new * L_pred_10;
-        const float32 innovation_after_first = innovation_i_beta - part_of_innovation_after_first;
+        const float32 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_per_span_first;
+        const float32 part_of_innovation_after_firs_2 = part_of_innovation_after_first * L_pred_10;
+        const float32 innovation_after_first = i_beta_meas - part_of_innovation_after_firs_2 - i_beta_pred;
         const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
         const float32 part_of_span_second = R_0 * D_pred_0_per_span_first;
         const float32 part_of_span_second_2 = part_of_span_second * L_pred_10;
         const float32 part_of_span_second_3 = L_pred_10 * part_of_span_second_2;
         const float32 span_second = larger(R_1_plus_D_pred_1 + part_of_span_second_3, R_1);
-        const float32 part_of_i_alpha_new_2 = 1.0f / span_second;
-        const float32 part_of_i_alpha_new_3 = innovation_after_first * part_of_i_alpha_new_2;
-        const float32 part_of_i_alpha_new_4 = part_of_span_second_2 * part_of_i_alpha_new_3;
-        const float32 i_alpha_new = i_alpha_pred + part_of_i_alpha_new + part_of_i_alpha_new_4;
-        const float32 i_beta_new = i_beta_pred + part_of_innovation_after_first +
-            part_of_i_alpha_new_3 * (D_pred_1 + part_of_span_second_3);
-        const float32 part_of_omega_new = part_of_i_alpha_new + part_of_i_alpha_new_4;
-        const float32 part_of_omega_new_2 = D_pred_1 * part_of_i_alpha_new_3;
-        const float32 omega_new = omega_pred + part_of_omega_new * L_pred_20 + part_of_omega_new_2 * L_pred_21;
-        const float32 theta_new = wrap_angle(theta_pred + part_of_omega_new * L_pred_30 +
-            part_of_omega_new_2 * L_pred_31);
-        const float32 load_torque_new = load_torque_pred + part_of_omega_new * L_pred_40 +
-            part_of_omega_new_2 * L_pred_41;
+        const float32 part_of_i_alpha_new = 1.0f / span_second;
+        const float32 part_of_i_alpha_new_2 = innovation_after_first * part_of_i_alpha_new;
+        const float32 part_of_i_alpha_new_3 = part_of_innovation_after_first +
+            part_of_span_second_2 * part_of_i_alpha_new_2;
+        const float32 i_alpha_new = part_of_i_alpha_new_3 + i_alpha_pred;
+        const float32 i_beta_new = part_of_innovation_after_firs_2 +
+            part_of_i_alpha_new_2 * (part_of_span_second_3 + D_pred_1) + i_beta_pred;
+        const float32 part_of_omega_new = D_pred_1 * part_of_i_alpha_new_2;
+        const float32 omega_new = part_of_i_alpha_new_3 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
+        const float32 theta_new = wrap_angle(part_of_i_alpha_new_3 * L_pred_30 + part_of_omega_new * L_pred_31 +
+            theta_pred);
+        const float32 load_torque_new = part_of_i_alpha_new_3 * L_pred_40 + part_of_omega_new * L_pred_41 +
+            load_torque_pred;
 
         /* --- eq. 26: L D L^T = P_new */
-        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new_2;
+        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * part_of_i_alpha_new;
         const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
         const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
         const float32 L_new_10 = L_pred_10 - part_of_L_new_10;
