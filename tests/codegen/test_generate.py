@@ -122,7 +122,7 @@ def test_every_local_has_a_meaning(drive: Drive) -> None:
     """No numbered temporaries: what no stage names is named after what it is made of."""
     for path in interrupt_files(drive.name):
         names = re.findall(r"^    const float32 (\w+) =", path.read_text(), flags=re.MULTILINE)
-        assert len(names) > (40 if path.stem.endswith("_foc") else 200)
+        assert len(names) > (40 if path.stem.endswith("_foc") else 100)
         assert not [name for name in names if re.fullmatch(r"(_?tmp|t|v|w|shared|angle)_?\d*", name)]
 
 
