@@ -82,7 +82,8 @@ def _row(label: str, make: Callable[[], Candidate], inputs: Inputs) -> Row:
     made: list[Candidate] = []
     failed = figure(lambda: float(bool(made.append(make()))))
     if isinstance(failed, Missing):
-        return {"step": label, X86: failed, M4: failed, TEXT: failed, STACK: failed, "deviation, sigma": failed}
+        columns = (X86, M4, TEXT, STACK, "add+mul", "div/sqrt/sincos", "deviation, sigma")
+        return {"step": label, **dict.fromkeys(columns, failed)}
     subject = made[0]
     counts = subject.operations
     row: Row = {

@@ -87,7 +87,12 @@ class PythonPrinter(ExpressionPrinter):
         return lines
 
     def _tuple(self, listing: Listing, nodes: list[int]) -> str:
-        return f"({', '.join(self.reference(listing, node) for node in nodes)},)"
+        return f"({', '.join(self._result(listing, node) for node in nodes)},)"
+
+    def _result(self, listing: Listing, node: int) -> str:
+        """A number that leaves a block takes the format with it: selected lane by lane it would become a double."""
+        text = self.reference(listing, node)
+        return f"math.dtype({text})" if listing.graph[node].op == "const" else text
 
     def format_helper(self, listing: Listing, suffix: str) -> str:
         """sin_cos or wrap_angle for one precision."""

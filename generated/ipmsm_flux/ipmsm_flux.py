@@ -823,7 +823,7 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
         (psi_alpha_after, psi_beta_after, omega_after, theta_after,),
         (part_of_Pyy_00, part_of_Pyy_00_2, part_of_Pyy_00_3, slope_y_i_alpha_3, part_of_Pyy_10,
             part_of_Pyy_10_2, L_pred_32 * slope_y_i_beta_3, slope_y_i_beta_3,),
-        (R_0, 0.0, R_1,),
+        (R_0, math.dtype(0.0), R_1,),
         (change,),
     )
 

@@ -36,6 +36,14 @@ class Trace:
         """Covariances, symmetric."""
         return self.unpack(self.words)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Between processes a trace travels with its P worked out: what unpacks it belongs to a generated module."""
+        return _unpacked_trace, (self.x, self.iterations, self.status, self.words, self.P)
+
+
+def _unpacked_trace(x: Array, iterations: Array, status: Array, words: Array, P: Array) -> Trace:
+    return Trace(x, iterations, status, words, lambda _: P)
+
 
 class Backend(Protocol):
     """What executes the steps. Lanes are the last axis; P travels as the filter's own n(n+1)/2 words."""

@@ -190,11 +190,11 @@ def test_certificate_bounds_other_draws() -> None:
 def test_every_combination_is_clean_readable_and_proven(
     machine: str, mechanics: str, discretization: str, tmp_path: Path
 ) -> None:
-    """Drives nobody ships: all four filters of each, strict C, no anonymous local, links A-B and D-E."""
+    """Drives nobody ships: all four filters of each, strict C, no anonymous local, links A-B, B-C and D-E."""
     from codegen.folder import write_folder
     from runtime.estimator.folder import GeneratedFolder
     from runtime.proof.trajectory import make_trajectory
-    from runtime.proof.verify import Effort, Prover
+    from runtime.proof.verify import Effort, Prover, literal_package
 
     base = load_drive(machine)
     more = 1 if mechanics == "load_torque" else 0
@@ -215,7 +215,9 @@ def test_every_combination_is_clean_readable_and_proven(
         assert not re.search(r"\bshared\b|part_of_the_result", path.read_text())
     data = make_trajectory(drive.model_dump(), steps=150)
     effort = Effort(box_draws=50, bit_steps=150)
-    prover = Prover(package, GeneratedFolder(tmp_path / "d"), data, (data, 50), effort, lambda text: None)
+    literal = literal_package(drive)
+    prover = Prover(package, literal, GeneratedFolder(tmp_path / "d"), data, (data, 50), effort, lambda text: None)
     for kind in package.steps:
-        for link in [*prover.link_a_b(kind), prover._box(kind), prover._bits(kind).link(("-O3", "-march=native"))]:
+        bits = prover._bits(kind).link(("-O3", "-march=native"))
+        for link in [*prover.along_trajectory(kind), *prover._box(kind), bits]:
             assert link.passed, (kind, link.name, str(link.divergence))

@@ -231,3 +231,13 @@ def test_manifest_tells_programs_what_they_need(name: str) -> None:
         for path in (GENERATED / name).rglob("*")
         if path.is_file() and path.name != "manifest.json"
     }
+
+
+def test_a_trace_travels_between_processes() -> None:
+    """Drives are verified in parallel; a trace's P is worked out before it leaves its process."""
+    import pickle
+
+    trace = runtime.load("paper_spmsm", backend="c", dtype="float32").run(np.zeros((5, 2)), np.zeros((5, 2)))
+    arrived = pickle.loads(pickle.dumps(trace))
+    np.testing.assert_array_equal(arrived.P, trace.P)
+    np.testing.assert_array_equal(arrived.x, trace.x)
