@@ -55,6 +55,7 @@ def test_python_prints_every_operator(point: list[float]) -> None:
     exec(f"{wrap}\n{PythonPrinter().format_block(listing)}", namespace)
 
     class Math:
+        dtype = np.float64
         sin_cos = staticmethod(lambda x: (np.sin(x), np.cos(x)))
         wrap = staticmethod(namespace["_wrap_angle_f64"])
 
