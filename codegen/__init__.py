@@ -3,4 +3,4 @@
 Start at :func:`codegen.generate.generate`, the pipeline from a drive to a folder of files.
 """
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"

@@ -8,10 +8,13 @@ import casadi as ca
 import numpy as np
 
 from model.drive import Drive
-from model.machines import MACHINES
+from model.machines import find_machine
 from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
 from model.state_space import StateSpaceModel
+
+#: Motor data that are states are drawn from this share of the drive file's value.
+ADAPTIVE_SHARE = (0.7, 1.3)
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,14 @@ def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
     rows = [*electrical_states(drive, i, theta), omega, theta]
     if drive.model.mechanics == "load_torque":
         rows.append(rng.uniform(-box.load_torque, box.load_torque, count))
+    for word in drive.model.adaptive:
+        rows.append(getattr(drive.motor, word) * rng.uniform(*ADAPTIVE_SHARE, count))
     return np.vstack(rows)
 
 
 def electrical_states(drive: Drive, i: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """The two electrical states (2, B), in the machine's unit, at currents i (2, B) in A and angles theta (B,)."""
-    machine = MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False))
+    machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
     current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
     z = machine.electrical_state((current[0], current[1]), Rotor.at(angle))
     electrical = ca.Function("electrical", [current, angle], [ca.vertcat(*z)]).map(theta.size)

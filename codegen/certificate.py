@@ -89,6 +89,8 @@ def _compare(
     scale = sigma[:, :, None] * sigma[:, None, :]
     dP = np.max(np.abs(P - exact) / scale, axis=(1, 2))
     good = np.all(np.isfinite(single[0]), axis=0) & np.isfinite(dP)
+    if not np.any(good):
+        raise FloatingPointError("no sample of the operating box stays a number")
     lowest = np.linalg.eigvalsh(P[good] / scale[good])[:, 0]
     return Certificate(
         samples=int(good.size),
@@ -122,6 +124,7 @@ def one_step(
     state.x = x
     setattr(state, module["COVARIANCE"], P)
     state.u_held = tuple(number(row) for row in np.zeros_like(box.u, dtype=math.dtype))
+    state.nis, state.repairs = number(math.dtype(0)), 0
     module["STEPS"][kind](state, u, y, math)
     left = np.array(getattr(state, module["COVARIANCE"]), dtype=float)
     return np.array(state.x, dtype=float), np.moveaxis(module["unpack"](left), 2, 0)

@@ -1,13 +1,18 @@
-"""The generated folder: manifest, hashes, drift check, and a swap that leaves no half-written state."""
+"""The generated folder: manifest, hashes, drift check, and an exchange that leaves no half-written state."""
 
 from __future__ import annotations
 
+import ctypes
 import difflib
+import errno
+import fcntl
 import hashlib
 import json
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,17 +43,25 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     try:
         manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        for entry in manifest["files"].values():
+            entry["sha256"]
     except FileNotFoundError:
         raise FolderError(f"'{folder}' is not a generated folder: no {MANIFEST} in it.") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise FolderError(f"'{folder / MANIFEST}' cannot be read: {error}") from None
+    except (AttributeError, KeyError, TypeError):
+        raise FolderError(f"'{folder / MANIFEST}' is no manifest: it does not list files with sha256.") from None
     return manifest
 
 
 def edited_files(folder: Path) -> list[str]:
     """Files that are no longer what the manifest says: changed, missing or added."""
-    manifest = read_manifest(folder)
-    listed = manifest["files"]
+    with _lock(folder.parent, fcntl.LOCK_SH):
+        return _edited_files(folder)
+
+
+def _edited_files(folder: Path) -> list[str]:
+    listed = read_manifest(folder)["files"]
     changed = []
     for name, entry in listed.items():
         path = folder / name
@@ -64,7 +77,10 @@ def edited_files(folder: Path) -> list[str]:
 
 def check_unedited(folder: Path) -> None:
     """Raise FolderError if anything in the folder was edited by hand."""
-    edited = edited_files(folder)
+    _refuse(folder, edited_files(folder))
+
+
+def _refuse(folder: Path, edited: list[str]) -> None:
     if edited:
         raise FolderError(
             f"'{folder / edited[0]}' was edited by hand (it differs from {MANIFEST}). "
@@ -74,6 +90,11 @@ def check_unedited(folder: Path) -> None:
 
 def difference(folder: Path, files: dict[str, str]) -> str:
     """Unified diff from what is on disk to ``files``; empty if they are byte-identical."""
+    with _lock(folder.parent, fcntl.LOCK_SH):
+        return _difference(folder, files)
+
+
+def _difference(folder: Path, files: dict[str, str]) -> str:
     parts: list[str] = []
     present = (
         {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
@@ -93,48 +114,101 @@ def difference(folder: Path, files: dict[str, str]) -> str:
 
 
 def write_folder(folder: Path, files: dict[str, str], force: bool = False) -> None:
-    """Write all files to a temporary sibling, then swap it in.
+    """Write all files to a temporary sibling, then exchange the two in one step of the file system.
+
+    Whoever else writes to the same place waits; what a killed one left behind is removed.
 
     Raises
     ------
     FolderError
         If ``folder`` holds something that is not ours, was edited by hand (unless ``force``), or cannot be written.
     """
-    if folder.exists() and not force:
-        if not folder.is_dir() or (any(folder.iterdir()) and not (folder / MANIFEST).is_file()):
-            raise FolderError(f"'{folder}' exists and was not generated; choose another --out or remove it.")
-        if (folder / MANIFEST).is_file():
-            check_unedited(folder)
+    place = Path(os.path.realpath(folder))  # a link stays a link
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        place.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FolderError(f"cannot write to '{folder.parent}': {error.strerror or error}") from None
+    with _lock(place.parent, fcntl.LOCK_EX) as alone:
+        if place.exists() and not force:
+            if not place.is_dir() or (any(place.iterdir()) and not (place / MANIFEST).is_file()):
+                raise FolderError(f"'{folder}' exists and was not generated; choose another --out or remove it.")
+            if (place / MANIFEST).is_file():
+                _refuse(folder, _edited_files(place))
+        try:
+            _replace(place, files, alone)
+        except OSError as error:
+            raise FolderError(f"cannot write '{folder}': {error.strerror or error}; it is left as it was.") from None
+
+
+def _replace(folder: Path, files: dict[str, str], alone: bool) -> None:
+    """Put ``files`` in the place of what ``folder`` holds; ``alone``: nobody else is writing here."""
+    prefix = f".{folder.name}.writing-"
+    if alone:
+        for left in folder.parent.iterdir():
+            if left.name.startswith(prefix):
+                shutil.rmtree(left, ignore_errors=True)
+    scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=folder.parent))
+    fresh = scratch / folder.name
     try:
         for name, text in files.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).write_bytes(text.encode())
         fresh.chmod(0o755)
         _swap(fresh, folder)
-    except OSError as error:
-        raise FolderError(f"cannot write '{folder}': {error.strerror or error}; it is left as it was.") from None
     finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+        if folder.exists() or not _aside(fresh).exists():  # never the only whole one
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _swap(fresh: Path, folder: Path) -> None:
-    """Put ``fresh`` in the place of ``folder``; the old one is removed only once the new one is there."""
+    """Put ``fresh`` in the place of ``folder``, and ``folder`` in that of ``fresh`` or beside it."""
     if not folder.exists():
-        fresh.rename(folder)
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
-    try:
-        folder.rename(aside / folder.name)
+        os.rename(fresh, folder)
+    elif not _exchange(fresh, folder):
+        os.rename(folder, _aside(fresh))
         try:
             os.rename(fresh, folder)
-        except OSError:
-            (aside / folder.name).rename(folder)
+        except BaseException:
+            os.rename(_aside(fresh), folder)
             raise
+
+
+def _aside(fresh: Path) -> Path:
+    """Where the old folder waits while the new one takes its place."""
+    return fresh.with_name(f"{fresh.name}.old")
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders atomically; False where the system cannot (renameat2 is Linux's)."""
+    renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if renameat2 is None:
+        return False
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    if renameat2(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP}:
+        return False
+    raise OSError(code, os.strerror(code))
+
+
+@contextmanager
+def _lock(parent: Path, how: int) -> Iterator[bool]:
+    """Wait for others that read (LOCK_EX) or write folders in ``parent``; the kernel lets go of a killed one's lock.
+
+    False where there is nothing to lock, or a file system that cannot.
+    """
+    try:
+        handle = os.open(parent, os.O_RDONLY)
+    except OSError:
+        yield False
+        return
+    try:
+        try:
+            fcntl.flock(handle, how)
+            locked = True
+        except OSError:
+            locked = False
+        yield locked
     finally:
-        if folder.exists():  # whichever it is, it is whole
-            shutil.rmtree(aside, ignore_errors=True)
+        os.close(handle)

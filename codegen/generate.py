@@ -8,10 +8,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
+
+import numpy as np
 
 from codegen import __version__
 from codegen.box import sample_box
@@ -25,15 +28,16 @@ from codegen.measure import Measurer, Record
 from codegen.notes import cost_notes, filter_notes
 from codegen.printers.python import PythonPrinter
 from codegen.recording import execute, record_control, record_filter
-from codegen.render import Description, render_filter, render_module, render_port
+from codegen.render import Description, render_filter, render_port
 from codegen.render_board import render_board
-from codegen.render_drive import controller_context, default_kind, render_example, render_foc, render_plant
-from codegen.render_lanes import render_lanes
+from codegen.render_drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
+from codegen.render_lanes import render_foc_lanes, render_lanes, render_plant_lanes
+from codegen.render_module import render_module
 from codegen.render_selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.report import render_report
 from codegen.selftest import control_run, gains, segments
 from codegen.targets import F28335, HOST64
-from model.drive import Drive
+from model.drive import Drive, DriveError
 from model.filters import FilterStep, build_filter
 from model.state_space import StateSpaceModel, build, default_initial_state
 
@@ -72,17 +76,38 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     listings = lay_out_steps(model, steps)
     about = Description(drive, model, tuple(default_initial_state(drive)))
     module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
-    figures = certify_module(drive, model, steps, module, samples)
+    with within_numbers(drive):
+        figures = certify_module(drive, model, steps, module, samples)
     draft = print_c(about, steps, listings, figures, {})
     accounts = count(drive, draft)
-    tests = record_selftests(about, steps, module)
+    with within_numbers(drive):
+        tests = record_selftests(about, steps, module)
     files = (
-        print_c(about, steps, listings, figures, accounts) | {f"{drive.name}.py": module} | print_tests(about, tests)
+        print_c(about, steps, listings, figures, accounts)
+        | {f"{drive.name}.py": module}
+        | print_tests(about, tests)
+        | about.machine_file
     )
     measured = measure(accounts, files, measurer or Measurer())
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
     facts = _facts(drive, model, steps, accounts, measured, figures, tests)
     return Package(drive, model, steps, with_manifest(files, facts), accounts)
+
+
+@contextmanager
+def within_numbers(drive: Drive) -> Iterator[None]:
+    """DriveError where a drive, each number in its range, cannot be computed with: they do not fit each other.
+
+    Single samples that do not stay numbers are counted in the certificate; NumPy need not warn of them as well.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise DriveError(
+            f"drive '{drive.name}': {str(error).rstrip('.')}, when its filter is tried out. Motor data, sample time, "
+            "variances and operating box do not fit each other: compare them with a shipped drive's."
+        ) from None
 
 
 def build_steps(drive: Drive, form: str = "fast") -> tuple[StateSpaceModel, dict[str, FilterStep]]:
@@ -152,9 +177,12 @@ def print_c(
         foc = f"{name}_{kind}_foc"
         notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter") if accounts else []
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, notes)
-    files["example_isr.c"] = render_example(about, default_kind(steps))
+        files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
+    kind = default_kind(steps)
+    files["example_isr.c"] = render_example(about, kind, steps[kind].covariance)
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
+    files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)
     files |= render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
     return files
 
@@ -203,6 +231,7 @@ def _facts(
             for kind, step in steps.items()
         },
         "measured": measured,
+        "plant": {"motor": plant_data(drive)},
     }
 
 

@@ -35,12 +35,16 @@ PAIRS = {op: function for function in (SIN_COS, SMALL_ANGLE) for op in function.
 
 @dataclass(frozen=True)
 class Statement:
-    """``name = expression of node``; for a pair the names of its halves, ``node`` being the argument."""
+    """``name = expression of node``; for a pair the names of its halves, ``node`` being the argument.
+
+    ``spread``: of small angles, the n in z = d^2 / n.
+    """
 
     node: int
     name: str
     pair: tuple[str, str] | None = None
     function: PairFunction | None = None
+    spread: float = 1.0
 
 
 @dataclass
@@ -72,6 +76,11 @@ class Listing:
             port.name: [(k, name) for k, name in enumerate(port.names) if name in live_names]
             for port in self.block.inputs
         }
+
+    @property
+    def spreads(self) -> set[float]:
+        """The n of the small angles z = d^2 / n that are computed here."""
+        return {s.spread for section in self.sections for s in section.statements if s.function is SMALL_ANGLE}
 
     def operations(self) -> Counter[str]:
         """Operations of one run: add (with sub and neg), mul, div, sqrt, sincos, wrap."""
@@ -160,21 +169,31 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
 #: Characters of an identifier that C89 promises to tell apart (MISRA C:2012, 5.2).
 SIGNIFICANT = 31
 _WORDS = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
+_SHORT = {"mul": "x"}
+_NUMBERS = {1.0: "one", 2.0: "two", 0.5: "half", 0.25: "quarter"}
 
 
 def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[int, int]) -> str:
     """A name for work that is shared but that no stage names: what it is made of, else what it is part of."""
     node = graph[index]
-    parts = [names.get(arg, "").lower() if graph[arg].op == "const" else names.get(arg, "") for arg in node.args]
+    parts = [_word(graph, arg, names) for arg in node.args]
     if all(parts):
         square = node.op == "mul" and parts[0] == parts[1]
-        text = f"{parts[0]}_sq" if square else f"_{_WORDS.get(node.op, node.op)}_".join(parts)
-        if len(text) <= SIGNIFICANT:
-            return text
+        for words in (_WORDS, _SHORT):
+            text = f"{parts[0]}_sq" if square else f"_{words.get(node.op, node.op)}_".join(parts)
+            if len(text) <= SIGNIFICANT:
+                return text
     user = first_user.get(index)
     while user is not None and user not in names:
         user = first_user.get(user)
     return f"part_of_{names[user]}" if user is not None else "part_of_the_result"
+
+
+def _word(graph: Graph, index: int, names: dict[int, str]) -> str:
+    """An operand in a name; empty if nothing short can be said of it."""
+    if graph[index].op == "const":
+        return names.get(index, _NUMBERS.get(graph[index].value, "")).lower()
+    return names.get(index, "")
 
 
 def _fresh(name: str, taken: set[str]) -> str:
@@ -197,7 +216,9 @@ def _order(
 ) -> list[Section]:
     sections: list[Section] = []
     done: set[int] = set()
-    for equation, title, nodes in [*_by_equation(block.stages, stages), ("", "", roots)]:
+    last = block.last if isinstance(block, GraphBlock) else ()
+    ordered = sorted(block.stages, key=lambda stage: last.index(stage.name) if stage.name in last else -1)
+    for equation, title, nodes in [*_by_equation(ordered, stages), ("", "", roots)]:
         section = Section(equation, title)
         for index in graph.reachable(node for node in nodes if node in live):
             if index in done:
@@ -205,24 +226,32 @@ def _order(
             done.add(index)
             node = graph[index]
             if node.op in PAIRS:
-                done |= _pair(graph, names, PAIRS[node.op], node.args[0], section)
+                done |= _pair(graph, names, PAIRS[node.op], node.args, section)
             elif index in names and node.op not in {"input", "const"}:
                 section.statements.append(Statement(index, names[index]))
         if section.statements:
             sections.append(section)
+        elif last and title:  # brought along by the section before
+            before = sections.pop()
+            title = f"{title}; eq. {before.equation}: {before.title}"
+            sections.append(Section(equation, title, before.statements))
     return sections
 
 
-def _pair(graph: Graph, names: dict[int, str], function: PairFunction, argument: int, section: Section) -> set[int]:
+def _pair(
+    graph: Graph, names: dict[int, str], function: PairFunction, args: tuple[int, ...], section: Section
+) -> set[int]:
     """Both values of a pair come from one call; returns the nodes it settles."""
-    first, second = (graph.op(op, argument) for op in function.operations)
+    first, second = (graph.op(op, *args) for op in function.operations)
+    argument, *rest = args
     label = f"{'sincos' if function is SIN_COS else 'turn'}_{names[argument]}"
     halves = names.get(first, ""), names.get(second, "")
-    section.statements.append(Statement(argument, label, halves, function))
+    spread = graph[rest[0]].value if rest else 1.0
+    section.statements.append(Statement(argument, label, halves, function, spread))
     return {first, second}
 
 
-def _by_equation(stages: tuple[Stage, ...], nodes: dict[str, list[int]]) -> list[tuple[str, str, list[int]]]:
+def _by_equation(stages: list[Stage], nodes: dict[str, list[int]]) -> list[tuple[str, str, list[int]]]:
     """Neighbouring stages of one equation share a section; without equations each meaning begins one."""
     groups: list[tuple[str, list[str], list[int]]] = []
     for stage in stages:

@@ -24,6 +24,9 @@ from codegen.ledger import Program, Unit
 COMPILER = "arm-none-eabi-gcc"
 FLAGS = ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-std=c89", "-ffp-contract=off")
 NOT_FOUND = f"{COMPILER} not found (Debian: gcc-arm-none-eabi)"
+FAILED = f"{COMPILER} failed on it"
+#: Seconds after which it is taken to hang.
+PATIENCE = 300.0
 
 #: What manifest.json keeps: source_sha256, and either compiler, stack_bytes and text_bytes, or not_measured.
 Record = dict[str, Any]
@@ -63,10 +66,14 @@ class Measurer:
             return {"source_sha256": key, "not_measured": "not asked for"}
         if shutil.which(COMPILER) is None:
             return {"source_sha256": key, "not_measured": NOT_FOUND}
-        objects = {unit.name: self._object(files, unit) for unit in units}
+        try:
+            objects = {unit.name: self._object(files, unit) for unit in units}
+            version = compiler_version()
+        except (OSError, subprocess.SubprocessError):
+            return {"source_sha256": key, "not_measured": FAILED}
         return {
             "source_sha256": key,
-            "compiler": f"{COMPILER} {compiler_version()}",
+            "compiler": f"{COMPILER} {version}",
             "stack_bytes": _deepest(program, objects, function),
             "text_bytes": sum(text for _, text in objects.values()),
         }
@@ -78,7 +85,9 @@ class Measurer:
 
 
 def compiler_version() -> str:
-    return subprocess.run([COMPILER, "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        [COMPILER, "-dumpfullversion"], capture_output=True, text=True, check=True, timeout=PATIENCE
+    ).stdout.strip()
 
 
 def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int], int]:
@@ -87,10 +96,15 @@ def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int
         for name, text in files.items():
             (Path(scratch) / name).write_text(text, encoding="utf-8")
         command = [COMPILER, *FLAGS, "-fstack-usage", "-c", source, "-o", "measured.o"]
-        subprocess.run(command, cwd=scratch, check=True, capture_output=True)
+        subprocess.run(command, cwd=scratch, check=True, capture_output=True, timeout=PATIENCE)
         frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
         size = subprocess.run(
-            [COMPILER.replace("gcc", "size"), "measured.o"], cwd=scratch, check=True, capture_output=True, text=True
+            [COMPILER.replace("gcc", "size"), "measured.o"],
+            cwd=scratch,
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
         )
     return frames, int(size.stdout.splitlines()[1].split()[0])
 

@@ -11,6 +11,9 @@ from codegen.targets import Target
 from model.filters import FilterStep
 from model.quantities import Quantity
 
+#: What another order means.
+ROOT_NOTE = "a square root, and points, other than in the state's own order"
+
 
 def filter_notes(
     step: FilterStep,
@@ -24,6 +27,8 @@ def filter_notes(
     notes = [f"For {target.purpose}."]
     if account is not None:
         notes += cost_notes(account.filter)
+    if step.model.root_order and step.kind != "ekf":
+        notes.append(f"P is factored in the order {', '.join(step.model.root_order)}: {ROOT_NOTE}.")
     if step.kind == "ickf":
         iteration = (
             "one pass: H is constant, iterating is provably idle"

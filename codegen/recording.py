@@ -136,7 +136,7 @@ def allowed_exponents(words: Array, blurred: Array) -> Array:
     At least four units in the last place of the word itself.
     """
     if not np.all(np.isfinite(words)):
-        raise ValueError("the self-test's own trajectory leaves the numbers; the drive's tuning is unusable")
+        raise FloatingPointError("the self-test's own trajectory does not stay a number")
     deviation = np.max(np.abs(blurred.astype(float) - words.astype(float)[..., None]), axis=-1)
     least = np.maximum(np.abs(words.astype(float)) * 2.0**-21, SMALLEST)
     bound = np.maximum(MARGIN * np.where(np.isfinite(deviation), deviation, np.inf), least)
@@ -147,10 +147,13 @@ def _filter_state(module: dict[str, Any], x_0: Any, P_0: Any, lanes: int) -> Sim
     """As _init and _reset leave it: the drive's tuning, x_0, and a diagonal covariance."""
     state = SimpleNamespace(**{key: _cast(value) for key, value in module["DEFAULTS"].items()})
     n = len(x_0)
-    diagonal = np.diag(np.float32(P_0))[np.tril_indices(n)]
-    state.x = _lanes(x_0, lanes)
+    order = list(module["ORDER"]) if module["COVARIANCE"] == "LD" else list(range(n))
+    diagonal = np.diag(np.array(P_0, dtype=np.float32)[order])[np.tril_indices(n)]
+    state.x = state.x_0 = _lanes(x_0, lanes)
+    state.P_0 = _lanes(P_0, lanes)
     setattr(state, module["COVARIANCE"], _lanes(diagonal, lanes))
     state.u_held = _lanes(np.zeros(2), lanes)
+    state.nis, state.repairs = np.float32(0), 0
     return state
 
 

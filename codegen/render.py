@@ -1,9 +1,11 @@
-"""Templates filled in: one C pair a filter and target, one Python module a drive."""
+"""Templates filled in: one C pair a filter and target, and what all templates share."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,15 +13,16 @@ from typing import Any
 import jinja2
 
 from codegen import __version__
+from codegen.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
 from codegen.layout import Listing
 from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
-from codegen.printers.python import PythonPrinter
-from codegen.small_angle import DOUBLINGS, LIMIT, WIDEST, coefficients, small_angle_bound, small_angle_listing
+from codegen.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.targets import Target
-from codegen.trig import DOUBLE, SINGLE, sin_cos_bound, sin_cos_listing, wrap_listing
+from codegen.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
 from model.drive import Drive
 from model.filters import FilterStep
 from model.filters.program import Copy, IfAccepted, Node, Repeat
+from model.machines.own import kept_as, read_word, title
 from model.state_space import StateSpaceModel
 
 _ENVIRONMENT = jinja2.Environment(
@@ -40,7 +43,11 @@ COVARIANCE_COMMENTS = {
     "P": "covariance of x: lower triangle, row by row: P00, P10, P11, P20, ...",
     "LD": "covariance of x as L D L^T, L with unit diagonal: D0, L10, D1, L20, L21, D2, ...",
 }
-MACHINE_TITLES = {"surface": "surface PMSM, current states", "salient_flux": "salient PMSM, flux-linkage states"}
+MACHINE_TITLES = {
+    "surface": "surface PMSM, current states",
+    "salient": "salient PMSM, current states",
+    "salient_flux": "salient PMSM, flux-linkage states",
+}
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,13 @@ class Description:
 
     @property
     def machine(self) -> str:
-        return MACHINE_TITLES.get(self.drive.model.machine, self.drive.model.machine)
+        return MACHINE_TITLES.get(self.drive.model.machine) or title(type(self.model.machine))
+
+    @property
+    def machine_file(self) -> dict[str, str]:
+        """The machine file of one's own, as the folder keeps it: path and text."""
+        word = read_word(self.drive.model.machine)
+        return {kept_as(word): self.drive.machine_text} if word else {}
 
     @property
     def sample_time(self) -> str:
@@ -72,6 +85,24 @@ def render_port() -> str:
     return render("port.h.j2")
 
 
+def covariance_comment(step: FilterStep) -> str:
+    """What the words of the covariance are."""
+    text = COVARIANCE_COMMENTS[step.covariance]
+    order = factor_order(step)
+    return f"{text}; states in the order {', '.join(step.model.root_order)}" if order else text
+
+
+def angle_place(step: FilterStep) -> int:
+    """Where theta stands in the carried factors."""
+    return (factor_order(step) or tuple(range(len(step.model.states)))).index(step.model.angle)
+
+
+def factor_order(step: FilterStep) -> tuple[int, ...]:
+    """The states in the order of the carried factors, where that is not the state's own."""
+    order = step.model.order
+    return order if step.covariance == "LD" and order != tuple(range(len(order))) else ()
+
+
 def render_filter(
     about: Description,
     step: FilterStep,
@@ -83,8 +114,10 @@ def render_filter(
     drive, model = about.drive, about.model
     printer = CPrinter(target)
     n = len(model.states)
+    place = angle_place(step)
     looped = has_loop(step.body)
-    turns = any(listings[block.name].operations()["small_angle"] for block in step.blocks)
+    spread = common_spread(listings[block.name] for block in step.blocks)
+    turns = spread is not None
     pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
     common = {
         "p": f"{drive.name}_{step.kind}{target.tag}",
@@ -94,13 +127,24 @@ def render_filter(
         "real": target.real,
         "n": n,
         "packed": n * (n + 1) // 2,
-        "libm": target.libm,
+        "libm": library_calls([listings[block.name] for block in step.blocks], target),
         "covariance": step.covariance,
+        "guarded": step.guarded,
+        "sound": printer.format_literal(SOUND),
+        "per_sound": printer.format_literal(1.0 / SOUND),
+        "one": printer.format_literal(1.0),
+        "angle_columns": place + 1,
+        "angle_row": place * (place + 1) // 2,
+        "states_summed": " + ".join(f"f->x[{k}]" for k in range(n)),
     }
+    order = model.order
+    pivots = [f"(LD_pred[{k * (k + 3) // 2}] > f->Q[{order[k]}])" for k in range(n)]
+    watch = [f"if (!({' && '.join(pivots)})) {{", f"{INDENT}status |= PMSM_COVARIANCE_REPAIRED;", "}"]
+    printer.behind = {block.name: watch for block in step.blocks if is_watched(block)}
     header = render(
         "filter.h.j2",
         **common,
-        covariance_comment=COVARIANCE_COMMENTS[step.covariance],
+        covariance_comment=covariance_comment(step),
         states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
         unused="" if looped else "; unused here: " + ("iterating is idle" if step.iteration_proof else "no iteration"),
     )
@@ -108,6 +152,7 @@ def render_filter(
         "filter.c.j2",
         **common,
         generated_trig=target.generated_trig,
+        order=factor_order(step),
         notes=notes,
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
@@ -117,11 +162,11 @@ def render_filter(
         trig_note=trig_note(target),
         sin_cos=sin_cos_text(printer),
         turns=turns,
-        **(turn_context(printer) if turns else {}),
+        **(turn_context(printer, spread) if spread is not None else {}),
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
-        defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer)],
+        defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer, step.guarded)],
         zero=printer.format_literal(0.0),
         locals=_locals(step, target),
         program="\n".join(printer.format_program(step.body)),
@@ -155,42 +200,67 @@ def trig_note(target: Target) -> list[str]:
     ]
 
 
-def small_angle_note(target: Target) -> list[str]:
+def library_calls(listings: Sequence[Listing], target: Target) -> str:
+    """What the step calls of libm, in words."""
+    count = sum((listing.operations() for listing in listings), Counter())
+    names = [target.libm] if count["sqrt"] else []
+    names += ["sin", "cos"] if count["sincos"] and not target.generated_trig else []
+    return f"of libm only {' and '.join(names)}" if names else "nothing of libm"
+
+
+def common_spread(listings: Iterable[Listing]) -> float | None:
+    """The n of all small angles z = d^2 / n of a filter; None where it has none."""
+    spreads = set().union(*(listing.spreads for listing in listings))
+    assert len(spreads) <= 1, "one filter, one rule, one n"
+    return next(iter(spreads), None)
+
+
+def small_angle_note(target: Target, n: float) -> list[str]:
     """What is known of sinc and cosm1."""
     lines = [
-        "How far a column of L turns an angle, from z = d^2: sin(d) / d = 1 + SINC_1 z + ..., "
+        f"How far a column of L turns an angle, from z = d^2 / {n:g}: sin(d) / d = 1 + SINC_1 z + ..., "
         "cos(d) - 1 = COSM1_1 z + ...",
         f"for d up to {LIMIT**0.5:.2g} rad.",
     ]
     if target.generated_trig:
-        bound = small_angle_bound()
-        lines.append(f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of z / 2.")
+        bound = small_angle_bound(n)
+        lines.append(f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of d^2 / 2.")
     return lines
 
 
-def turn_context(printer: CPrinter) -> dict[str, Any]:
-    """What ``widen.j2`` prints: small angles, and those that are not."""
+def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
+    """What ``widen.j2`` prints: small angles z = d^2 / n, and those that are not."""
     return {
-        "small_angle_note": small_angle_note(printer.target),
+        "small_angle_note": small_angle_note(printer.target, n),
+        "spread": f"{n:g}",
         "turn_constants": [
             {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
-            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision), strict=True)
+            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision, n), strict=True)
             for k, value in enumerate(part, start=1)
         ],
-        "small_turn": printer.format_literal(LIMIT),
-        "widest_turn": printer.format_literal(WIDEST),
+        "small_turn": printer.format_literal(LIMIT / n),
+        "widest_turn": printer.format_literal(WIDEST / n),
+        "unknown_turn": printer.format_literal(UNKNOWN / n),
         "doublings": DOUBLINGS,
         "quarter": printer.format_literal(0.25),
-        "one": printer.format_literal(1.0),
+        "half": printer.format_literal(0.5),
         "two": printer.format_literal(2.0),
         "sinc_text": printer.format_turn("SINC", "part"),
         "cosm1_text": printer.format_turn("COSM1", "part"),
     }
 
 
+def sin_cos_arithmetic(printer: CPrinter, precision: Precision) -> str:
+    """Sine and cosine in one precision, their own macro first."""
+    coarse = printer.format_literal(2.0 * precision.rounding)
+    note = "adding and subtracting it rounds to the nearest even integer"
+    return f"#define ROUND_EVEN {coarse} /* {note} */\n{printer.format_helper(sin_cos_listing(precision))}"
+
+
 def sin_cos_text(printer: CPrinter) -> str:
+    """The function behind its note: as arithmetic, or the platform's."""
     if printer.target.generated_trig:
-        return printer.format_helper(sin_cos_listing())
+        return sin_cos_arithmetic(printer, printer.target.precision)
     lines = [f"static {printer.pair} sin_cos(float64 x)", "{", f"{INDENT}{printer.pair} result;"]
     return "\n".join(
         [*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"]
@@ -207,18 +277,19 @@ def filter_constants(
 
 def named_constants(about: Description, listings: list[Listing]) -> list[tuple[str, float, str]]:
     """Name, value and formula of the constants that blocks use: the model's in its order, then products of them."""
-    found = {
-        node.name: (node.name, node.value, node.formula)
-        for listing in listings
-        for node in (listing.graph[index] for index in sorted(listing.live))
-        if node.op == "const" and node.name
-    }
+    found: dict[str, tuple[str, float, str]] = {}
+    for listing in listings:
+        for node in (listing.graph[index] for index in sorted(listing.live)):
+            if node.op == "const" and node.name:
+                known = found.setdefault(node.name, (node.name, node.value, node.formula))
+                assert math.isclose(known[1], node.value, rel_tol=1e-14), f"two constants named {node.name}"
     own = [c.name for c in about.model.constants if c.name in found]
     return [found.pop(name) for name in own] + list(found.values())
 
 
-def _tuning(about: Description) -> dict[str, Any]:
+def tuning(about: Description, guarded: bool) -> dict[str, Any]:
     drive = about.drive
+    monitor = {"nis_max": NIS_MAX, "nis_weight": NIS_WEIGHT} if guarded else {}
     return {
         "Q": tuple(drive.filter.process_noise),
         "R": tuple(drive.filter.measurement_noise),
@@ -226,14 +297,15 @@ def _tuning(about: Description) -> dict[str, Any]:
         "P_0": tuple(drive.filter.initial_covariance),
         "u_max": drive.operating_box.voltage,
         "y_max": drive.operating_box.current,
+        **monitor,
         "tolerance": drive.filter.tolerance,
         "max_iterations": drive.filter.max_iterations,
     }
 
 
-def _c_defaults(about: Description, printer: CPrinter) -> list[tuple[str, str]]:
+def _c_defaults(about: Description, printer: CPrinter, guarded: bool) -> list[tuple[str, str]]:
     lines: list[tuple[str, str]] = []
-    for name, value in _tuning(about).items():
+    for name, value in tuning(about, guarded).items():
         if isinstance(value, tuple):
             lines += [(f"{name}[{k}]", printer.format_literal(item)) for k, item in enumerate(value)]
         else:
@@ -245,75 +317,12 @@ def _locals(step: FilterStep, target: Target) -> list[str]:
     """Arrays of the step that do not live in the struct."""
     sizes: dict[str, int] = {}
     for block in step.blocks:
-        sizes |= {port.name: len(port.entries) for port in block.outputs if port.name not in STRUCT_FIELDS}
+        outputs = block.outputs[1:] if is_turns(block) else block.outputs  # the squares stay inside
+        sizes |= {port.name: len(port.entries) for port in outputs if port.name not in STRUCT_FIELDS}
     return [f"{target.real} {name}[{size}];" for name, size in sizes.items()]
 
 
 def has_loop(body: tuple[Node, ...]) -> bool:
     return any(
         isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and has_loop(node.then)) for node in body
-    )
-
-
-def render_module(
-    about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], controller: dict[str, Any]
-) -> str:
-    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render_drive`)."""
-    drive, model = about.drive, about.model
-    printer = PythonPrinter()
-    (covariance,) = {step.covariance for step in steps.values()}
-    turns = any(listing.operations()["small_angle"] for listing in listings.values())
-    helpers = [
-        printer.format_helper(sin_cos_listing(), "f32"),
-        printer.format_helper(wrap_listing(SINGLE), "f32"),
-        printer.format_helper(wrap_listing(DOUBLE), "f64"),
-    ]
-    return render(
-        "module.py.j2",
-        title=f"{drive.name}: {', '.join(steps)} of a {about.machine}, {len(model.states)} states, {about.sample_time}",
-        drive=drive.name,
-        sha=drive.sha256,
-        states=tuple(state.name for state in model.states),
-        units=tuple(state.unit for state in model.states),
-        angle=model.angle,
-        kinds=tuple(steps),
-        gain=drive.filter.gain,
-        sample_time=repr(drive.model.sample_time),
-        defaults={key: repr(value) for key, value in _tuning(about).items()},
-        constants=[
-            {"name": name, "value": repr(value), "formula": formula}
-            for name, value, formula in {
-                c[0]: c
-                for c in (
-                    *named_constants(about, list(listings.values())),
-                    *((c.name, c.value, c.formula) for c in controller["control_constants"]),
-                )
-            }.values()
-        ],
-        helpers=helpers,
-        turns=turns,
-        small_angle=_python_small_angle(printer) if turns else "",
-        covariance=covariance,
-        packing=render("packing.py.j2", covariance=covariance),
-        **controller,
-        blocks=[printer.format_block(listing) for listing in listings.values()],
-        steps=[
-            {"kind": kind, "loops": has_loop(step.body), "program": "\n".join(printer.format_program(step.body))}
-            for kind, step in steps.items()
-        ],
-    )
-
-
-def _python_small_angle(printer: PythonPrinter) -> str:
-    """Both precisions of small_angle: the polynomials, and beyond the limit the doubled angle."""
-    return "\n\n".join(
-        render(
-            "small_angle.py.j2",
-            tag=tag,
-            limit=LIMIT,
-            widest=WIDEST,
-            doublings=DOUBLINGS,
-            polynomials=printer.format_helper(small_angle_listing(precision), tag).replace("def _", "def _polynomial_"),
-        )
-        for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))
     )

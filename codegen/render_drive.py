@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from codegen.layout import Listing, lay_out
 from codegen.printers.c import CPrinter
 from codegen.printers.python import PythonPrinter
-from codegen.render import Description, render, sin_cos_text, trig_note, with_ramfuncs
+from codegen.render import Description, render, sin_cos_arithmetic, sin_cos_text, trig_note, with_ramfuncs
 from codegen.targets import F28335, HOST64
+from codegen.trig import DOUBLE
 from model.controller import (
     SENSED_MAX,
     Gains,
@@ -20,8 +22,9 @@ from model.controller import (
     design,
     first_command,
 )
-from model.plant import STATES, outputs_block, plant_block
-from model.quantities import Constant, Constants
+from model.drive import Drive, DriveError
+from model.plant import MOTOR, STATES, outputs_block, phasor_block, plant_block, rest_block
+from model.quantities import Constant, ConstantError, Constants, united
 
 
 def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
@@ -30,6 +33,14 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     block = control_block(about.drive, constants)
     found = list(constants.items.values())
     return lay_out(block, found), found
+
+
+def control_constants(about: Description, constants: list[Constant]) -> list[Constant]:
+    """The controller's constants and the model's, which share a file; DriveError where they share a name."""
+    try:
+        return united(constants, about.model.constants)
+    except ConstantError as error:
+        raise DriveError(f"drive '{about.drive.name}': controller and machine share a name: {error}.") from None
 
 
 def believed_listing(about: Description) -> Listing:
@@ -44,7 +55,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
         "clarke": printer.format_block(lay_out(clarke_block(), [])),
         "believed": printer.format_block(believed_listing(about)),
         "control_text": printer.format_block(listing),
-        "control_constants": [*constants, *about.model.constants],
+        "control_constants": control_constants(about, constants),
         "command_max": [printer.format_literal(value) for value in command_limits(about.drive)],
         "command_first": [printer.format_literal(value) for value in first_command(about.drive)],
         "sensed_max": printer.format_literal(SENSED_MAX),
@@ -54,41 +65,51 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
     }
 
 
-def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str, str]:
-    """Header and source of the controller around one filter, float32 for the chip."""
-    printer = CPrinter(F28335)
-    context = controller_context(about, printer)
+def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, Any]:
+    """What the scalar and the lane form of the controller say, float32."""
     listing, constants = control_listing(about)
     listings = (listing, believed_listing(about))
     used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
-    every = {c.name: c for c in (*constants, *about.model.constants)}
-    common = {
+    return {
+        **controller_context(about, printer),
         "p": f"{about.drive.name}_{kind}",
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
-        "gains": context["gains"],
-    }
-    header = render("foc.h.j2", **common)
-    source = render(
-        "foc.c.j2",
-        **{**context, **common},
-        control=about.drive.control,
-        notes=notes,
-        constants=[
+        "constants": [
             {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
-            for c in every.values()
+            for c in control_constants(about, constants)
             if c.name in used
         ],
-        round=printer.format_literal(F28335.precision.rounding),
-        trig_note=trig_note(F28335),
-        sin_cos=sin_cos_text(printer),
-    )
-    return header, with_ramfuncs(source, cold={f"{common['p']}_foc_init"})
+        "round": printer.format_literal(printer.target.precision.rounding),
+        "trig_note": trig_note(printer.target),
+        "sin_cos": sin_cos_text(printer),
+    }
 
 
-#: The example turns the inverter off after 2 ms without a usable input, and sends numbers 50 times a second.
-BLIND_TIME, TELEMETRY_RATE = 2e-3, 50.0
+def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str, str]:
+    """Header and source of the controller around one filter, float32 for the chip."""
+    context = foc_context(about, kind, CPrinter(F28335))
+    source = render("foc.c.j2", **context, control=about.drive.control, notes=notes)
+    return render("foc.h.j2", **context), with_ramfuncs(source, cold={f"{context['p']}_foc_init"})
+
+
+#: The example's reaction to faults, s. Lost is who is blind for so long, or diverged: a fault of some 50 ms is ridden
+#: through, and torque is cut where the angle no longer turns as the speed says.
+BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
+#: Currents must read zero for REST; zero voltage is tried for PROBE; the filter has CATCH to lock, of which its angle
+#: may jump for SETTLE, and must be content for LOCKED.
+REST_TIME, PROBE_TIME, CATCH_TIME, SETTLE_TIME, LOCKED_TIME = 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
+#: It sends numbers so many times a second.
+TELEMETRY_RATE = 50.0
+#: Shares of the maximum current: what reads as zero, what shows where the back-EMF points, what is too
+#: much. Of the operating box's speed: what may be
+#: unknown, and standstill.
+ZERO_CURRENT, PROBE_CURRENT, TRIP_CURRENT, UNKNOWN_SPEED = 0.05, 0.1, 1.5, 0.5
+#: rad^2: what the probe leaves open of the angle.
+UNKNOWN_ANGLE = 0.01
+#: Share of their variance that adaptive states keep meanwhile.
+HELD = 1e-3
 
 
 def default_kind(kinds: Iterable[str]) -> str:
@@ -97,31 +118,87 @@ def default_kind(kinds: Iterable[str]) -> str:
     return "ickf" if "ickf" in kinds else kinds[0]
 
 
-def render_example(about: Description, kind: str) -> str:
-    """The example interrupt around one filter."""
-    T = about.drive.model.sample_time
+def render_example(about: Description, kind: str, covariance: str) -> str:
+    """The example interrupt around one filter, of which the field ``covariance`` is P or its factors."""
+    drive, literal = about.drive, CPrinter(F28335).format_literal
+    T, speed = drive.model.sample_time, drive.operating_box.speed
+    counts = {
+        "max_rejected": BLIND_TIME / T,
+        "max_diverged": DIVERGED_TIME / T,
+        "rest": REST_TIME / T,
+        "catch": CATCH_TIME / T,
+        "probe": PROBE_TIME / T,
+        "settle": SETTLE_TIME / T,
+        "locked": LOCKED_TIME / T,
+        "telemetry_every": 1 / (TELEMETRY_RATE * T),
+    }
+    numbers = {
+        "zero_current": ZERO_CURRENT * drive.control.max_current,
+        "trip_current": TRIP_CURRENT * drive.control.max_current,
+        "probe_current": PROBE_CURRENT * drive.control.max_current,
+        "probe_speed": drive.motor.inductance_q / (drive.motor.magnet_flux * drive.motor.pole_pairs * T),
+        "unknown_speed": (UNKNOWN_SPEED * speed) ** 2,
+        "unknown_angle": UNKNOWN_ANGLE,
+        "held": HELD,
+        "unknown_flux": UNKNOWN_ANGLE * drive.motor.magnet_flux**2,
+        "sample_time": T,
+        "pole_pairs": float(drive.motor.pole_pairs),
+        "pi": math.pi,
+        "two_pi": 2 * math.pi,
+    }
+    states = len(about.model.states)
+    slow = [(k, k * (k + 3) // 2) for k in range(states - len(about.model.adaptive.states), states)]
     source = render(
         "example_isr.c.j2",
-        p=f"{about.drive.name}_{kind}",
-        drive=about.drive.name,
-        sha=about.drive.sha256,
+        slow=slow,  # state, and its variance's place in the covariance words
+        p=f"{drive.name}_{kind}",
+        drive=drive.name,
+        sha=drive.sha256,
         sample_time_us=f"{T * 1e6:g}",
-        pole_pairs=CPrinter(F28335).format_literal(float(about.drive.motor.pole_pairs)),
-        max_rejected=max(1, round(BLIND_TIME / T)),
-        telemetry_every=max(1, round(1 / (TELEMETRY_RATE * T))),
+        flux_states=about.model.states[0].unit == "Wb",
+        covariance=covariance,
+        max_current=Gains.names().index("max_current"),
+        **{name: max(1, round(count)) for name, count in counts.items()},
+        **{name: literal(value) for name, value in numbers.items()},
     )
     return with_ramfuncs(source, cold={"motor_setup"})
 
 
+def plant_listings(drive: Drive) -> dict[str, Listing]:
+    """The motor's blocks, laid out, by what the templates call them."""
+    blocks = {
+        "rest": rest_block(drive),
+        "phasor": phasor_block(),
+        "substep": plant_block(drive),
+        "outputs": outputs_block(drive),
+    }
+    return {name: lay_out(block, []) for name, block in blocks.items()}
+
+
+def plant_data(drive: Drive) -> list[str]:
+    """Which of the motor's data its equations read: a surface machine has one inductance."""
+    found = {name for listing in plant_listings(drive).values() for _, name in listing.used_inputs.get("motor", [])}
+    return [name for name in MOTOR if name in found]
+
+
+def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
+    """What the scalar and the lane form of the motor say, float64."""
+    listings = plant_listings(about.drive)
+    return {
+        "drive": about.drive.name,
+        "sha": about.drive.sha256,
+        "n": len(STATES),
+        "m": len(MOTOR),
+        "states": ", ".join(STATES),
+        "motor": ", ".join(MOTOR),
+        "round": printer.format_literal(DOUBLE.rounding),
+        "pair": printer.pair,
+        "sin_cos": sin_cos_arithmetic(printer, DOUBLE),
+        **{name: printer.format_block(listing) for name, listing in listings.items()},
+    }
+
+
 def render_plant(about: Description) -> tuple[str, str]:
     """Header and source of the motor for simulation, float64."""
-    printer = CPrinter(HOST64)
-    common = {"drive": about.drive.name, "sha": about.drive.sha256, "n": len(STATES)}
-    header = render("plant.h.j2", **common, states=", ".join(STATES))
-    source = render(
-        "plant.c.j2",
-        **common,
-        substep=printer.format_block(lay_out(plant_block(about.drive), [])),
-        outputs=printer.format_block(lay_out(outputs_block(about.drive), [])),
-    )
-    return header, source
+    context = plant_context(about, CPrinter(HOST64))
+    return render("plant.h.j2", **context), render("plant.c.j2", **context)

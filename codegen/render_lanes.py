@@ -1,12 +1,16 @@
-"""The lane form of a filter for the host: many filters side by side, each with the bits of the scalar form."""
+"""The lane forms for the host: many filters, controllers or motors side by side, with the bits of the scalar forms."""
 
 from __future__ import annotations
 
+from codegen.guards import SOUND, is_turns
 from codegen.layout import Listing
 from codegen.printers.lanes import LanesPrinter, lane_arrays
 from codegen.render import (
-    COVARIANCE_COMMENTS,
     Description,
+    angle_place,
+    common_spread,
+    covariance_comment,
+    factor_order,
     filter_constants,
     has_loop,
     render,
@@ -14,7 +18,8 @@ from codegen.render import (
     trig_note,
     turn_context,
 )
-from codegen.targets import F28335
+from codegen.render_drive import foc_context, plant_context
+from codegen.targets import F28335, HOST64
 from codegen.trig import wrap_listing
 from model.filters import FilterStep
 
@@ -26,9 +31,10 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
     """Header and source; float32 alone, because float64 calls the platform's sine and cosine."""
     target = F28335
     model = about.model
+    place = angle_place(step)
     printer = LanesPrinter(target, len(model.states))
     operations = [listings[block.name].operations() for block in step.blocks]
-    turns = any(count["small_angle"] for count in operations)
+    spread = common_spread(listings[block.name] for block in step.blocks)
     scalar = f"{about.drive.name}_{step.kind}"
     common = {
         "p": f"{scalar}_lanes",
@@ -41,11 +47,23 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "n": len(model.states),
         "packed": len(model.states) * (len(model.states) + 1) // 2,
         "covariance": step.covariance,
+        "guarded": step.guarded,
+        "sound": printer.format_literal(SOUND),
+        "per_sound": printer.format_literal(1.0 / SOUND),
+        "one": printer.format_literal(1.0),
+        "most_turns": max((len(block.outputs[0].entries) for block in step.blocks if is_turns(block)), default=0),
+        "order": factor_order(step),
+        "angle_columns": place + 1,
+        "angle_row": place * (place + 1) // 2,
+        "states_summed": " +\n            ".join(
+            " + ".join(f"f->x[{k}].of[lane]" for k in range(start, min(start + 4, len(model.states))))
+            for start in range(0, len(model.states), 4)
+        ),
     }
     header = render(
         "lanes.h.j2",
         **common,
-        covariance_comment=COVARIANCE_COMMENTS[step.covariance],
+        covariance_comment=covariance_comment(step),
         states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
     )
     source = render(
@@ -57,8 +75,8 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         pair=any(count["sincos"] for count in operations),
         trig_note=trig_note(target),
         sin_cos=_inlined(sin_cos_text(printer)),
-        turns=turns,
-        **(turn_context(printer) if turns else {}),
+        turns=spread is not None,
+        **(turn_context(printer, spread) if spread is not None else {}),
         zero=printer.format_literal(0.0),
         wrap_angle=_inlined(printer.format_helper(wrap_listing(target.precision))),
         looped=has_loop(step.body),
@@ -67,6 +85,22 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         program="\n".join(printer.format_program(step.body)),
     )
     return header, source
+
+
+def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
+    """Header and source of the controller around one filter, float32."""
+    n = len(about.model.states)
+    context = foc_context(about, step.kind, LanesPrinter(F28335, n))
+    context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
+    context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.guarded}
+    return render("foc_lanes.h.j2", **context), render("foc_lanes.c.j2", **context)
+
+
+def render_plant_lanes(about: Description) -> tuple[str, str]:
+    """Header and source of the motor, float64."""
+    context = plant_context(about, LanesPrinter(HOST64, len(about.model.states)))
+    context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
+    return render("plant_lanes.h.j2", **context), render("plant_lanes.c.j2", **context)
 
 
 def _inlined(helper: str) -> str:

@@ -16,7 +16,7 @@ class Target:
     """One flavour of generated C.
 
     ``real`` is the type's name in the port header, ``suffix`` ends a literal, ``sqrt`` is how the square root is
-    called and ``libm`` what that costs of the C library; ``tag`` is appended to file and function names so that
+    called and ``libm`` the name of that in the C library; ``tag`` is appended to file and function names so that
     two flavours can live in one program.
     """
 
@@ -47,7 +47,7 @@ HOST64 = Target(
     "float64",
     "",
     "sqrt",
-    "sqrt, sin and cos",
+    "sqrt",
     DOUBLE,
     False,
     "_f64",

@@ -81,31 +81,46 @@ def polynomial(g: Graph, z: int, coefficients: tuple[float, ...]) -> int:
     return value
 
 
+def _series(first: int, terms: int) -> tuple[float, ...]:
+    """Taylor coefficients of sine (``first`` 3) or cosine (4), every other power, from that power on."""
+    powers = range(first, first + 2 * terms, 2)
+    return tuple((-1) ** (power // 2) / math.factorial(power) for power in powers)
+
+
+#: float64: as many terms of the series as (pi/2)^n / n! needs to vanish.
+DOUBLE_COEFFICIENTS = (_series(3, 10), _series(4, 10))
+
+
 @cache
-def sin_cos_listing() -> Listing:
-    """float32 sine and cosine of one angle: reduce to |r| <= pi/2, two polynomials, one common sign."""
+def sin_cos_listing(precision: Precision = SINGLE) -> Listing:
+    """Sine and cosine of one angle: reduce to |r| <= pi/2, two polynomials, one common sign.
+
+    The float64 one serves the simulated motor, so that a run has the same bits on every machine.
+    """
     g = Graph()
     x = g.input("x")
-    k, r = _reduce(g, x, split_pi(SINGLE), 1 / math.pi, SINGLE)
-    magic = g.const(SINGLE.rounding, "ROUND")
-    half = g.op("sub", g.op("add", g.op("mul", k, g.const(0.5)), magic), magic)
-    odd = g.op("sub", k, g.op("mul", g.const(2.0), half))
+    k, r = _reduce(g, x, split_pi(precision), 1 / math.pi, precision)
+    magic = g.const(precision.rounding, "ROUND")
+    coarse = g.const(2.0 * precision.rounding, "ROUND_EVEN")  # beside it numbers are two apart
+    odd = g.op("sub", k, g.op("sub", g.op("add", k, coarse), coarse))
     sign = g.op("sub", g.const(1.0), g.op("mul", g.const(2.0), g.op("mul", odd, odd)))
-    sine, cosine = _sine_cosine(g, r)
+    sine, cosine = _sine_cosine(g, r, precision)
     z = g.op("mul", r, r)
     outputs = {"sine": [g.op("mul", sign, sine)], "cosine": [g.op("mul", sign, cosine)]}
-    names = {x: "x", magic: "ROUND", k: "k", r: "r", odd: "odd", sign: "sign", z: "z"}
+    names = {x: "x", magic: "ROUND", coarse: "ROUND_EVEN", k: "k", r: "r", odd: "odd", sign: "sign", z: "z"}
     reduction = Section("", "x = k pi + r with |r| <= pi / 2, pi in two parts", [Statement(k, "k"), Statement(r, "r")])
     parity = Section("", "the sign is -1 for odd k", [Statement(odd, "odd"), Statement(sign, "sign")])
-    values = Section("", "minimax polynomials in z = r^2", [Statement(z, "z")])
+    kind = "minimax polynomials" if precision.bits == SINGLE.bits else "series"
+    values = Section("", f"{kind} in z = r^2", [Statement(z, "z")])
     return helper_listing("sin_cos", g, names, [reduction, parity, values], outputs)
 
 
-def _sine_cosine(g: Graph, r: int) -> tuple[int, int]:
+def _sine_cosine(g: Graph, r: int, precision: Precision = SINGLE) -> tuple[int, int]:
     """The two polynomials on |r| <= pi/2."""
+    s, c = (SIN_COEFFICIENTS, COS_COEFFICIENTS) if precision.bits == SINGLE.bits else DOUBLE_COEFFICIENTS
     z = g.op("mul", r, r)
-    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), polynomial(g, z, SIN_COEFFICIENTS)))
-    quarter = g.op("mul", g.op("mul", z, z), polynomial(g, z, COS_COEFFICIENTS))
+    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), polynomial(g, z, s)))
+    quarter = g.op("mul", g.op("mul", z, z), polynomial(g, z, c))
     cosine = g.op("add", g.op("sub", g.const(1.0), g.op("mul", g.const(0.5), z)), quarter)
     return sine, cosine
 

@@ -185,7 +185,7 @@ def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torq
     if saliency != 0.0:
         half = constants("MTPA_FLUX", ca.SX(m.magnet_flux / (2 * saliency)), "psi_m / (2 (L_q - L_d)), A")
         i_d = half - ca.sqrt(half * half + i_q * i_q)
-        ratio = constants("SALIENCY", ca.SX(saliency / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
+        ratio = constants("MTPA_RATIO", ca.SX(saliency / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
         i_q = i_q / (1 - ratio * i_d)
     _record(b, "", {"i_q_ref": i_q, "i_d_ref": i_d})
     return i_d, i_q
@@ -215,4 +215,4 @@ def _svpwm(b: BlockBuilder, v: Pair, v_link: Any, lost: list[Any]) -> list[Any]:
     common = 0.5 * (highest + lowest)
     _record(b, "", {"v_highest": highest, "v_lowest": lowest, "v_common": common})
     raw = [0.5 + (phase - common) / v_link + more for phase, more in zip(phases, lost, strict=True)]
-    return [ca.fmin(1.0, ca.fmax(0.0, value)) for value in raw]
+    return [ca.fmin(ca.fmax(value, 0.0), 1.0) for value in raw]  # the second counts where they do not compare

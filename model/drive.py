@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from model.machines import MACHINES
+from model.machines import MACHINES, MachineError, find_machine, unknown_word
+from model.machines.own import read_word, try_out
 from model.mechanics import MECHANICS
 
 DRIVES = Path(__file__).parent / "drives"
@@ -38,6 +40,7 @@ Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
 FluxLinkage = Annotated[float, Field(ge=1e-4, le=10.0), Unit("Wb")]
 Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
 Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
+SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
 Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
@@ -45,7 +48,8 @@ Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
 Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
-Variance = Annotated[float, Field(gt=0, le=1e12)]
+#: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
+Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
 
 
 class _Section(BaseModel):
@@ -65,17 +69,45 @@ class Motor(_Section):
 
 
 class Model(_Section):
-    """Which equations, and how they are sampled."""
+    """Which equations, and how they are sampled.
 
-    machine: Literal["surface", "salient_flux"]
+    ``machine``: a shipped word, or ``FILE.py:CLASS`` (:mod:`model.machines.own`).
+    ``adaptive`` motor data wander and return to the motor's own within ``adaptive_time``, where nothing is learnt.
+    """
+
+    machine: str
     mechanics: Literal["constant_speed", "load_torque"] = "constant_speed"
     discretization: Literal["euler", "exact"]
     sample_time: SampleTime
-    adaptive: Annotated[list[str], Field(max_length=0)] = []
+    adaptive: list[Literal["magnet_flux", "stator_resistance"]] = []
+    adaptive_time: SlowTime = 1.0
+
+    @property
+    def return_rate(self) -> float:
+        """What share of its way back an adaptive state goes in a sample: T / adaptive_time, to a power of two."""
+        return float(2.0 ** round(math.log2(self.sample_time / self.adaptive_time)))
+
+    @field_validator("machine")
+    @classmethod
+    def _shipped_or_own(cls, word: str) -> str:
+        if word not in MACHINES and read_word(word) is None:
+            raise ValueError(unknown_word(word))
+        return word
+
+    @field_validator("adaptive")
+    @classmethod
+    def _each_once(cls, words: list[str]) -> list[str]:
+        for word in words:
+            if words.count(word) > 1:
+                raise ValueError(f"model.adaptive names '{word}' twice.")
+        return words
 
 
 class Filter(_Section):
-    """Kinds to generate and their tuning; every number here stays data in the generated struct."""
+    """Kinds to generate and their tuning; every number here stays data in the generated struct.
+
+    ``root_order``: the states in the order in which P is factored (eq. 13, 18); by default that of the state.
+    """
 
     kinds: Annotated[list[Literal["ekf", "ukf", "ckf", "ickf"]], Field(min_length=1)]
     gain: Literal["cubature", "jacobian"] = "cubature"
@@ -85,6 +117,7 @@ class Filter(_Section):
     initial_covariance: list[Variance]
     process_noise: list[Variance]
     measurement_noise: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+    root_order: list[str] | None = None
 
 
 class OperatingBox(_Section):
@@ -123,7 +156,11 @@ class Budget(_Section):
 
 
 class Drive(_Section):
-    """A validated drive file. ``sha256`` is the hash of the file's text; it goes into the generated header."""
+    """A validated drive file.
+
+    ``sha256`` is the hash of the file's text, with the machine file's behind it where there is one; it goes into the
+    generated header. ``machine_text`` is the text of a machine file of one's own.
+    """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
     motor: Motor
@@ -133,6 +170,7 @@ class Drive(_Section):
     control: Control = Control()
     budget: Budget = Budget()
     sha256: str = ""
+    machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
 
     @model_validator(mode="after")
     def _machine_fits_motor(self) -> Drive:
@@ -140,7 +178,7 @@ class Drive(_Section):
         if self.model.machine == "surface" and motor.inductance_d != motor.inductance_q:
             raise ValueError(
                 f"motor.inductance_q = {motor.inductance_q:g} H differs from inductance_d = {motor.inductance_d:g} H; "
-                "machine 'surface' needs them equal. Did you mean machine = 'salient_flux'?"
+                "machine 'surface' needs them equal. Did you mean machine = 'salient' or 'salient_flux'?"
             )
         return self
 
@@ -205,32 +243,67 @@ def load_drive(drive: str | Path) -> Drive:
         data = tomllib.loads(raw.decode("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise DriveError(f"drive '{path.name}': cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # tomllib's own, a number or a nesting beyond all bounds
         raise DriveError(f"drive '{path.name}': not valid TOML: {error}") from None
-    # A check-out that turned \n into \r\n must not change the hash in the generated header.
-    digest = hashlib.sha256(raw.replace(b"\r\n", b"\n")).hexdigest()
-    return parse_drive(data, path.name, digest)
+    text = _unix(raw)
+    machine_text = _machine_file(data, path)
+    digest = hashlib.sha256(text + machine_text.encode()).hexdigest()
+    return parse_drive(data, path.name, digest, machine_text)
 
 
-def parse_drive(data: dict[str, Any], where: str, sha256: str = "") -> Drive:
-    """Validate the parsed TOML ``data``; ``where`` names the source in errors."""
-    if "sha256" in data:
-        raise DriveError(f"drive '{where}': unknown key sha256.")
+def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text: str = "") -> Drive:
+    """Validate the parsed TOML ``data``; ``where`` names the source in errors.
+
+    ``machine_text`` is the text of the machine file, if ``model.machine`` names one.
+    """
+    for key in ("sha256", "machine_text"):
+        if key in data:
+            raise DriveError(f"drive '{where}': unknown key {key}.")
     try:
-        drive = Drive.model_validate({**data, "sha256": sha256})
+        drive = Drive.model_validate({**data, "sha256": sha256, "machine_text": machine_text})
     except ValidationError as error:
         problems = sorted(
             error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
         )  # a typo explains a missing key
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
         raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
-    _check_lengths(drive, where)
+    try:
+        machine = find_machine(drive)
+        _check_lengths(drive, [quantity.name for quantity in machine.states], where)
+        if drive.model.machine not in MACHINES:
+            try_out(drive, machine)
+    except MachineError as error:
+        raise DriveError(f"drive '{where}': {error}") from None
     return drive
 
 
-def _check_lengths(drive: Drive, where: str) -> None:
-    rooms = (MACHINES[drive.model.machine], MECHANICS[drive.model.mechanics])
-    states = [quantity.name for room in rooms for quantity in room.states]
+def _unix(raw: bytes) -> bytes:
+    """A check-out that turned \\n into \\r\\n must not change the hash in the generated header."""
+    return raw.replace(b"\r\n", b"\n")
+
+
+def _machine_file(data: dict[str, Any], path: Path) -> str:
+    """The text of the machine file a drive file names, if it names one."""
+    section = data.get("model")
+    word = section.get("machine") if isinstance(section, dict) else None
+    try:
+        own = read_word(word) if isinstance(word, str) else None
+        if own is None:
+            return ""
+        return _unix((path.parent / own.file).read_bytes()).decode("utf-8")
+    except MachineError as error:
+        raise DriveError(f"drive '{path.name}': {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
+        raise DriveError(
+            f"drive '{path.name}': machine file '{own.file if own else word}' cannot be read: {reason}. "
+            "Its path is relative to the drive file."
+        ) from None
+
+
+def _check_lengths(drive: Drive, electrical: list[str], where: str) -> None:
+    mechanical = [quantity.name for quantity in MECHANICS[drive.model.mechanics].states]
+    states = electrical + mechanical + list(drive.model.adaptive)
     for key in ("initial_state", "initial_covariance", "process_noise"):
         values = getattr(drive.filter, key)
         if values is not None and len(values) != len(states):
@@ -238,6 +311,12 @@ def _check_lengths(drive: Drive, where: str) -> None:
                 f"drive '{where}': filter.{key} has {len(values)} entries; "
                 f"this model has {len(states)} states: {', '.join(states)}."
             )
+    order = drive.filter.root_order
+    if order is not None and sorted(order) != sorted(states):
+        raise DriveError(
+            f"drive '{where}': filter.root_order names {', '.join(order) or 'nothing'}; "
+            f"it must name each of the model's states once: {', '.join(states)}."
+        )
 
 
 _SECTIONS: dict[str, type[_Section]] = {
@@ -269,9 +348,12 @@ def _explain(problem: Any) -> str:
         return (
             f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"
         )
-    if kind == "greater_than":
+    negative = isinstance(value, int | float) and value <= 0
+    if kind == "greater_than" or (kind == "greater_than_equal" and negative):
         what = "variances and tolerances must be positive" if "filter" in location else "must be positive"
         return f"{key} = {value} is not positive: {what}."
+    if kind == "greater_than_equal":  # an entry of a list
+        return f"{key} = {value!r} is below {limits['ge']:g}."
     if kind == "literal_error":
         return f"{key} = {value!r} is none of {limits.get('expected', '')}."
     return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
@@ -293,6 +375,6 @@ def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float
 def _scale_hint(value: Any, unit: str, low: float, high: float) -> str:
     """The usual slip is a unit scale: 0.8 for 0.8 mH, 20 for 20 us."""
     for prefix, factor in (("m", 1e-3), ("u", 1e-6)):
-        if isinstance(value, int | float) and unit and " " not in unit and low <= value * factor <= high:
+        if isinstance(value, int | float) and unit and " " not in unit and low / factor <= value <= high / factor:
             return f" Did you mean {value:g} {prefix}{unit} = {value * factor:g}?"
     return ""

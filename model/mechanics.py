@@ -81,10 +81,10 @@ class LoadTorque(Mechanics):
         gain = self.constant(
             "GAIN_OMEGA", self.par.T * (1 + decay) / (2 * self.par.J), "T (1 + exp(-T D / J)) / (2 J), rad/s per N m"
         )
-        half_p = self.constant("HALF_P_T", self.par.p * self.par.T / 2, "p T / 2, s")
+        half = self.constant("HALF_T", self.par.T / 2, "T / 2, s")
         T_e = torque()
         omega = decay * x[0] + gain * (T_e - x[2])
-        return [omega, x[1] + half_p * (x[0] + omega), x[2]], {"torque": T_e}
+        return [omega, x[1] + half * omega_e + half * self.electrical_speed(omega), x[2]], {"torque": T_e}
 
 
 MECHANICS: dict[str, type[Mechanics]] = {"constant_speed": ConstantSpeed, "load_torque": LoadTorque}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,34 @@ class Constant:
     symbol: Any
 
 
+class ConstantError(ValueError):
+    """One name for two numbers; the message is one line."""
+
+
+def _same(one: Constant, other: Constant) -> Constant:
+    """The first, if both stand for one number."""
+    if one.value != other.value:
+        raise ConstantError(
+            f"constant {one.name} is {one.formula} = {one.value!r} and {other.formula} = {other.value!r}: "
+            "one of them needs another name"
+        )
+    return one
+
+
+def united(*groups: Iterable[Constant]) -> list[Constant]:
+    """Constants of several blocks that meet in one file, each once.
+
+    Raises
+    ------
+    ConstantError
+        One name stands for two numbers.
+    """
+    found: dict[str, Constant] = {}
+    for constant in (constant for group in groups for constant in group):
+        _same(found.setdefault(constant.name, constant), constant)
+    return list(found.values())
+
+
 class Constants:
     """Collects the folded constants of a model, so that the generated code can name them.
 
@@ -49,14 +78,23 @@ class Constants:
         self.items: dict[str, Constant] = {}
 
     def __call__(self, name: str, value: Any, formula: str) -> Any:
+        """The symbol that stands for ``value``; a value that hangs on a state is no constant and is returned.
+
+        Raises
+        ------
+        ConstantError
+            The name stands for another value already.
+        """
         if not self._named:
             return value
-        if name not in self.items:
-            number = float(self.numeric(ca.SX(value)))
-            if number in (0.0, 1.0):  # nothing worth a name: let CasADi drop the operation
-                return ca.SX(number)
-            self.items[name] = Constant(name, number, formula, ca.SX.sym(name))
-        return self.items[name].symbol
+        known = self.numeric(ca.SX(value))
+        if not known.is_constant():
+            return value
+        number = float(known)
+        if number in (0.0, 1.0):  # nothing worth a name: let CasADi drop the operation
+            return ca.SX(number)
+        constant = self.items.setdefault(name, Constant(name, number, formula, ca.SX.sym(name)))
+        return _same(constant, Constant(name, number, formula, constant.symbol)).symbol
 
     def numeric(self, expression: Any) -> Any:
         """``expression`` with every constant's symbol replaced by its number."""
@@ -73,7 +111,8 @@ class Stage:
     ``rows`` says, entry by entry, which row the entry belongs to: the proof judges an error on its row's
     scale, which is the row's largest entry or, where that may vanish, what ``scale`` names: ``"state"`` one
     sigma of the state, ``"output"`` one sigma of the measurement noise, ``"cross"`` and ``"gain"`` the size
-    a cross covariance and a gain have by their sigmas, ``"row"`` nothing more. ``"none"``: a working
+    a cross covariance and a gain have by their sigmas, ``"difference"`` a share of the variance it was subtracted
+    from, ``"row"`` nothing more. ``"none"``: a working
     quantity that is named but not compared.
     """
 

@@ -16,6 +16,8 @@ _APPLY = {
     ca.OP_SQ: lambda a: a**2,
     ca.OP_TWICE: lambda a: 2 * a,
     ca.OP_INV: lambda a: 1 / a,
+    ca.OP_FMIN: sp.Min,
+    ca.OP_FMAX: sp.Max,
     ca.OP_SQRT: sp.sqrt,
     ca.OP_SIN: sp.sin,
     ca.OP_COS: sp.cos,
@@ -29,7 +31,7 @@ def to_sympy(expression: Any) -> sp.Matrix:
     Parameters
     ----------
     expression : casadi.SX
-        Over + - * / sqrt sin cos exp.
+        Over + - * / fmin fmax sqrt sin cos exp.
     """
     function = _function(ca.symvar(expression), [ca.densify(expression)])
     values = _replay(function, [])[0]
@@ -74,4 +76,4 @@ def _replay(function: Any, cut: list[str]) -> list[dict[int, Any]]:
 
 
 def _arity(op: int) -> int:
-    return 2 if op in {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV} else 1
+    return 2 if op in {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_FMIN, ca.OP_FMAX} else 1

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from codegen.graph import Graph
+from codegen.passes.products import folded
 from model.filters.program import BlockBuilder
 from model.quantities import Block, Port, Stage
 
@@ -67,6 +68,9 @@ class Expr:
         for one, rest in ((self, b), (b, self)):
             if one.value in (1.0, -1.0):
                 return rest if one.value == 1.0 else -rest
+        if self.value is not None and b.value is not None:
+            known = folded(self.graph, [self.node, b.node])
+            return Expr(self.graph, self.graph.const(known.value, known.name, known.formula))
         return self.apply("mul", b)
 
     def __truediv__(self, other: Expr | float) -> Expr:
@@ -88,11 +92,35 @@ class Expr:
         return self._coerce(other) / self
 
 
+def sum_of(terms: list[Expr]) -> Expr:
+    """Left to right."""
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def dot(a: list[Expr], b: list[Expr]) -> Expr:
+    """a^T b."""
+    return sum_of([p * q for p, q in zip(a, b, strict=True)])
+
+
 @dataclass(frozen=True)
 class GraphBlock(Block):
-    """A block whose entries are nodes of ``graph`` already, not symbols of a tape."""
+    """A block whose entries are nodes of ``graph`` already, not symbols of a tape.
+
+    ``last`` names stages that are printed behind the others, in this order: the first brings with it whatever it is
+    made of. A value is then computed where it is used, and a processor need not keep it.
+    """
 
     graph: Graph
+    last: tuple[str, ...] = ()
+
+    @property
+    def operations(self) -> frozenset[str]:
+        """What its outputs are made of."""
+        results = (entry.node for port in self.outputs for entry in port.entries)
+        return frozenset(self.graph[index].op for index in self.graph.reachable(results))
 
     @property
     def roots(self) -> list[int]:
@@ -124,10 +152,10 @@ class GraphBuilder(BlockBuilder):
         label = f"working_{equation}_{len(self._stages)}"
         self._stages.append(Stage(label, equation, "", tuple(kept.values()), tuple(kept), rows, "none"))
 
-    def build(self) -> GraphBlock:
-        """The block, without input arrays that no output depends on."""
+    def build(self, last: tuple[str, ...] = ()) -> GraphBlock:
+        """The block, without input arrays that no output depends on; ``last`` as :class:`GraphBlock` says."""
         block = super().build()
         roots = [entry.node for port in block.outputs for entry in port.entries]
         needed = {self.graph[index].name for index in self.graph.reachable(roots)}
         inputs = tuple(port for port in block.inputs if needed & set(port.names))
-        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph)
+        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph, last)

@@ -6,34 +6,47 @@ float32 does, and a measurement touches only the columns it sees.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from codegen.fast.expr import Expr
+from codegen.fast.expr import Expr, sum_of
 
 Matrix = list[list[Expr]]
 
 
-def from_packed(packed: list[Expr], n: int) -> tuple[Matrix, list[Expr]]:
-    """L (its upper part and diagonal structural) and D from the n (n + 1) / 2 words of a filter's state."""
-    zero = packed[0] * 0.0
+def from_packed(packed: list[Expr], order: Sequence[int]) -> tuple[Matrix, list[Expr]]:
+    """L (its upper part and diagonal structural) and D from the n (n + 1) / 2 words of a filter's state.
+
+    ``order``: of the states in L's columns and in the words; its rows here are in the order of the state.
+    """
+    n, zero = len(order), packed[0] * 0.0
     at = {(i, j): packed[i * (i + 1) // 2 + j] for i in range(n) for j in range(i + 1)}
     L = [[at[i, j] if i > j else zero + float(i == j) for j in range(n)] for i in range(n)]
-    return L, [at[i, i] for i in range(n)]
+    return _by_state(L, order), [at[i, i] for i in range(n)]
 
 
-def to_packed(L: Matrix, D: list[Expr]) -> list[Expr]:
-    """Row by row, D in the place of the unit diagonal."""
-    return [D[i] if i == j else L[i][j] for i in range(len(D)) for j in range(i + 1)]
+def to_packed(L: Matrix, D: list[Expr], order: Sequence[int]) -> list[Expr]:
+    """Row by row in this ``order`` of the states, D in the place of the unit diagonal."""
+    return [D[k] if k == j else L[i][j] for k, i in enumerate(order) for j in range(k + 1)]
 
 
-def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
-    """L D L^T = P, of which the lower triangle is read.
+def _by_state(L: Matrix, order: Sequence[int]) -> Matrix:
+    """Row k of L is that of state order[k]."""
+    rows = dict(zip(order, L, strict=True))
+    return [rows[i] for i in range(len(L))]
+
+
+def factor(P: Matrix, floor: list[Expr], order: Sequence[int]) -> tuple[Matrix, list[Expr]]:
+    """L D L^T = P, of which the lower triangle is read, its states taken in this ``order``.
+
+    Rows of L are in the order of the state.
 
     ``floor`` bounds D from below. For P = A + diag(floor) with A positive semidefinite no pivot of P is
     smaller, so in exact arithmetic the bound changes nothing; in float it keeps rounding from making a
-    pivot zero or negative.
+    pivot zero or negative. A pivot at its bound is an event that the step's status tells.
     """
     n = len(P)
+    P, floor = [[P[max(i, j)][min(i, j)] for j in order] for i in order], [floor[i] for i in order]
     L = [[P[0][0] * 0.0 + float(i == j) for j in range(n)] for i in range(n)]
     D: list[Expr] = []
     scaled = [[P[0][0] * 0.0] * n for _ in range(n)]  # L D
@@ -48,7 +61,7 @@ def factor(P: Matrix, floor: list[Expr]) -> tuple[Matrix, list[Expr]]:
                 entry = entry - scaled[i][k] * L[j][k]
             scaled[i][j] = entry
             L[i][j] = entry / D[j]
-    return L, D
+    return _by_state(L, order), D
 
 
 @dataclass
@@ -57,6 +70,8 @@ class Measured:
 
     ``rows``: measurements still to come, as rows of H L; they turn with the columns of L. ``correction``: what
     the measurements add to the estimate, summed apart from it, because an angle's last digits are coarser.
+    Of those taken ``spans`` are the innovations' variances, ``shares`` the innovations by them, ``squares`` nu^2 by
+    them.
     """
 
     L: Matrix
@@ -66,6 +81,13 @@ class Measured:
     innovations: list[Expr]
     variances: list[Expr]
     spans: list[Expr] = field(default_factory=list)
+    shares: list[Expr] = field(default_factory=list)
+    squares: list[Expr] = field(default_factory=list)
+
+    @property
+    def nis(self) -> Expr:
+        """Normalised innovation squared of the measurements taken: their nu^2 / span, summed."""
+        return sum_of(self.squares)
 
     def take(self) -> None:
         """The next scalar measurement: Bierman's update of an L D L^T, last column first.
@@ -95,9 +117,11 @@ class Measured:
             self.D[j] = self.D[j] * a / grown
             a = grown
         share = nu / a
+        self.squares.append(nu * share)
         self.correction = [sum_ + k * share for sum_, k in zip(self.correction, gathered[:n], strict=True)]
         self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
         self.spans.append(a)
+        self.shares.append(share)
 
 
 def decorrelated(

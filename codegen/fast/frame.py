@@ -48,8 +48,12 @@ class Frame:
 
     def out_matrix(self, P: list[list[Expr]]) -> list[list[Expr]]:
         """A symmetric matrix back to the stator frame, rows and columns."""
-        rows = [list(row) for row in zip(*(self.out(list(column)) for column in zip(*P, strict=True)), strict=True)]
-        half = [self.out(row) for row in rows]
+        half = [self.out(list(row)) for row in P]
+        (a, _), (b, c) = P[0][:2], P[1][:2]
+        tilt = self.sine * (a - c) + self.cosine * b * 2.0
+        half[0][0] = a - self.sine * tilt
+        half[1][0] = self.cosine * tilt - b
+        half[1][1] = c + self.sine * tilt
         return [[half[max(i, j)][min(i, j)] for j in range(len(P))] for i in range(len(P))]
 
     def into_diagonal(self, R: list[Expr]) -> list[list[Expr]]:

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 
 from codegen.fast.expr import Expr
+from codegen.graph import Graph
 from codegen.passes.products import Folded, folded
 
 #: Constants that were multiplied in another order are the same constant.
@@ -28,6 +29,9 @@ def common_factor(row: list[Expr]) -> tuple[Expr, list[Expr]]:
         return one, row
     parts = [_parts(entry) for entry in present]
     constants = [constant for constant, _ in parts]
+    if not all(_equal(constants[0], other) for other in constants):
+        parts = [_parts(entry, apart=True) for entry in present]
+        constants = [constant for constant, _ in parts]
     shared = parts[0][1]
     for _, rest in parts[1:]:
         shared = shared & rest
@@ -37,7 +41,7 @@ def common_factor(row: list[Expr]) -> tuple[Expr, list[Expr]]:
     if keep_numbers and not shared:
         return one, row
     graph = row[0].graph
-    scale = Expr(graph, graph.const(named.value, named.name, named.formula)) if not keep_numbers else one
+    scale = one if keep_numbers else _number(graph, named)
     for factor in shared.elements():
         scale = scale * Expr(graph, factor)
     remaining = iter(_multiplied(one, rest - shared, constant if keep_numbers else None) for constant, rest in parts)
@@ -48,8 +52,8 @@ def _equal(a: Folded, b: Folded) -> bool:
     return math.isclose(a.value, b.value, rel_tol=SAME)
 
 
-def _parts(entry: Expr) -> tuple[Folded, Counter[int]]:
-    """All constants of a product as one, and its other factors."""
+def _parts(entry: Expr, apart: bool = False) -> tuple[Folded, Counter[int]]:
+    """All constants of a product as one, and its other factors; ``apart``: constants are factors like the others."""
     graph = entry.graph
     constants, rest, sign = [], Counter[int](), 1.0
     stack = [entry.node]
@@ -59,14 +63,25 @@ def _parts(entry: Expr) -> tuple[Folded, Counter[int]]:
         if node.op in {"mul", "neg"}:
             stack += node.args
             sign = -sign if node.op == "neg" else sign
-        elif node.op == "const":
+        elif node.op == "const" and not apart:
             constants.append(index)
         else:
             rest[index] += 1
     if not constants:
         return Folded(sign, "", ""), rest
     known = folded(graph, constants)
-    return Folded(sign * known.value, known.name if sign > 0 else "", known.formula), rest
+    if known.value < 0:  # a name is its constant's, sign and all: it cannot stand for the size
+        return Folded(sign * known.value, "", ""), rest
+    return Folded(sign * known.value, known.name, known.formula), rest
+
+
+def _number(graph: Graph, constant: Folded) -> Expr:
+    """A constant with its sign; the name is its size's."""
+    negative = constant.value < 0 and bool(constant.name)
+    number = Expr(
+        graph, graph.const(abs(constant.value) if negative else constant.value, constant.name, constant.formula)
+    )
+    return -number if negative else number
 
 
 def _multiplied(one: Expr, factors: Counter[int], constant: Folded | None) -> Expr:
@@ -74,5 +89,5 @@ def _multiplied(one: Expr, factors: Counter[int], constant: Folded | None) -> Ex
     for factor in factors.elements():
         value = value * Expr(one.graph, factor)
     if constant is not None and constant.value != 1.0:
-        value = value * Expr(one.graph, one.graph.const(constant.value, constant.name, constant.formula))
+        value = value * _number(one.graph, constant)
     return value

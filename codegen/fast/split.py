@@ -44,17 +44,20 @@ class SplitAlgebra:
 
     Parameters
     ----------
-    q : Expr
-        s^2 of the direction; a structural zero makes the algebra that of first derivatives.
+    variance : Expr
+        s^2 of the direction is ``n`` times it; a structural zero makes the algebra that of first derivatives.
     frame : Expr, optional
         The angle a turning frame follows: sines and cosines are those of the angle less this one.
+    n : float
+        Small angles take it into their coefficients.
     """
 
-    def __init__(self, q: Expr, frame: Expr | None = None) -> None:
-        self.q = q
+    def __init__(self, variance: Expr, frame: Expr | None = None, n: float = 1.0) -> None:
+        self.variance, self.n = variance, n
+        self.q = variance * n
         self.frame = frame
-        self.zero = q * 0.0
-        #: Every z = d^2 met, with the angle that turns by d.
+        self.zero = variance * 0.0
+        #: Every z = d^2 / n met, with the angle that turns by d.
         self.turns: list[tuple[Split, Expr]] = []
 
     def const(self, value: float) -> Split:
@@ -145,10 +148,15 @@ class SplitAlgebra:
         odd = a.odd
         if self.q.is_zero() or odd.is_zero():
             return self.zero + 1.0, self.zero, odd
-        z = self.q * (odd * odd)
+        z = self.variance * (odd * odd)
         self.turns.append((a, z))
-        less = z.apply("cosm1")
-        return less + 1.0, less, odd * z.apply("sinc")
+        sinc, less = self.halves(z)
+        return less + 1.0, less, odd * sinc
+
+    def halves(self, z: Expr) -> tuple[Expr, Expr]:
+        """sin(d) / d and cos(d) - 1 for z = d^2 / n."""
+        n = self.zero + self.n
+        return z.apply("sinc", n), z.apply("cosm1", n)
 
     def _two_sided(self, op: str, *args: Split) -> Split:
         """Any other operation: both sides evaluated, with s = sqrt(q)."""

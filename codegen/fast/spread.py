@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codegen.fast.expr import Expr, GraphBuilder
+from codegen.fast.expr import Expr, GraphBuilder, dot, sum_of
 from codegen.fast.factored import Matrix
 from codegen.fast.frame import Frame
+from codegen.fast.leaning import Gram, Leaning
 from codegen.fast.rows import common_factor
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
@@ -75,7 +77,7 @@ class Spreading:
         parts = []
         for c in range(self.n):
             column = [L[i][c] for i in range(self.n)]
-            algebra = SplitAlgebra(D[c] * (self.n + self.rule.kappa), frame.angle if frame else None)
+            algebra = SplitAlgebra(D[c], frame.angle if frame else None, self.n + self.rule.kappa)
             values, named = self.replay(b, tape, algebra, x, column, others, frame)
             suggest_parts(b, equation, named, algebra, c)
             parts.append(values)
@@ -147,40 +149,58 @@ class Spreading:
         """Of a pair of points."""
         return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
 
+    def _name_bends(
+        self, b: GraphBuilder, equation: str, names: list[str], even: Sequence[Vector], totals: Vector, mean: Vector
+    ) -> None:
+        """Even parts without their common factor, their sum and mean."""
+        named = {f"bend_{name}_{c}": e for name, row in zip(names, even, strict=True) for c, e in enumerate(row)}
+        named |= {f"bend_{name}_sum": total for name, total in zip(names, totals, strict=True)}
+        named |= {f"bend_{name}_mean": value for name, value in zip(names, mean, strict=True)}
+        b.stage(f"bend_{names[0]}", equation, "", list(named.values()), list(named), scale="none")
+
     def moments(
-        self, b: GraphBuilder, run: Spread, D: Vector, equations: tuple[str, str], names: list[str], linear: bool = True
+        self,
+        b: GraphBuilder,
+        run: Spread,
+        D: Vector,
+        equations: tuple[str, str],
+        names: list[str],
+        linear: bool = True,
+        leaning: dict[int, Leaning] | None = None,
     ) -> tuple[Vector, Matrix]:
         """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
 
         The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
-        ``linear`` leaves the odd parts out.
+        ``linear`` off leaves the odd parts out. ``leaning``: rows that follow from others.
+
+        A row's even parts are taken about their mean if all columns bend. If one is flat, the mean is taken out of
+        the product afterwards: k of n equal bends leave 1 - k / n of their squares at least, so little cancels.
+        About one row's mean is enough for two rows: the deviations' own mean is zero.
         """
         weight = self._weight()
         scale, even = zip(*(common_factor(row) for row in run.even), strict=True)
-        mean = [sum_of(row) * weight for row in even]
+        totals = [sum_of(row) for row in even]
+        mean = [total * weight for total in totals]
+        self._name_bends(b, equations[0], names, even, totals, mean)
         offset = [k * m for k, m in zip(scale, mean, strict=True)]
         b.stage(f"offset_{names[0]}", equations[0], "", offset, [f"offset_{name}" for name in names], scale="none")
-        dev = [[e - m for e in row] if not m.is_zero() else row for row, m in zip(even, mean, strict=True)]
+        flat = [any(e.is_zero() for e in row) for row in even]
+        dev = [row if f else [e - m for e in row] for row, m, f in zip(even, mean, flat, strict=True)]
         labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
         b.stage(f"dev_{names[0]}", equations[0], "", [e for row in dev for e in row], labels, scale="none")
-        slope, odd = zip(*(common_factor(row) for row in run.odd), strict=True)
-        weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in odd]
         centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
+        gram = Gram(D, run.odd, leaning or {}) if linear else None
         P = [[D[0] * 0.0] * len(names) for _ in names]
         for i in range(len(names)):
             for j in range(i + 1):
-                bend = scale[i] * scale[j] * weight * dot(dev[i], dev[j]) + offset[i] * offset[j] * centre
-                spread = slope[i] * slope[j] * dot(weighted[i], odd[j]) if linear else bend * 0.0
-                P[i][j] = P[j][i] = spread + bend
+                if gram and gram.leans(i, j):
+                    P[i][j] = P[j][i] = gram.leant(P, i, j)
+                    continue
+                about = dot(dev[i], dev[j]) * weight
+                if flat[i] and flat[j]:
+                    about = about - mean[i] * mean[j]
+                elif not (flat[i] or flat[j]):
+                    about = about + mean[i] * mean[j] * centre
+                bend = scale[i] * scale[j] * about
+                P[i][j] = P[j][i] = gram.product(i, j) + bend if gram else bend
         return offset, P
-
-
-def sum_of(terms: Vector) -> Expr:
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
-
-
-def dot(a: Vector, b: Vector) -> Expr:
-    return sum_of([p * q for p, q in zip(a, b, strict=True)])

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
 
-from codegen.fast.expr import Expr, GraphBlock, GraphBuilder
+from codegen.fast.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
+from codegen.fast.leaning import find_leaning
 from codegen.fast.split import SplitAlgebra
-from codegen.fast.spread import Spread, Spreading, dot
+from codegen.fast.spread import Spread, Spreading
 from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
@@ -46,7 +48,7 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, means: Means
     literal = build_filter(model, kind, gain)
     shapes = _shapes(model, kind, literal.gain, means)
     if kind == "ickf" and literal.iteration_proof is None:
-        iterate, finish = _cheapest([[shape.iterate(), shape.finish()] for shape in shapes], means)
+        iterate, finish = _cheapest([shape.loop() for shape in shapes], means)
         *turns, iterate = split_turns(iterate, "_pred")
         head = tuple(Call(block) for block in turns)
         assert not any(port.name == "x_j" for block in turns for port in block.inputs), "a turn that moves with x^j"
@@ -60,8 +62,8 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, means: Means
 
 
 def _shapes(model: StateSpaceModel, kind: str, gain: str, means: Means) -> list[Shape]:
-    """The blocks' builders: in the stator frame and, where f and h allow it, in a turning one."""
-    frames = (False, True) if means.turning and turns_freely(model) else (False,)
+    """The blocks' builders: in a turning frame, if f and h allow it, and in the stator's; of equals the first."""
+    frames = (True, False) if means.turning and turns_freely(model) else (False,)
     return [Shape(model, kind, gain, RULES[kind], turning) for turning in frames]
 
 
@@ -95,6 +97,33 @@ class Seen:
     floor: Expr
     where: str
 
+    def _labelled(self) -> dict[str, Expr]:
+        rows = {f"HL_{k}{c}": entry for k, row in enumerate(self.rows) for c, entry in enumerate(row)}
+        return rows | {"noise_00": self.noise[0][0], "noise_10": self.noise[1][0], "noise_11": self.noise[1][1]}
+
+    def carried(self, inputs: Collection[str]) -> dict[str, dict[str, Expr]]:
+        """What a later block must be given of it, by array and name: all but numbers and these ``inputs``."""
+        found: dict[str, dict[str, Expr]] = {}
+        for label, entry in self._labelled().items():
+            node = entry.graph[entry.node]
+            if node.op != "const" and node.name not in inputs:
+                found.setdefault(label.split("_")[0], {})[label] = entry
+        return found
+
+    def in_block(self, b: GraphBuilder, given: dict[str, Expr], innovation: Vector, floor: Expr) -> Seen:
+        """The same in another block, ``given`` there what is carried, and inputs, by name."""
+
+        def place(label: str, entry: Expr) -> Expr:
+            node = entry.graph[entry.node]
+            if node.op == "const":
+                return b.const(node.value, node.name, node.formula)
+            return given[label if label in given else node.name]
+
+        at = {label: place(label, entry) for label, entry in self._labelled().items()}
+        rows = [[at[f"HL_{k}{c}"] for c in range(len(row))] for k, row in enumerate(self.rows)]
+        noise = [[at["noise_00"], at["noise_10"]], [at["noise_10"], at["noise_11"]]]
+        return Seen(rows, noise, innovation, floor, "")
+
 
 class Shape(Spreading):
     """Builds the blocks of one filter of one model."""
@@ -115,20 +144,30 @@ class Shape(Spreading):
         if self.turning:
             frame = tape.frame(b, [x, u])
         run = self.along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
-        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states)
+        columns = [[row[c] for row in L] for c in range(self.n)]
+        turned = zip(*(frame.into(column) if frame else column for column in columns), strict=True)
+        leaning = find_leaning(b, tape, [x, u], [list(row) for row in turned])
+        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, leaning=leaning)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
         labels = [f"{s}_pred" for s in self.states]
         b.stage("x_pred", number("16"), "x_pred = mean X_i'", x_pred, labels, scale="state")
-        P = frame.out_matrix(P) if frame else P
+        if frame:
+            named = {f"P_turned_{i}{j}": P[i][j] for i in range(self.n) for j in range(min(i + 1, 2))}
+            b.stage("P_turned", number("17"), "", list(named.values()), list(named), scale="none")
+            P = frame.out_matrix(P)
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
         b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P)
-        L_pred, D_pred = factor(P, Q)
+        L_pred, D_pred = factor(P, Q, self.model.order)
         self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
+        check = sum_of(D_pred)
+        b.stage("check", "", CHECK, [check], ["check"], scale="none")
         b.output("x_pred", x_pred)
-        b.output("LD_pred", to_packed(L_pred, D_pred))
-        return b.build()
+        b.output("LD_pred", to_packed(L_pred, D_pred, self.model.order))
+        b.output("check", [check])
+        bends = [f"{label}_{self.states[0]}" for label in ("bend", "dev", "offset")]
+        return b.build(last=("LD_pred", "P_turned", "P_pred", *bends, "x_pred", "check"))
 
     def measurement_update(self) -> GraphBlock:
         """Eq. 18-26, or for the ICKF eq. 28-34 where one pass is exact: scalar measurements in L D L^T."""
@@ -145,12 +184,20 @@ class Shape(Spreading):
         number = self.equation("31" if one_pass else "25")
         b.stage("innovation", number, f"y - y_pred{seen.where}", seen.innovation, _innovation_names(), scale="none")
         x, state = self._take(b, number, x_pred, (L, D), seen)
+        x = _read_off(x, x_pred, y, L, seen, state)
         if one_pass:
             b.stage("x_next", "31", "x^{j+1}", x, [f"{s}_after" for s in self.states], scale="state")
         self._close(b, x, state, ("34", "32") if one_pass else (self.equation("25"), self.equation("26")))
+        b.stage("nis", "", "normalised innovation squared", [state.nis], ["nis"], scale="none")
+        b.output("nis", [state.nis])
         return b.build()
 
-    def iterate(self) -> GraphBlock:
+    def loop(self) -> list[GraphBlock]:
+        """One iterate, and what follows the last."""
+        iterate, seen = self.iterate()
+        return [iterate, self.finish(seen)]
+
+    def iterate(self) -> tuple[GraphBlock, Seen]:
         """One iterate, eq. 28-33; the covariance waits for the last one."""
         b = GraphBuilder("ickf_iterate", "One iterate, eq. 28-33")
         x_j = b.input("x_j", [f"{s}_j" for s in self.states])
@@ -177,23 +224,28 @@ class Shape(Spreading):
         change = dot(moved, moved)
         b.stage("change", "33", "|x^{j+1} - x^j|^2", [change], ["change"], scale="none")
         b.output("x_j", x_next)
-        b.output("HL", [*rows[0], *rows[1]])
-        b.output("noise", [seen.noise[0][0], seen.noise[1][0], seen.noise[1][1]])
+        b.output("nis", [dot(seen.innovation, share)])
+        for name, carried in seen.carried(self._lasting).items():
+            b.output(name, list(carried.values()))
         b.output("change", [change])
-        return b.build()
+        return b.build(), seen
 
-    def finish(self) -> GraphBlock:
-        """Eq. 32 and 34: the covariance of the last iterate."""
+    @property
+    def _lasting(self) -> list[str]:
+        """Inputs of an iterate that are the same after the last one."""
+        return [*_factor_names("_pred", self.n), "R_0", "R_1"]
+
+    def finish(self, last: Seen) -> GraphBlock:
+        """Eq. 32 and 34: the covariance of the last iterate, which saw ``last``."""
         b = GraphBuilder("ickf_finish", "Result of the last iterate, eq. 32 and 34")
         x = b.input("x_j", [f"{s}_j" for s in self.states])
-        L, D = from_packed(b.input("LD_pred", _factor_names("_pred", self.n)), self.n)
-        HL = b.input("HL", [f"HL_{k}{c}" for k in range(2) for c in range(self.n)])
-        noise = b.input("noise", ["noise_00", "noise_10", "noise_11"])
-        R = b.input("R", ["R_0", "R_1"])
+        factors, R = b.input("LD_pred", _factor_names("_pred", self.n)), b.input("R", ["R_0", "R_1"])
+        L, D = from_packed(factors, self.model.order)
+        given = dict(zip(self._lasting, [*factors, *R], strict=True))
+        for name, entries in last.carried(self._lasting).items():
+            given |= dict(zip(entries, b.input(name, list(entries)), strict=True))
         zero = x[0] * 0.0
-        off = zero if self.gain == "jacobian" and not self.turning else noise[1]
-        rows = [HL[: self.n], HL[self.n :]]
-        seen = Seen(rows, [[noise[0], off], [off, noise[2]]], [zero, zero], self._floor(R), "")
+        seen = last.in_block(b, given, [zero, zero], self._floor(R))
         x, state = self._take(b, "32", x, (L, D), seen)
         self._close(b, x, state, ("34", "32"))
         return b.build()
@@ -203,7 +255,7 @@ class Shape(Spreading):
         b = GraphBuilder("coast", "No measurement: the prediction is the estimate")
         x, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
         b.output("x", self._wrapped(x))
-        b.output("LD", to_packed(L, D))
+        b.output("LD", to_packed(L, D, self.model.order))
         return b.build()
 
     # --- pieces
@@ -212,7 +264,7 @@ class Shape(Spreading):
         self, b: GraphBuilder, state: str, factors: str, tag: str, suffix: str
     ) -> tuple[Vector, Matrix, Vector]:
         x = b.input(state, [f"{s}{suffix}" for s in self.states])
-        L, D = from_packed(b.input(factors, _factor_names(tag, self.n)), self.n)
+        L, D = from_packed(b.input(factors, _factor_names(tag, self.n)), self.model.order)
         return x, L, D
 
     @staticmethod
@@ -243,9 +295,9 @@ class Shape(Spreading):
         numbers = self.equation("21"), self.equation("22")
         offset, bend = self.moments(b, run, D, numbers, measured, linear=False)
         noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
-        if frame:  # cos^2 R_0 + sin^2 R_1: no less than the smaller one, whatever sine and cosine are rounded to
-            noise[0][0] = noise[0][0].apply("max", self._floor(R))
         noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
+        if frame or not bend[0][0].is_zero():  # turned, bent: no less than what it was, whatever that is rounded to
+            noise[0][0] = noise[0][0].apply("max", self._floor(R) if frame else R[0])
         entries = [noise[0][0], noise[1][0], noise[1][1]]
         b.stage("noise", self.equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")
         turned = frame.into(y) if frame else y
@@ -299,15 +351,18 @@ class Shape(Spreading):
         b.stage("x", equations[0], "theta wrapped", x, [f"{s}_new" for s in self.states], scale="state")
         self._name_factors(b, equations[1], "_new", state.L, state.D)
         b.output("x", x)
-        b.output("LD", to_packed(state.L, state.D))
+        b.output("LD", to_packed(state.L, state.D, self.model.order))
 
     def _wrapped(self, x: Vector) -> Vector:
         return [value.apply("wrap") if i == self.model.angle else value for i, value in enumerate(x)]
 
     def _name_factors(self, b: GraphBuilder, equation: str, tag: str, L: Matrix, D: Vector) -> None:
-        entries, names = to_packed(L, D), _factor_names(tag, self.n)
+        entries, names = to_packed(L, D, self.model.order), _factor_names(tag, self.n)
         b.stage(f"LD{tag}", equation, f"L D L^T = P{tag}", entries, names, scale="none")
 
+
+#: The step's guard adds the states to it: no pivot or state that is not a number, or absurdly large, leaves it small.
+CHECK = "sum of the pivots, for the guard"
 
 #: What eq. 22 adds to the odd parts.
 _NOISE = "R, and what the bend of h adds to it"
@@ -316,6 +371,17 @@ _NOISE = "R, and what the bend of h adds to it"
 def _factor_names(tag: str, n: int) -> list[str]:
     """L_10, D_1, ... in the places of a packed lower triangle."""
     return [f"D{tag}_{i}" if i == j else f"L{tag}_{i}{j}" for i in range(n) for j in range(i + 1)]
+
+
+def _read_off(x: Vector, before: Vector, y: Vector, L: Matrix, seen: Seen, state: Measured) -> Vector:
+    """The estimate, a state that the measurement taken last reads directly said shorter: y - x = R / span (y - x_pred).
+
+    That is what a scalar measurement leaves of its own innovation; no row of the gain is needed for it.
+    """
+    for i, (row, value) in enumerate(zip(L, before, strict=True)):
+        if row == seen.rows[-1] and seen.innovation[-1] == y[-1] - value and seen.noise[-1][0].is_zero():
+            x = [*x[:i], y[-1] - seen.noise[-1][-1] * state.shares[-1], *x[i + 1 :]]
+    return x
 
 
 def _innovation_names() -> list[str]:

@@ -68,7 +68,8 @@ def suggest_parts(b: GraphBuilder, equation: str, named: dict[str, Split], algeb
     known = {part.base.node: name for name, part in reversed(named.items())}
     for angle, z in algebra.turns:
         name = known.get(angle.base.node, "angle")
-        halves = {f"sinc_{name}_{column}": z.apply("sinc"), f"cosm1_{name}_{column}": z.apply("cosm1")}
-        b.suggest(equation, {f"d_{name}_sq_{column}": z, **halves})
+        labels = (f"sinc_{name}_{column}", f"cosm1_{name}_{column}")
+        halves = dict(zip(labels, algebra.halves(z), strict=True))
+        b.suggest(equation, {f"z_{name}_{column}": z, **halves})
     for name, part in named.items():
         b.suggest(equation, {name: part.base, f"even_{name}_{column}": part.even, f"odd_{name}_{column}": part.odd})

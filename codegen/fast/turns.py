@@ -13,6 +13,9 @@ from model.quantities import Port, Stage
 
 OPERATIONS = ("sinc", "cosm1")
 
+#: z = d^2 / n and n, as nodes.
+Angle = tuple[int, ...]
+
 
 def split_turns(block: GraphBlock, tag: str) -> list[GraphBlock]:
     """The block, preceded by the one that computes its turns if it has any.
@@ -21,48 +24,53 @@ def split_turns(block: GraphBlock, tag: str) -> list[GraphBlock]:
     """
     roots = [entry.node for port in block.outputs for entry in port.entries]
     order = block.graph.reachable(roots)
-    angles = list(dict.fromkeys(block.graph[k].args[0] for k in order if block.graph[k].op in OPERATIONS))
+    angles = list(dict.fromkeys(block.graph[k].args for k in order if block.graph[k].op in OPERATIONS))
+    angles.sort(key=lambda angle: block.graph[angle[0]].op == "input")  # the angle's own column, z = D, comes last
     if not angles:
         return [block]
     names = _names(block, angles)
     return [_before(block, angles, names, tag), _after(block, angles, names, tag)]
 
 
-def _names(block: GraphBlock, angles: list[int]) -> list[tuple[str, str, str]]:
+def _names(block: GraphBlock, angles: list[Angle]) -> list[tuple[str, str, str]]:
     """What z, sinc and cosm1 are called: as the block's stages suggest."""
-    known = {entry.node: name for stage in block.stages for entry, name in zip(stage.entries, stage.names, strict=True)}
+    known = {
+        entry.node: name
+        for stage in reversed(block.stages)
+        for entry, name in zip(stage.entries, stage.names, strict=True)
+    }
     found = []
-    for k, z in enumerate(angles):
-        nodes = (z, *(block.graph.op(op, z) for op in OPERATIONS))
+    for k, angle in enumerate(angles):
+        nodes = (angle[0], *(block.graph.op(op, *angle) for op in OPERATIONS))
         names = [known.get(node, f"{label}_{k}") for node, label in zip(nodes, ("z", *OPERATIONS), strict=True)]
         found.append((names[0], names[1], names[2]))
     return found
 
 
-def _before(block: GraphBlock, angles: list[int], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:
+def _before(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:
     graph = block.graph
-    needed = {graph[k].name for k in graph.reachable(angles) if graph[k].op == "input"}
+    needed = {graph[k].name for k in graph.reachable(z for z, _ in angles) if graph[k].op == "input"}
     inputs = tuple(port for port in block.inputs if needed & set(port.names))
-    turned = [Expr(graph, graph.op(op, z)) for z in angles for op in OPERATIONS]
+    turned = [Expr(graph, graph.op(op, *angle)) for angle in angles for op in OPERATIONS]
     labels = tuple(name for _, sinc, cosm1 in names for name in (sinc, cosm1))
-    z = tuple(Expr(graph, node) for node in angles)
+    z = tuple(Expr(graph, node) for node, _ in angles)
+    (n,) = {graph[spread].value for _, spread in angles}
+    meaning = f"z = d^2 / {n:g}, d what column c turns an angle by"
     stages = (
-        Stage(
-            "z", "14", "z = d^2, what column c turns an angle by", z, tuple(n[0] for n in names), (0,) * len(z), "none"
-        ),
+        Stage("z", "14", meaning, z, tuple(name for name, _, _ in names), (0,) * len(z), "none"),
         Stage("turn", "14", "sin(d) / d, cos(d) - 1", tuple(turned), labels, (0,) * len(turned), "none"),
     )
-    outputs = (Port(f"z{tag}", z, tuple(n[0] for n in names)), Port(f"turn{tag}", tuple(turned), labels))
+    outputs = (Port(f"z{tag}", z, tuple(name for name, _, _ in names)), Port(f"turn{tag}", tuple(turned), labels))
     title = f"Small angles of {block.name}: sin(d) / d and cos(d) - 1"
     return GraphBlock(f"{block.name}_turns", title, inputs, outputs, stages, graph)
 
 
-def _after(block: GraphBlock, angles: list[int], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:
+def _after(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:
     """The block with the turns as inputs."""
     new, moved = Graph(), dict[int, int]()
     given = {
-        block.graph.op(op, z): name
-        for z, (_, sinc, cosm1) in zip(angles, names, strict=True)
+        block.graph.op(op, *angle): name
+        for angle, (_, sinc, cosm1) in zip(angles, names, strict=True)
         for op, name in zip(OPERATIONS, (sinc, cosm1), strict=True)
     }
     for index, node in enumerate(block.graph.nodes):
@@ -83,4 +91,4 @@ def _after(block: GraphBlock, angles: list[int], names: list[tuple[str, str, str
     stages = tuple(
         Stage(s.name, s.equation, s.meaning, move(s.entries), s.names, s.rows, s.scale) for s in block.stages
     )
-    return GraphBlock(block.name, block.title, inputs, outputs, stages, new)
+    return GraphBlock(block.name, block.title, inputs, outputs, stages, new, block.last)

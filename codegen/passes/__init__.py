@@ -12,25 +12,31 @@ from functools import partial
 
 from codegen.graph import Graph
 from codegen.passes.collect import collect
+from codegen.passes.distribute import distribute
 from codegen.passes.products import share_products
 from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
+from codegen.passes.reuse import reuse_products
 from codegen.passes.signs import pull_signs
 
 Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
 Pipelines = tuple[tuple[Pass, ...], ...]
 
-_HEAD: tuple[Pass, ...] = (share_reciprocals, pull_signs)
+_HEAD: tuple[Pass, ...] = (pull_signs, share_reciprocals)
 _COLLECTED: tuple[Pass, ...] = (collect, pull_signs)
+_TAIL: tuple[Pass, ...] = (reuse_products, distribute, spend_reciprocals)
 _KEPT = partial(share_products, whole=False)
+_SQUARES = partial(share_products, squares=True)
 
 #: In the order they run. Sharing is greedy, so several ways are gone and the cheapest result is kept.
 PIPELINES: Pipelines = (
-    (*_HEAD, share_products, *_COLLECTED, share_products, spend_reciprocals),
-    (*_HEAD, *_COLLECTED, share_products, spend_reciprocals),
-    (*_HEAD, *_COLLECTED, _KEPT, spend_reciprocals),
-    (*_HEAD, share_products, spend_reciprocals),
-    (*_HEAD, _KEPT, spend_reciprocals),
-    (*_HEAD, spend_reciprocals),
+    (*_HEAD, share_products, *_COLLECTED, *_COLLECTED, share_products, *_TAIL),  # what was collected is opened again
+    (*_HEAD, share_products, *_COLLECTED, *_COLLECTED, share_products, _SQUARES, *_TAIL),
+    (*_HEAD, share_products, *_COLLECTED, share_products, _SQUARES, *_TAIL),
+    (*_HEAD, *_COLLECTED, share_products, *_TAIL),
+    (*_HEAD, *_COLLECTED, _KEPT, *_TAIL),
+    (*_HEAD, share_products, *_TAIL),
+    (*_HEAD, _KEPT, *_TAIL),
+    (*_HEAD, *_TAIL),
     (),  # a sign pulled out of a sum's one term may have to be put into its others: then the graph as it stands
 )
 
@@ -73,7 +79,9 @@ __all__ = [
     "WEIGHTS",
     "Pipelines",
     "collect",
+    "distribute",
     "pull_signs",
+    "reuse_products",
     "run_passes",
     "share_products",
     "share_reciprocals",

@@ -16,10 +16,13 @@ from itertools import combinations_with_replacement
 from codegen.graph import Graph
 
 
-def share_products(graph: Graph, roots: list[int], whole: bool = True) -> tuple[Graph, dict[int, int]]:
+def share_products(
+    graph: Graph, roots: list[int], whole: bool = True, squares: bool = False
+) -> tuple[Graph, dict[int, int]]:
     """Regroup products; sums and functions stay as they are.
 
     ``whole``: inner products are taken apart even where several products share them already; else those stay.
+    ``squares``: beside a square, that of a known constant counts as the constant twice: K^2 x^2 = (K x) (K x).
 
     >>> g = Graph()
     >>> a, b, c, d = (g.input(name) for name in "abcd")
@@ -33,7 +36,8 @@ def share_products(graph: Graph, roots: list[int], whole: bool = True) -> tuple[
     uses = Counter(arg for index in order for arg in graph[index].args)
     kept = set() if whole else {index for index in order if graph[index].op == "mul" and uses[index] > 1}
     tops |= kept
-    factors = {top: _folded(graph, _factors(graph, top, kept)) for top in order if top in tops}
+    named = {graph[k].name: k for k in order if graph[k].op == "const" and graph[k].name} if squares else {}
+    factors = {top: _folded(graph, _factors(graph, top, kept), named) for top in order if top in tops}
     ranks = {index: rank for rank, index in enumerate(order)}
     pairs = _share(factors, ranks)
     return _rebuild(graph, order, factors, pairs, ranks)
@@ -61,6 +65,7 @@ class Shared:
 
 #: A node of the old graph, a folded constant, or a shared pair.
 Factor = int | Folded | Shared
+Pair = tuple[Factor, Factor]
 
 
 def _tops(graph: Graph, order: list[int], roots: set[int]) -> set[int]:
@@ -85,18 +90,29 @@ def _factors(graph: Graph, top: int, kept: set[int]) -> Counter[int]:
     return found
 
 
-def _folded(graph: Graph, found: Counter[int]) -> Counter[Factor]:
-    """All constants of a product as one."""
+def _folded(graph: Graph, found: Counter[int], roots: dict[str, int]) -> Counter[Factor]:
+    """All constants of a product as one; beside a square, the squares of ``roots`` are taken apart."""
     constants = sorted(
         (index for index in found.elements() if graph[index].op == "const"),
         key=lambda k: (graph[k].name, graph[k].value),
     )
     rest: Counter[Factor] = Counter({index: count for index, count in found.items() if graph[index].op != "const"})
+    if len(constants) == 1 and max(rest.values(), default=0) > 1:
+        return rest + _rooted(graph, constants[0], roots)
     if len(constants) == 1:
         rest[constants[0]] += 1
     elif constants and folded(graph, constants).value != 1.0:
         rest[folded(graph, constants)] += 1
     return rest
+
+
+def _rooted(graph: Graph, index: int, roots: dict[str, int]) -> Counter[Factor]:
+    """A constant as the root whose square it holds, twice, and the number that is left; else as it is."""
+    names, plain = _taken_apart(graph, index)
+    root = roots.get(_product_name(Counter(dict.fromkeys(names, 1)), 1.0)) if set(names.values()) == {2} else None
+    if root is None:
+        return Counter({index: 1})
+    return Counter({root: 2} | ({Folded(plain, "", ""): 1} if plain != 1.0 else {}))
 
 
 def folded(graph: Graph, constants: list[int]) -> Folded:
@@ -105,22 +121,44 @@ def folded(graph: Graph, constants: list[int]) -> Folded:
     value = math.prod(graph[index].value for index in constants)
     if len(constants) == 1:
         return Folded(value, graph[constants[0]].name, graph[constants[0]].formula)
-    return Folded(value, _product_name(graph, constants), _formula(graph, constants))
+    names, plain = Counter[str](), 1.0
+    for index in constants:
+        some, number = _taken_apart(graph, index)
+        names, plain = names + some, plain * number
+    names = Counter(dict(sorted(names.items())))
+    return Folded(value, _product_name(names, plain), _formula(names, plain))
 
 
-def _product_name(graph: Graph, constants: list[int]) -> str:
-    """``A_B`` for A times B, ``A_SQ`` for A times A, ``A_X4`` for 4 A; nothing for other numbers."""
-    names = Counter(graph[k].name for k in constants if graph[k].name)
-    plain = math.prod(graph[k].value for k in constants if not graph[k].name)
-    if not names or plain != int(plain) or any(count > 2 for count in names.values()):
+def _product_name(names: Counter[str], plain: float) -> str:
+    """``A_B`` for A times B, ``A_SQ`` for A times A, ``A_X4`` for 4 A, ``A_BY4`` for A / 4; else nothing."""
+    by = 0.0 < plain < 1.0
+    number = 1.0 / plain if by else plain
+    if not names or number != int(number) or any(count > 2 for count in names.values()):
         return ""
     parts = [name + ("_SQ" if count == 2 else "") for name, count in names.items()]
-    name = "_".join(parts + ([f"X{int(plain)}"] if plain != 1.0 else []))
+    name = "_".join(parts + ([f"{'BY' if by else 'X'}{int(number)}"] if number != 1.0 else []))
     return name if len(name) <= LONGEST_NAME else ""
 
 
-def _formula(graph: Graph, constants: list[int]) -> str:
-    return " * ".join(graph[k].name or f"{graph[k].value:g}" for k in constants)
+def _taken_apart(graph: Graph, index: int) -> tuple[Counter[str], float]:
+    """The names a constant was multiplied together from, and the number beside them."""
+    node = graph[index]
+    if not node.name:
+        return Counter(), node.value
+    tokens = node.formula.split(" * ")
+    names = Counter(token for token in tokens if token.isidentifier())
+    plain = math.prod(float(token) for token in tokens if _is_number(token))
+    if all(token.isidentifier() or _is_number(token) for token in tokens) and _product_name(names, plain) == node.name:
+        return names, plain
+    return Counter([node.name]), 1.0
+
+
+def _is_number(token: str) -> bool:
+    return token.replace(".", "", 1).isdigit()
+
+
+def _formula(names: Counter[str], plain: float) -> str:
+    return " * ".join([*([repr(plain).removesuffix(".0")] if plain != 1.0 else []), *names.elements()])
 
 
 def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[tuple[Factor, Factor]]:
@@ -134,32 +172,42 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
         for factor in held
     }
     pairs: list[tuple[Factor, Factor]] = []
-    holders: dict[tuple[Factor, Factor], set[int]] = {}
-    for top, held in factors.items():
-        for pair in _pairs(held, rank):
-            holders.setdefault(pair, set()).add(top)
+    holders: dict[Pair, dict[int, int]] = {}  # how often a product holds a pair, side by side
+    total = Counter[Pair]()
+
+    def count(top: int) -> None:
+        for pair in _pairs(factors[top], rank):
+            times = _times(factors[top], pair)
+            holders.setdefault(pair, {})[top] = times
+            total[pair] += times
+
+    for top in factors:
+        count(top)
     while True:
-        most = max((len(tops) for tops in holders.values()), default=0)
+        most = max(total.values(), default=0)
         if most < 2:
             return pairs
         best = min(
-            (pair for pair, tops in holders.items() if len(tops) == most),
-            key=lambda pair: (rank[pair[1]], rank[pair[0]]),
+            (pair for pair, times in total.items() if times == most), key=lambda pair: (rank[pair[1]], rank[pair[0]])
         )
         made = Shared(len(pairs))
         pairs.append(best)
         rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(pairs)
-        for top in sorted(holders[best]):
+        for top, times in sorted(holders[best].items()):
             held = factors[top]
             for pair in _pairs(held, rank):
-                holders[pair].discard(top)
-            while (held[best[0]] >= 2) if best[0] == best[1] else (held[best[0]] and held[best[1]]):
-                held.subtract(best)
-                held[made] += 1
+                total[pair] -= holders[pair].pop(top)
+            for factor in best:
+                held[factor] -= times
+            held[made] += times
             for factor in [factor for factor, number in held.items() if not number]:
                 del held[factor]
-            for pair in _pairs(held, rank):
-                holders.setdefault(pair, set()).add(top)
+            count(top)
+
+
+def _times(held: Counter[Factor], pair: tuple[Factor, Factor]) -> int:
+    """How often a product holds a pair of factors."""
+    return held[pair[0]] // 2 if pair[0] == pair[1] else min(held[pair[0]], held[pair[1]])
 
 
 def _pairs(held: Counter[Factor], rank: dict[Factor, float]) -> list[tuple[Factor, Factor]]:
@@ -192,7 +240,7 @@ def _rebuild(
 
     def place(factor: Factor) -> int:
         if isinstance(factor, int):
-            return moved[factor]
+            return new.adopt(graph[factor], []) if graph[factor].op == "const" else moved[factor]
         if isinstance(factor, Shared):
             a, b = (place(half) for half in pairs[factor.number])
             return new.op("mul", a, b)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.graph import Graph
+from codegen.graph import Graph, Node
 
 
 def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
@@ -20,9 +20,10 @@ def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     signed: dict[int, tuple[bool, int]] = {}  # negative?, node
     moved: dict[int, int] = {}
     wanted = set(roots)
+    names = {node.value: node for node in graph.nodes if node.op == "const" and node.name}
     for index in graph.reachable(roots):
         node = graph[index]
-        signed[index] = _signed(new, graph, index, signed)
+        signed[index] = _signed(new, graph, index, signed, names)
         negative, value = signed[index]
         if negative and index in wanted:
             signed[index] = False, new.op("neg", value)
@@ -32,11 +33,14 @@ def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     return new, moved
 
 
-def _signed(new: Graph, graph: Graph, index: int, signed: dict[int, tuple[bool, int]]) -> tuple[bool, int]:
+def _signed(
+    new: Graph, graph: Graph, index: int, signed: dict[int, tuple[bool, int]], names: dict[float, Node]
+) -> tuple[bool, int]:
     node = graph[index]
     args = [signed[arg] for arg in node.args]
     if node.op == "const" and node.value < 0 and not node.name:
-        return True, new.const(-node.value)
+        known = names.get(-node.value)  # a named constant lost its name when its sign was folded in
+        return True, new.const(-node.value, known.name, known.formula) if known else new.const(-node.value)
     if node.op == "neg":
         return not args[0][0], args[0][1]
     if node.op in {"mul", "div"}:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from codegen.guards import is_monitored, is_turns
 from codegen.layout import SMALL_ANGLE, Listing, Statement
 from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
 from codegen.small_angle import coefficients
@@ -26,6 +27,8 @@ class CPrinter(ExpressionPrinter):
         self.target = target
         #: Type of a sine and cosine; the port header declares the firmware's, once for all files (MISRA 5.6).
         self.pair = f"pmsm_pair{target.tag}"
+        #: Lines of a step that stand behind the call of a block, by its name.
+        self.behind: dict[str, list[str]] = {}
 
     # --- expressions
 
@@ -54,19 +57,20 @@ class CPrinter(ExpressionPrinter):
             return [self._declaration(statement.name, self.expression(listing, statement.node))]
         argument, function = listing.names[statement.node], statement.function
         if function is SMALL_ANGLE:
-            return [
-                self._declaration(name, self.format_turn(prefix, argument))
-                for name, prefix in zip(statement.pair, ("SINC", "COSM1"), strict=True)
-            ]
+            return self.format_small_angle(statement.pair, argument)
         lines = [f"{INDENT}const {self.pair} {statement.name} = {function.name}({argument});"]
         for name, member in zip(statement.pair, function.members, strict=True):
             if name:
                 lines.append(self._declaration(name, f"{statement.name}.{member}"))
         return lines
 
+    def format_small_angle(self, names: tuple[str, str], argument: str) -> list[str]:
+        """Nothing yet: see :meth:`_turns`."""
+        return []
+
     def format_turn(self, prefix: str, variable: str) -> str:
         """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), its coefficients by name."""
-        s, c = coefficients(self.target.precision)
+        s, c = coefficients(self.target.precision)  # how many: n does not change it
         if prefix == "SINC":
             return f"{horner('SINC_', len(s), variable)} + {self.format_literal(1.0)}"
         return horner("COSM1_", len(c), variable)
@@ -91,18 +95,21 @@ class CPrinter(ExpressionPrinter):
 
     def format_block(self, listing: Listing) -> str:
         """A block as a static function: inputs read first, outputs written last, so they may alias."""
-        lines = [f"/* {listing.block.title} */", *self._signature(listing.block), "{"]
+        title = listing.block.title + ("; returns the status" if is_turns(listing.block) else "")
+        lines = [f"/* {title} */", *self._signature(listing.block), "{"]
         for port, used in listing.used_inputs.items():
             lines += [f"{INDENT}const {self.target.real} {name} = {port}[{k}];" for k, name in used]
         lines += [*self.format_body(listing), ""]
-        turned = [s for section in listing.sections for s in section.statements if s.function is SMALL_ANGLE]
-        written = {port: self._written(listing, port) for port in listing.outputs}
-        if turned:
-            squares, turns = written
-            lines += [*written[turns], *self._widening(listing, turned, written[squares])]
+        if is_turns(listing.block):
+            lines += self._turns(listing)
         else:
-            lines += [line for port in written.values() for line in port]
-        return "\n".join([*lines, "}"])
+            lines += [line for port in listing.outputs for line in self._written(listing, port)]
+        return "\n".join([*lines, *self._unread(listing), "}"])
+
+    @staticmethod
+    def _unread(listing: Listing) -> list[str]:
+        """Said to the compiler: an input that this machine's equations do not need."""
+        return [f"{INDENT}(void){port};" for port, used in listing.used_inputs.items() if not used]
 
     def _written(self, listing: Listing, port: str) -> list[str]:
         return [
@@ -110,23 +117,41 @@ class CPrinter(ExpressionPrinter):
             for k, node in enumerate(listing.outputs[port])
         ]
 
-    @staticmethod
-    def _widening(listing: Listing, turned: list[Statement], squares: list[str]) -> list[str]:
-        """Where a block takes small angles: those that are not small, once all are written."""
+    def _turns(self, listing: Listing) -> list[str]:
+        """The outputs of a block of small angles: by polynomials, or by what does it where they are not small together.
+
+        Only the way that is taken writes them: a compiler need not store on the usual one what the other might read.
+        """
         z, turn = listing.outputs
-        test = " || ".join(f"({listing.names[s.node]} > SMALL_TURN)" for s in turned)
-        return [
-            wrap_line(f"if ({test}) {{", INDENT, INDENT),
-            *(INDENT + line for line in squares),
-            f"{INDENT * 2}widen({z}_out, {turn}_out, {len(turned)});",
-            f"{INDENT}}}",
+        (words,) = (port.name for port in listing.block.inputs)
+        squares = [self.reference(listing, node) for node in listing.outputs[z]]
+        polynomials = [
+            f"{turn}_out[{k}] = {self.format_turn(node.op.upper(), self.reference(listing, node.args[0]))};"
+            for k, node in enumerate(listing.graph[index] for index in listing.outputs[turn])
         ]
+        return [
+            wrap_line(f"if ({self.total_turn(listing)} > SMALL_TURN) {{", INDENT, INDENT),
+            f"{INDENT * 2}{self.target.real} z[{len(squares)}];",
+            *(f"{INDENT * 2}z[{k}] = {text};" for k, text in enumerate(squares)),
+            f"{INDENT * 2}return widen(&{words}[ANGLE_ROW], z, {turn}_out, {len(squares)});",
+            f"{INDENT}}}",
+            *(wrap_line(line, INDENT, INDENT) for line in polynomials),
+            f"{INDENT}return 0;",
+        ]
+
+    def total_turn(self, listing: Listing) -> str:
+        """The sum of all z: as none is negative, no turn is wide where it is not."""
+        z = next(iter(listing.outputs))
+        return " + ".join(self.reference(listing, node) for node in listing.outputs[z])
 
     def _signature(self, block: Block) -> list[str]:
         real = self.target.real
-        args = [unbroken(f"const {real} {port.name}[{len(port.entries)}]") for port in block.inputs]
-        args += [unbroken(f"{real} {port.name}_out[{len(port.entries)}]") for port in block.outputs]
-        return wrap_line(f"static void {block.name}({', '.join(args)})", "", INDENT).split("\n")
+        const = "" if is_turns(block) else "const "  # an angle that is given up is given up in P as well
+        outputs = block.outputs[1:] if is_turns(block) else block.outputs  # the squares stay inside
+        args = [unbroken(f"{const}{real} {port.name}[{len(port.entries)}]") for port in block.inputs]
+        args += [unbroken(f"{real} {port.name}_out[{len(port.entries)}]") for port in outputs]
+        returned = "int" if is_turns(block) else "void"
+        return wrap_line(f"static {returned} {block.name}({', '.join(args)})", "", INDENT).split("\n")
 
     def format_helper(self, listing: Listing) -> str:
         """The generated sin_cos (returns a pair) or wrap_angle (returns the angle)."""
@@ -151,10 +176,17 @@ class CPrinter(ExpressionPrinter):
             lines += self._format_node(node, depth)
         return lines
 
+    def _format_call(self, block: Block, pad: str) -> list[str]:
+        if not is_turns(block):
+            behind = [wrap_line(line, pad, INDENT) for line in self.behind.get(block.name, [])]
+            return [wrap_line(f"{_call(block)};", pad, INDENT), *behind]
+        words, _, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
+        return [f"{pad}status |= {block.name}({words}, {turn});"]
+
     def _format_node(self, node: Node, depth: int) -> list[str]:
         pad = INDENT * depth
         if isinstance(node, Call):
-            return [wrap_line(_call(node.block), pad, INDENT)]
+            return self._format_call(node.block, pad)
         if isinstance(node, Copy):
             return [f"{pad}copy({node.target}, {node.source}, N_STATES);"]
         if isinstance(node, Repeat):
@@ -173,6 +205,7 @@ class CPrinter(ExpressionPrinter):
         return [
             f"{pad}if (accepted != 0) {{",
             *self.format_program(node.then, depth + 1),
+            *([f"{pad}{INDENT}f->nis = f->nis + f->nis_weight * (nis[0] - f->nis);"] if is_monitored(node) else []),
             f"{pad}}} else {{",
             *self.format_program(node.otherwise, depth + 1),
             f"{pad}}}",
@@ -193,4 +226,4 @@ STRUCT_FIELDS = {"x": "f->x", "P": "f->P", "LD": "f->LD", "Q": "f->Q", "R": "f->
 
 def _call(block: Block) -> str:
     args = [STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs)]
-    return f"{block.name}({', '.join(args)});"
+    return f"{block.name}({', '.join(args)})"

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import textwrap
 
-from codegen.layout import SMALL_ANGLE, Listing
+from codegen.guards import is_turns, is_watched
+from codegen.layout import Listing
 from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.printers.expression import unbroken, wrap_line
 from codegen.targets import Target
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
+
+#: Ports that their callers give an array to read and another to write: the loop of eq. 33, the regulators, the motor.
+COPIED = frozenset({"x_j", "integrator", "s"})
 
 
 class LanesPrinter(CPrinter):
@@ -23,13 +27,15 @@ class LanesPrinter(CPrinter):
     def __init__(self, target: Target, states: int) -> None:
         super().__init__(target)
         self.states = states
+        #: The type that holds one number of every lane.
+        self.array = f"lanes{target.tag}"
 
     # --- functions
 
     def format_block(self, listing: Listing) -> str:
         """A block as a loop over lanes; its arrays must differ, which ``__restrict`` tells the compiler."""
         read, written = ({port.name for port in ports} for ports in (listing.block.inputs, listing.block.outputs))
-        assert not written & read or "x_j" in written, "the loop of eq. 33 alone gives arrays of their own"
+        assert not written & read or written & COPIED, "what is read and written needs two arrays from its caller"
         body = [
             f"{INDENT}const {self.target.real} {name} = {port}[{k}].of[lane];"
             for port, used in listing.used_inputs.items()
@@ -41,10 +47,10 @@ class LanesPrinter(CPrinter):
                 wrap_line(f"{port}_out[{k}].of[lane] = {self.reference(listing, node)};", INDENT, INDENT)
                 for k, node in enumerate(nodes)
             ]
-        turned = [s for section in listing.sections for s in section.statements if s.function is SMALL_ANGLE]
+        turned = is_turns(listing.block)
         if turned:
-            test = " | ".join(f"({listing.names[s.node]} > SMALL_TURN)" for s in turned)
-            body.append(wrap_line(f"wide |= {test};", INDENT, INDENT))
+            test = f"{self.total_turn(listing)} > SMALL_TURN"
+            body.append(wrap_line(f"wide |= ({test}) ? 1 : 0;", INDENT, INDENT))
         return "\n".join(
             [
                 f"/* {listing.block.title} */",
@@ -55,27 +61,43 @@ class LanesPrinter(CPrinter):
                 f"{INDENT}for (lane = 0; lane < LANES; lane++) {{",
                 *(textwrap.indent(line, INDENT) for line in body),
                 f"{INDENT}}}",
-                *(self._widen_some(listing, len(turned)) if turned else []),
+                *([f"{INDENT}return wide;"] if turned else []),
+                *self._unread(listing),
                 "}",
             ]
         )
 
-    @staticmethod
-    def _widen_some(listing: Listing, count: int) -> list[str]:
-        z, turn = listing.outputs
-        return [f"{INDENT}if (wide != 0) {{", f"{INDENT * 2}widen_lanes({z}_out, {turn}_out, {count});", f"{INDENT}}}"]
+    def format_small_angle(self, names: tuple[str, str], argument: str) -> list[str]:
+        """The polynomials for all lanes; those that are wide are mended afterwards."""
+        return [
+            self._declaration(name, self.format_turn(prefix, argument))
+            for name, prefix in zip(names, ("SINC", "COSM1"), strict=True)
+        ]
 
     def _signature(self, block: Block) -> list[str]:
-        args = [unbroken(f"const lanes *__restrict {port.name}") for port in block.inputs]
-        args += [unbroken(f"lanes *__restrict {port.name}_out") for port in block.outputs]
-        return wrap_line(f"static void {block.name}({', '.join(args)})", "", INDENT).split("\n")
+        args = [unbroken(f"const {self.array} *__restrict {port.name}") for port in block.inputs]
+        args += [unbroken(f"{self.array} *__restrict {port.name}_out") for port in block.outputs]
+        returned = "int" if is_turns(block) else "void"
+        return wrap_line(f"static {returned} {block.name}({', '.join(args)})", "", INDENT).split("\n")
 
     # --- the step
+
+    def _format_call(self, block: Block, pad: str) -> list[str]:
+        if not is_turns(block):
+            watched = [f"{pad}watch_pivots(LD_pred, f->Q, f->status);"] if is_watched(block) else []
+            return [wrap_line(f"{_call(block)};", pad, INDENT), *watched]
+        words, z, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
+        columns, skipped = len(block.outputs[0].entries), "NULL" if words.startswith("f->") else "rejected"
+        return [
+            f"{pad}if ({_call(block)} != 0) {{",
+            f"{pad}{INDENT}widen_lanes(&{words}[ANGLE_ROW], {z}, {turn}, {columns}, {skipped}, f->status);",
+            f"{pad}}}",
+        ]
 
     def _format_node(self, node: Node, depth: int) -> list[str]:
         pad = INDENT * depth
         if isinstance(node, Call):
-            return [wrap_line(_call(node.block), pad, INDENT)]
+            return self._format_call(node.block, pad)
         if isinstance(node, Copy):
             return [f"{pad}copy({node.target}, {node.source}, {self.states});"]
         if isinstance(node, Repeat):
@@ -87,7 +109,7 @@ class LanesPrinter(CPrinter):
         return [
             *self.format_program(node.then, depth),
             f"{pad}if (any_rejected != 0) {{",
-            wrap_line(_call(otherwise.block, "other_", frozenset(outputs)), pad + INDENT, INDENT),
+            wrap_line(_call(otherwise.block, "other_", frozenset(outputs)) + ";", pad + INDENT, INDENT),
             *(
                 f"{pad}{INDENT}take({STRUCT_FIELDS.get(name, name)}, other_{name}, rejected, {length});"
                 for name, length in outputs.items()
@@ -103,7 +125,7 @@ class LanesPrinter(CPrinter):
         return [
             f"{pad}begin_iterating(f, active);",
             f"{pad}do {{",
-            wrap_line(_call(call.block, "new_", frozenset(outputs)), pad + INDENT, INDENT),
+            wrap_line(_call(call.block, "new_", frozenset(outputs)) + ";", pad + INDENT, INDENT),
             *(
                 f"{pad}{INDENT}take({name}, new_{name}, active, {length});"
                 for name, length in outputs.items()
@@ -138,4 +160,4 @@ def _call(block: Block, prefix: str = "", prefixed: frozenset[str] = frozenset()
         f"{prefix}{port.name}" if port.name in prefixed else STRUCT_FIELDS.get(port.name, port.name)
         for port in block.outputs
     ]
-    return f"{block.name}({', '.join(args)});"
+    return f"{block.name}({', '.join(args)})"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from codegen.layout import Listing, Statement
+from codegen.guards import is_monitored, is_turns, is_watched, spread
+from codegen.layout import SMALL_ANGLE, Listing, Statement
 from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
@@ -35,7 +36,8 @@ class PythonPrinter(ExpressionPrinter):
         if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
-        return f"{INDENT}{names} = math.{statement.function.name}({listing.names[statement.node]})"
+        suffix = f"_{statement.spread:g}" if statement.function is SMALL_ANGLE else ""
+        return f"{INDENT}{names} = math.{statement.function.name}{suffix}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
         lines: list[str] = []
@@ -107,15 +109,30 @@ class PythonPrinter(ExpressionPrinter):
 
     # --- the step
 
-    def format_program(self, body: tuple[Node, ...]) -> list[str]:
+    def format_program(self, body: tuple[Node, ...], accepted: str = "True") -> list[str]:
+        """``accepted``: the mask of the lanes that come here."""
         lines: list[str] = []
         for node in body:
-            lines += self._format_node(node)
+            lines += self._format_node(node, accepted)
         return lines
 
-    def _format_node(self, node: Node) -> list[str]:
+    @staticmethod
+    def _format_call(block: Block, accepted: str) -> list[str]:
+        if not is_turns(block):
+            watched = [f"{INDENT}_watch_pivots(LD_pred, f.Q, flags)"] if is_watched(block) else []
+            return [f"{INDENT}{_call(block)}", *watched]
+        (words,), (z, turn) = ([port.name for port in ports] for ports in (block.inputs, block.outputs))
+        n = spread(block)
+        return [
+            f"{INDENT}{_call(block)}",
+            f"{INDENT}if np.any(_total({z}) > UNKNOWN_{n:g}):",
+            f"{INDENT * 2}{words}, {turn} = _forget_angle("
+            f"{words}, {z}, {accepted}, flags, math, math.small_angle_{n:g}, UNKNOWN_{n:g})",
+        ]
+
+    def _format_node(self, node: Node, accepted: str) -> list[str]:
         if isinstance(node, Call):
-            return [f"{INDENT}{_call(node.block)}"]
+            return self._format_call(node.block, accepted)
         if isinstance(node, Copy):
             return [f"{INDENT}{node.target} = {node.source}"]
         if isinstance(node, Repeat):
@@ -148,7 +165,8 @@ class PythonPrinter(ExpressionPrinter):
         (otherwise,) = node.otherwise
         assert isinstance(otherwise, Call)
         return [
-            *self.format_program(node.then),
+            *self.format_program(node.then, "accepted"),
+            *([f"{INDENT}f.nis = _averaged(f, nis[0], accepted)"] if is_monitored(node) else []),
             f"{INDENT}if not np.all(accepted):",
             f"{INDENT}{INDENT}{_call(otherwise.block, prefix='coast_')}",
             *(

@@ -70,9 +70,10 @@ def sides(count: int) -> list[str]:
     return ["c"] * (count % 2) + [f"{c}p" for c in range(n)] + [f"{c}m" for c in range(n)]
 
 
-def cholesky(P: Matrix) -> Matrix:
-    """Lower S with S S^T = P, eq. 13 and 18."""
+def cholesky(P: Matrix, order: tuple[int, ...]) -> Matrix:
+    """Lower S with S S^T = P, rows and columns of P taken in this ``order``, eq. 13 and 18."""
     n = len(P)
+    P = [[P[i][j] for j in order] for i in order]
     S: Matrix = [[ca.SX(0)] * n for _ in range(n)]
     for j in range(n):
         S[j][j] = ca.sqrt(P[j][j] - sum(S[j][k] * S[j][k] for k in range(j)))
@@ -82,16 +83,21 @@ def cholesky(P: Matrix) -> Matrix:
 
 
 def points(
-    b: BlockBuilder, rule: Rule, equation: str, S: Matrix, centre: Vector, states: list[str], tag: str
+    b: BlockBuilder, rule: Rule, equation: str, S: Matrix, centre: Vector, model: StateSpaceModel, tag: str
 ) -> list[Vector]:
-    """The points centre +- sqrt(n) S_c, eq. 14 and 19; ``tag`` tells the drawings apart in names."""
+    """The points centre +- sqrt(n) S_c, eq. 14 and 19; row k of S is that of state ``model.order[k]``.
+
+    ``tag`` tells the drawings apart in names.
+    """
     n = len(centre)
-    rows = [(i, c) for i in range(n) for c in range(i + 1)]
-    step = {(i, c): rule.reach(n) * S[i][c] for i, c in rows}
+    states = [state.name for state in model.states]
+    row = {i: k for k, i in enumerate(model.order)}
+    rows = [(i, c) for i in range(n) for c in range(row[i] + 1)]
+    step = {(i, c): rule.reach(n) * S[row[i]][c] for i, c in rows}
     names = [f"d{tag}_{states[i]}_{c}" for i, c in rows]
     b.stage(f"d{tag}", equation, f"{rule.reach_text} S", [step[k] for k in rows], names, scale="none")
-    plus = [[centre[i] + step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
-    minus = [[centre[i] - step[i, c] if i >= c else centre[i] for i in range(n)] for c in range(n)]
+    plus = [[centre[i] + step[i, c] if (i, c) in step else centre[i] for i in range(n)] for c in range(n)]
+    minus = [[centre[i] - step[i, c] if (i, c) in step else centre[i] for i in range(n)] for c in range(n)]
     return [*([centre] if rule.kappa else []), *plus, *minus]
 
 
@@ -216,4 +222,4 @@ def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matr
     labels = [f"KPyy_{i}{j}" for i in range(n) for j in range(2)]
     b.stage("KPyy", equation, "K Pyy", [entry for row in KPyy for entry in row], labels, scale="none")
     P = [[P_pred[i][j] - (KPyy[i][0] * K[j][0] + KPyy[i][1] * K[j][1]) for j in range(n)] for i in range(n)]
-    return b.lower("P", equation, "P = P_pred - K Pyy K^T", P)
+    return b.lower("P", equation, "P = P_pred - K Pyy K^T", P, scale="difference")

@@ -88,7 +88,7 @@ def _factor(model: StateSpaceModel) -> Block:
     """Eq. 18, once a step: the points of every iterate are drawn with the predicted covariance."""
     b = BlockBuilder("ickf_factor", "Square root of P_pred, eq. 18")
     P_pred = _inputs(b, model, ["P_pred"])["P_pred"]
-    S = b.lower("S_pred", "18", "S = chol(P_pred)", cholesky(unpack(P_pred, len(model.states))))
+    S = b.lower("S_pred", "18", "S = chol(P_pred)", cholesky(unpack(P_pred, len(model.states)), model.order))
     b.output("S_pred", pack(S))
     return b.build()
 
@@ -162,7 +162,7 @@ def _cubature_moments(
     """Section 2.3, step 3: eq. 19-23 about x^j, spread by the predicted covariance."""
     states = [state.name for state in model.states]
     outputs = [f"y_{quantity.name}" for quantity in OUTPUTS]
-    X = points(b, CUBATURE, "19", S_pred, x_j, states, "_j")
+    X = points(b, CUBATURE, "19", S_pred, x_j, model, "_j")
     record_points(b, "X_j", "19", "X_i = x^j +- sqrt(n) S_i", X, [f"{s}_j" for s in states], "state")
     Y = measured_points(b, model, "20", X, "j_")
     record_points(b, "Y_j", "20", "Y_i = h(X_i)", Y, outputs, "output")
@@ -220,7 +220,7 @@ def _single_pass(model: StateSpaceModel, which: str) -> Block:
     spread_from = "P_pred"
     if which == "cubature":
         spread_from = "S_pred"
-        S = b.lower("S_pred", "18", "S = chol(P_pred)", cholesky(unpack(arrays["P_pred"], n)))
+        S = b.lower("S_pred", "18", "S = chol(P_pred)", cholesky(unpack(arrays["P_pred"], n), model.order))
         arrays["S_pred"] = pack(S)
     x_last, K, Pyy = _update(b, model, which, arrays, spread_from)
     _close(b, model, x_last, unpack(arrays["P_pred"], n), K, Pyy)

@@ -66,6 +66,11 @@ class FilterStep:
     covariance: str = "P"
 
     @property
+    def guarded(self) -> bool:
+        """It watches itself: floors of P told, a monitor of the innovations, a restart. The literal form does not."""
+        return self.covariance == "LD"
+
+    @property
     def blocks(self) -> list[Block]:
         """All blocks, in the order they run."""
         return _blocks(self.body)
@@ -117,12 +122,14 @@ class BlockBuilder:
         self._stages.append(Stage(name, equation, meaning, tuple(entries), tuple(names), rows, scale))
         return entries
 
-    def lower(self, name: str, equation: str, meaning: str, matrix: list[list[Any]]) -> list[list[Any]]:
+    def lower(
+        self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row"
+    ) -> list[list[Any]]:
         """Record the lower triangle of a matrix, its entries named ``name_ij``."""
         index = [(i, j) for i in range(len(matrix)) for j in range(i + 1)]
         entries = tuple(matrix[i][j] for i, j in index)
         names = tuple(f"{name}_{i}{j}" for i, j in index)
-        self._stages.append(Stage(name, equation, meaning, entries, names, tuple(i for i, _ in index), "row"))
+        self._stages.append(Stage(name, equation, meaning, entries, names, tuple(i for i, _ in index), scale))
         return matrix
 
     def matrix(

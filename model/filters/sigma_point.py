@@ -42,8 +42,8 @@ def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     Q = b.input("Q", [f"Q_{i}" for i in range(n)])
     u = b.input("u", [quantity.name for quantity in INPUTS])
 
-    S = b.lower("S", eq("13"), "S = chol(P)", cholesky(P))
-    X = points(b, rule, eq("14"), S, x, states, "")
+    S = b.lower("S", eq("13"), "S = chol(P)", cholesky(P, model.order))
+    X = points(b, rule, eq("14"), S, x, model, "")
     record_points(b, "X", eq("14"), f"X_i = x +- {rule.reach_text} S_i", X, states, "state")
     X_prop = _propagated(b, model, eq("15"), X, u)
     record_points(b, "X_prop", eq("15"), "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
@@ -83,8 +83,8 @@ def measurement_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     R = b.input("R", ["R_0", "R_1"])
     y = b.input("y", [f"{name}_meas" for name in outputs])
 
-    S = b.lower("S_pred", eq("18"), "S = chol(P_pred)", cholesky(P_pred))
-    X = points(b, rule, eq("19"), S, x_pred, states, "_pred")
+    S = b.lower("S_pred", eq("18"), "S = chol(P_pred)", cholesky(P_pred, model.order))
+    X = points(b, rule, eq("19"), S, x_pred, model, "_pred")
     names = [f"{s}_pred" for s in states]
     record_points(b, "X_pred", eq("19"), f"X_i = x_pred +- {rule.reach_text} S_i", X, names, "state")
     Y = measured_points(b, model, eq("20"), X, "pred_")

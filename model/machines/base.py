@@ -76,7 +76,7 @@ class Rotor:
 
 @dataclass(frozen=True)
 class Sampled:
-    """One electrical sample: the next states, and where (states, rotor) the torque of the interval is taken."""
+    """One electrical sample: the next states, and what the interval's torque is of: states on a rotor's axes."""
 
     z: Pair
     torque_at: tuple[Pair, Rotor]
@@ -94,8 +94,10 @@ class Machine(ABC):
     #: What ``discretization = "exact"`` means for this machine, in one sentence for the report.
     exact_meaning: ClassVar[str] = "explicit midpoint rule, second order"
 
-    def __init__(self, parameters: Parameters, constants: Constants) -> None:
+    def __init__(self, parameters: Parameters, constants: Constants, nominal: Parameters | None = None) -> None:
+        """``nominal``: the motor's data where ``parameters`` holds states in their place (adaptive models)."""
         self.par = parameters
+        self.nominal = nominal or parameters
         self.constant = constants
 
     @abstractmethod
@@ -110,6 +112,10 @@ class Machine(ABC):
     def torque(self, z: Pair, rotor: Rotor) -> Any:
         """Electromagnetic torque in N m."""
 
+    def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
+        """The same of states on the rotor's axes; worth a form of its own where no angle is left in it."""
+        return self.torque(rotor.to_stator(z_dq), rotor)
+
     @abstractmethod
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         """The electrical states that carry the currents i_alpha, i_beta (A): the inverse of :meth:`currents`."""
@@ -119,7 +125,7 @@ class Machine(ABC):
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         rotor = Rotor.at(theta)
         dz = self.derivative(z, v, omega_e, rotor)
-        return Sampled((z[0] + T * dz[0], z[1] + T * dz[1]), (z, rotor), {})
+        return Sampled((z[0] + T * dz[0], z[1] + T * dz[1]), (rotor.to_rotor(z), rotor), {})
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Second-order step over one sample, voltage and speed held."""
@@ -130,7 +136,17 @@ class Machine(ABC):
         z_mid = (z[0] + half * slope[0], z[1] + half * slope[1])
         slope_mid = self.derivative(z_mid, v, omega_e, middle)
         z_next = (z[0] + T * slope_mid[0], z[1] + T * slope_mid[1])
-        return Sampled(z_next, (z_mid, middle), {"theta_mid": middle.theta})
+        return Sampled(z_next, (middle.to_rotor(z_mid), middle), {"theta_mid": middle.theta})
+
+    def excess_drop(self, i: Pair, v: Pair) -> Pair:
+        """What is left of v when the resistance is a state: v - (R - R_0) i, R_0 the motor's.
+
+        Decays are solved exactly at R_0; the deviation of R from it acts as a voltage.
+        """
+        if self.par.R is self.nominal.R:
+            return v
+        dR = self.par.R - self.constant("NOMINAL_R", self.nominal.R, "the motor's stator resistance, ohm")
+        return v[0] - dR * i[0], v[1] - dR * i[1]
 
     def _middle(self, theta: Any, omega_e: Any) -> Rotor:
         """The rotor in the middle of the interval."""

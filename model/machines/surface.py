@@ -33,9 +33,12 @@ class SurfacePMSM(Machine):
         return z, {}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
+        return self.rotor_torque(rotor.to_rotor(z), rotor)
+
+    def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
         """1.5 p psi i_q (eq. 1)."""
         gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p * self.par.psi_m, "1.5 p psi_m, N m/A")
-        return gain * rotor.to_rotor(z)[1]
+        return gain * z_dq[1]
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         return i
@@ -48,17 +51,18 @@ class SurfacePMSM(Machine):
         gain = self.constant("GAIN_V", par.T / par.L_d, "T / L, A/V")
         rotor = Rotor.at(theta)
         z_next, named = _advance(z, v, omega_e, rotor, (decay, emf, gain))
-        return Sampled(z_next, (z, rotor), named)
+        return Sampled(z_next, (rotor.to_rotor(z), rotor), named)
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """The linear part of eq. 1 solved exactly over T, the back-EMF taken at the mid-interval angle."""
         par = self.par
-        decay = self.constant("DECAY_I", ca.exp(-par.T * par.R / par.L_d), "exp(-T R / L)")
-        gain = self.constant("GAIN_V", (1 - decay) / par.R, "(1 - exp(-T R / L)) / R, A/V")
+        T, L, R = par.T, par.L_d, self.nominal.R
+        decay = self.constant("DECAY_I", ca.exp(-T * R / L), "exp(-T R / L)")
+        gain = self.constant("GAIN_V", (1 - decay) / R, "(1 - exp(-T R / L)) / R, A/V")
         emf = self.constant("GAIN_E", gain * par.psi_m, "psi_m (1 - exp(-T R / L)) / R, A s/rad")
         middle = self._middle(theta, omega_e)
-        z_next, named = _advance(z, v, omega_e, middle, (decay, emf, gain))
-        return Sampled(z_next, (midpoint(z, z_next), middle), {"theta_mid": middle.theta, **named})
+        z_next, named = _advance(z, self.excess_drop(z, v), omega_e, middle, (decay, emf, gain))
+        return Sampled(z_next, (middle.to_rotor(midpoint(z, z_next)), middle), {"theta_mid": middle.theta, **named})
 
 
 def _advance(z: Pair, v: Pair, omega_e: Any, rotor: Rotor, c: tuple[Any, Any, Any]) -> tuple[Pair, Named]:

@@ -1,0 +1,87 @@
+"""The Python module of a drive, from its template."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from codegen.guards import SOUND
+from codegen.layout import Listing
+from codegen.printers.python import PythonPrinter
+from codegen.render import Description, has_loop, named_constants, render, tuning
+from codegen.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
+from codegen.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
+from model.filters import FilterStep
+
+
+def render_module(
+    about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], controller: dict[str, Any]
+) -> str:
+    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render_drive`)."""
+    drive, model = about.drive, about.model
+    printer = PythonPrinter()
+    (covariance,) = {step.covariance for step in steps.values()}
+    spreads = sorted(set().union(*(listing.spreads for listing in listings.values())))
+    helpers = [
+        printer.format_helper(sin_cos_listing(), "f32"),
+        printer.format_helper(wrap_listing(SINGLE), "f32"),
+        printer.format_helper(wrap_listing(DOUBLE), "f64"),
+    ]
+    guarded = all(step.guarded for step in steps.values())
+    return render(
+        "module.py.j2",
+        title=f"{drive.name}: {', '.join(steps)} of a {about.machine}, {len(model.states)} states, {about.sample_time}",
+        drive=drive.name,
+        sha=drive.sha256,
+        states=tuple(state.name for state in model.states),
+        units=tuple(state.unit for state in model.states),
+        angle=model.angle,
+        order=model.order,
+        kinds=tuple(steps),
+        gain=drive.filter.gain,
+        sample_time=repr(drive.model.sample_time),
+        defaults={key: repr(value) for key, value in tuning(about, guarded).items()},
+        constants=[
+            {"name": name, "value": repr(value), "formula": formula}
+            for name, value, formula in {
+                c[0]: c
+                for c in (
+                    *named_constants(about, list(listings.values())),
+                    *((c.name, c.value, c.formula) for c in controller["control_constants"]),
+                )
+            }.values()
+        ],
+        helpers=helpers,
+        spreads=[f"{n:g}" for n in spreads],
+        unknown={f"{n:g}": repr(UNKNOWN / n) for n in spreads},
+        guarded=guarded,
+        summed=" + ".join(f"x[{k}]" for k in range(len(model.states))),
+        sound=repr(SOUND),
+        per_sound=repr(1.0 / SOUND),
+        small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
+        covariance=covariance,
+        packing=render("packing.py.j2", covariance=covariance),
+        **controller,
+        blocks=[printer.format_block(listing) for listing in listings.values()],
+        steps=[
+            {"kind": kind, "loops": has_loop(step.body), "program": "\n".join(printer.format_program(step.body))}
+            for kind, step in steps.items()
+        ],
+    )
+
+
+def _python_small_angle(printer: PythonPrinter, n: float) -> str:
+    """Both precisions of small_angle: the polynomials, and beyond the limit the doubled angle."""
+    return "\n\n".join(
+        render(
+            "small_angle.py.j2",
+            name=f"small_angle_{n:g}_{tag}",
+            n=f"{n:g}",
+            limit=LIMIT / n,
+            widest=WIDEST / n,
+            doublings=DOUBLINGS,
+            polynomials=printer.format_helper(small_angle_listing(precision, n), tag).replace(
+                "def _", "def _polynomial_"
+            ),
+        )
+        for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))
+    )
