@@ -6,26 +6,46 @@ Exit codes: 0 good, 1 a check failed, 2 bad input.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
+from typer.core import TyperGroup
 
 from codegen import __version__
 from codegen.budget import BudgetError
 from codegen.folder import FolderError
+from codegen.graph import UnsupportedOperationError
 from model.drive import DriveError, cautions, load_drive
 from runtime.commands.board import pil, record
-from runtime.commands.terminal import console
-from runtime.errors import UserError
+from runtime.commands.compare import compare
+from runtime.commands.endurance import fuzz, soak
+from runtime.commands.faults import faults
+from runtime.commands.replay import replay
+from runtime.commands.study import app as study
+from runtime.commands.terminal import console, working
+from runtime.errors import UserError, end_interrupted
 from runtime.firmware.check import Check
-from runtime.tasks import Progress, Written, generate_drives, run_all, simulate_drive, verify_drives
+from runtime.proof.result import Proof
+from runtime.tasks import Written, generate_drives, run_all, simulate_drive, verify_drives
+
+
+class Commands(TyperGroup):
+    """The commands; an interrupted one ends with 130, whatever Typer's version makes of it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Exit(130) from None
+
 
 app = typer.Typer(
+    cls=Commands,
     name="pmsm-ickf",
     help="Write the motor once, as mathematics; "
     "get firmware, a Python runtime, and the proof that they are the same filter.",
@@ -36,21 +56,17 @@ app = typer.Typer(
 )
 app.command()(pil)
 app.command()(record)
+app.command()(replay)
+app.command()(compare)
+app.command()(faults)
+app.command()(fuzz)
+app.command()(soak)
+app.add_typer(study, name="study")
 
 Drives = Annotated[
     list[str] | None,
     typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive."),
 ]
-
-
-@contextmanager
-def working() -> Iterator[Progress]:
-    """A spinner that says what is going on; plain lines where there is no terminal."""
-    if console.is_terminal:
-        with console.status("") as status:
-            yield lambda text: status.update(escape(text))
-    else:
-        yield lambda text: console.print(f"[dim]{escape(text)}[/dim]", highlight=False)
 
 
 @app.callback(invoke_without_command=True)
@@ -74,7 +90,7 @@ def run(
     _show_written(written)
     for chapter in chapters:
         proof = chapter.proof
-        _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
+        _show_summary(proof)
         console.print(runs_table(chapter.runs))
         console.print(checks_table(chapter.firmware.checks))
         _show_remarks(chapter.firmware.checks)
@@ -169,7 +185,7 @@ def verify(
     for proof, _ in results:
         console.rule(f"[bold]{proof.drive}[/bold]", align="left")
         console.print(proof_tables(proof))
-        _show_summary(proof.drive, proof.passed, sum(link.compared for link in proof.links), list(proof.failures()))
+        _show_summary(proof)
     if not all(proof.passed for proof, _ in results):
         raise typer.Exit(1)
 
@@ -223,26 +239,48 @@ def _show_written(written: list[Written]) -> None:
     console.print(table)
 
 
-def _show_summary(drive: str, passed: bool, compared: int, failures: list[str]) -> None:
-    for line in failures:
+def _show_summary(proof: Proof) -> None:
+    for line in proof.failures():
         console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
-    verdict = f"[green]proved[/green], {compared:,} numbers compared" if passed else "[bold red]NOT proved[/bold red]"
-    console.print(f"{drive}: {verdict}", highlight=False)
+    style = "bold red" if not proof.passed else "yellow" if proof.unchecked else "green"
+    compared = f", {sum(link.compared for link in proof.links):,} numbers compared" if proof.passed else ""
+    console.print(f"{proof.drive}: [{style}]{proof.verdict}[/{style}]{compared}", highlight=False, soft_wrap=True)
 
 
-def main() -> None:
+#: Letters of a line that somebody will still read.
+LONGEST = 600
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: what the user can mend becomes one line on stderr and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show
     try:
-        app()
-    except (UserError, DriveError, FolderError) as error:
-        print(f"pmsm-ickf: {error}", file=sys.stderr)
+        app(arguments)
+    except KeyboardInterrupt:
+        end_interrupted()
+    except SystemExit as end:
+        if end.code == 130:
+            end_interrupted()
+        raise
+    except (UserError, DriveError, FolderError, UnsupportedOperationError) as error:
+        _say(error)
+        sys.exit(2)
+    except OSError as error:  # a disk, a right, a limit
+        _say(f"{error.filename}: {error.strerror}" if error.filename else error)
         sys.exit(2)
     except BudgetError as error:
-        print(f"pmsm-ickf: {error}", file=sys.stderr)
+        _say(error)
         sys.exit(1)
-    except KeyboardInterrupt:
-        print("pmsm-ickf: interrupted", file=sys.stderr)
-        sys.exit(130)
+
+
+def _say(error: object) -> None:
+    """One line, whatever is in the names and values it quotes."""
+    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(error))
+    if len(text) > LONGEST:  # the beginning says where, the end what would be right
+        text = f"{text[: LONGEST * 2 // 3]} ... {text[-LONGEST // 4 :]}"
+    print(f"pmsm-ickf: {text}", file=sys.stderr)
 
 
 if __name__ == "__main__":

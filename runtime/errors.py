@@ -1,5 +1,45 @@
-"""One exception for what the user can mend: its text is one line that says what, where and what would be right."""
+"""How a command ends that cannot go on: in one line."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from types import FrameType
+from typing import NoReturn
 
 
 class UserError(Exception):
-    """Bad input or a missing tool; the command line prints it and exits with 2."""
+    """Bad input or a missing tool; the command line prints it and exits with 2.
+
+    Its text is one line that says what, where and what would be right.
+    """
+
+
+_interrupted = threading.Event()
+
+
+def remember_interrupts() -> None:
+    """From here on Ctrl-C is not lost: CasADi above all swallows a KeyboardInterrupt that reaches it."""
+
+    def remember(number: int, frame: FrameType | None) -> None:
+        _interrupted.set()
+        signal.default_int_handler(number, frame)
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, remember)
+
+
+def stop_if_interrupted() -> None:
+    """Raise the KeyboardInterrupt that was swallowed; called where nothing is half done."""
+    if _interrupted.is_set():
+        raise KeyboardInterrupt
+
+
+def end_interrupted() -> NoReturn:
+    """After Ctrl-C: one line and exit code 130."""
+    print("pmsm-ickf: interrupted", file=sys.stderr)
+    # CPython remembers an interrupt that came through exec of a text (dataclasses are made so) and would
+    # end by SIGINT instead of with our code; the next exec makes it forget.
+    exec("")
+    sys.exit(130)

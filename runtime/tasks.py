@@ -6,23 +6,30 @@ import json
 import multiprocessing
 import os
 import queue
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from codegen.budget import check_budget
 from codegen.folder import MANIFEST, difference, write_folder
-from codegen.generate import Package, generate
+from codegen.generate import generate
+from codegen.graph import UnsupportedOperationError
 from codegen.measure import Measurer, kept_records
+from codegen.rungs import Earned, earnings
 from model.drive import DriveError, load_drive, shipped_drives
+from model.state_space import build
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Conditions, Run
 from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.files import make_folder, write_text
 from runtime.firmware.tasks import run_gates
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, check_ready, generated_folder, verify
@@ -69,40 +76,70 @@ def generate_drives(
     """
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
-    packages = []
-    for drive in drives or shipped_drives():
-        progress(f"{drive}: generating")
-        packages.append((drive, _generate(drive, out, check, form)))
-    names = [package.drive.name for _, package in packages]
+    chosen = list(drives) or shipped_drives()
+    packages = _generate_all(chosen, out, check, form, progress)
+    names = [package.name for package in packages]
     for name in names:
         if names.count(name) > 1:
             raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
-    folders = [target_folder(drive, package.drive.name, out) for drive, package in packages]
+    folders = [target_folder(drive, package.name, out) for drive, package in zip(chosen, packages, strict=True)]
     results = []
-    for folder, (drive, package) in zip(folders, packages, strict=True):
+    for folder, drive, package in zip(folders, chosen, packages, strict=True):
         diff = difference(folder, package.files)
         state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
         if diff and not check:
             progress(f"{drive}: writing")
             write_folder(folder, package.files, force)
-        results.append(Written(package.drive.name, folder, state, len(package.files), diff))
+        results.append(Written(package.name, folder, state, len(package.files), diff))
     return results
 
 
-def _generate(drive: str, out: Path | None, check: bool, form: str) -> Package:
+@dataclass(frozen=True)
+class InMemory:
+    """A generated folder before it is one."""
+
+    name: str
+    files: dict[str, str]
+
+
+def _generate_all(
+    drives: Sequence[str], out: Path | None, check: bool, form: str, progress: Progress
+) -> list[InMemory]:
+    """Several drives at once where there are cores."""
+    workers = min(len(drives), os.cpu_count() or 1)
+    if workers == 1:
+        progress(f"{drives[0]}: generating")
+        return [_generate(drive, out, check, form) for drive in drives]
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        futures = [pool.submit(_generate, drive, out, check, form) for drive in drives]
+        results = []
+        for drive, future in zip(drives, futures, strict=True):
+            progress(f"{drive}: generating")
+            try:
+                results.append(future.result())
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+        return results
+
+
+def _generate(drive: str, out: Path | None, check: bool, form: str) -> InMemory:
     """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
     loaded = load_drive(drive)
     kept = kept_records(target_folder(drive, loaded.name, out))
-    package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check), form=form)
-    check_budget(loaded, package.accounts)
-    return package
+    try:
+        package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check), form=form)
+    except UnsupportedOperationError as error:
+        raise UserError(f"drive '{loaded.name}': {error}") from None
+    if form == "fast":  # the literal form is for reading and proving, not for the chip
+        check_budget(loaded, package.accounts)
+    return InMemory(package.drive.name, package.files)
 
 
 def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progress) -> list[tuple[Proof, Evidence]]:
     """Prove every drive, several at once where there are cores; write the machine-readable result if asked."""
     names = list(drives) or shipped_drives()
     for name in names:
-        progress(f"{name}: checking")
         check_ready(name)
     workers = min(len(names), os.cpu_count() or 1)
     if workers > 1:
@@ -111,9 +148,8 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
         results = [_verify_one(name, progress) for name in names]
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
-        json_path.write_text(
-            json.dumps({"passed": all(p["passed"] for p in proofs), "drives": proofs}, indent=2) + "\n"
-        )
+        facts = {"passed": all(p["passed"] for p in proofs), "drives": proofs}
+        write_text(json_path, json.dumps(facts, indent=2) + "\n")
     return results
 
 
@@ -122,19 +158,45 @@ def _verify_one(drive: str, progress: Progress) -> tuple[Proof, Evidence]:
 
 
 def _verify_parallel(names: Sequence[str], workers: int, progress: Progress) -> list[tuple[Proof, Evidence]]:
-    """One process a drive; their words arrive through a queue."""
+    """One process a drive; their words arrive through a queue. Ctrl-C is this process's affair, which ends them."""
     with (
         multiprocessing.Manager() as manager,
-        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool,
+        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_quietly) as pool,
     ):
         words = manager.Queue()
-        futures = [pool.submit(_verify_one, name, words.put) for name in names]
-        while not all(future.done() for future in futures):
-            try:
-                progress(words.get(timeout=0.2))
-            except queue.Empty:
-                continue
-        return [future.result() for future in futures]
+        started: set[int | None] = set()
+        try:
+            with _without_ctrl_c():  # inherited by what starts in here
+                others = {child.pid for child in multiprocessing.active_children()}
+                futures = [pool.submit(_verify_one, name, words.put) for name in names]
+                started = {child.pid for child in multiprocessing.active_children()} - others
+            while not all(future.done() for future in futures):
+                try:
+                    progress(words.get(timeout=0.2))
+                except queue.Empty:
+                    continue
+            return [future.result() for future in futures]
+        except KeyboardInterrupt:
+            for child in multiprocessing.active_children():
+                if child.pid in started:
+                    child.terminate()
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Ctrl-C waits until the end of the block; a process started in it never sees one."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_quietly() -> None:
+    """A worker that is told to end removes its temporary files and says nothing."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
 
 
 @dataclass(frozen=True)
@@ -163,7 +225,7 @@ def simulate_drive(
     points = sample_time_sweep(drive, conditions=setting, progress=progress) if sweep else []
     if json_path is not None:
         facts = {"drive": drive, "runs": [run_facts(run) for run in runs], "sweep": [asdict(point) for point in points]}
-        json_path.write_text(json.dumps(facts, indent=2) + "\n")
+        write_text(json_path, json.dumps(facts, indent=2) + "\n")
     if out is not None:
         _write_runs(out, names, runs, points, numbered=drive == "paper_spmsm")
     return Simulated(runs, points)
@@ -174,14 +236,20 @@ def _write_runs(
 ) -> None:
     from runtime.report.drive_figures import run_figure, sweep_figure
 
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     for run in runs:
         run.save(out / f"{run.scenario.name}_{run.kind}.npz")
     for name in names:
         chosen = [run for run in runs if run.scenario.name == name]
-        (out / f"{name}.svg").write_text(run_figure(chosen, numbered))
+        write_text(out / f"{name}.svg", run_figure(chosen, numbered))
     if points:
-        (out / "sample_time.svg").write_text(sweep_figure(points))
+        write_text(out / "sample_time.svg", sweep_figure(points))
+
+
+def _earned(drive: str) -> list[Earned]:
+    """What each pass saves of a drive's first filter."""
+    loaded = load_drive(drive)
+    return earnings(build(loaded), loaded.filter.kinds[0], loaded.filter.gain)
 
 
 def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[list[Written], list[Chapter], Path]:
@@ -196,15 +264,28 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
     written = generate_drives(names, None, progress=progress)
     results = verify_drives(names, None, progress)
     chapters = []
-    for name, (proof, evidence) in zip(names, results, strict=True):
-        drive = load_drive(name)
-        kinds = KINDS if name == "paper_spmsm" else drive.filter.kinds
-        runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
-        hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
-        sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
-        folder = generated_folder(name)
-        firmware = run_gates(GeneratedFolder(folder), progress)
-        chapters.append(Chapter(drive, folder, proof, evidence, runs, hard, sweep, firmware))
+    workers = min(len(names), os.cpu_count() or 1)
+    # Emulators and gates are processes of their own: threads start them while this one simulates.
+    with (
+        ThreadPoolExecutor(workers) as threads,
+        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_quietly) as processes,
+    ):
+        try:
+            with _without_ctrl_c():
+                earned = [processes.submit(_earned, name) for name in names]
+            gated = [threads.submit(run_gates, GeneratedFolder(generated_folder(name)), progress) for name in names]
+            for name, (proof, evidence), gates, passes in zip(names, results, gated, earned, strict=True):
+                drive = load_drive(name)
+                kinds = KINDS if name == "paper_spmsm" else drive.filter.kinds
+                runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
+                hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
+                sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
+                made = drive, generated_folder(name), proof, evidence, runs, hard, sweep
+                chapters.append(Chapter(*made, gates.result(), passes.result()))
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            processes.shutdown(wait=False, cancel_futures=True)
+            raise
     progress("writing the report page")
     page = build / "report" / "index.html"
     write_page(page, chapters)

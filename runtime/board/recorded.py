@@ -1,51 +1,16 @@
-"""Recorded data on disk: read for ``pil --data``, written row by row by ``record`` so that a crash loses nothing.
-
-Columns: t s; u_alpha, u_beta V, mean over the interval ending at t; i_alpha, i_beta A at t; optional truth.
-"""
+"""Recorded data written row by row, as ``record`` does, so that a crash loses nothing."""
 
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import UserError
-
-Array = NDArray[Any]
-
-INPUTS = ("u_alpha", "u_beta", "i_alpha", "i_beta")
-
-
-def read_inputs(path: Path) -> tuple[Array, Array]:
-    """u (N, 2) V and y (N, 2) A of recorded data, .npz or .csv with a header.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be read, lacks a column, or its columns are empty or not numbers.
-    """
-    try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                columns = {name: np.asarray(file[name], dtype=float) for name in INPUTS if name in file}
-        else:
-            with path.open(encoding="utf-8") as text, warnings.catch_warnings(action="ignore"):
-                names = [name.strip() for name in text.readline().split(",")]
-                table = np.loadtxt(text, delimiter=",", ndmin=2)
-            columns = {name: table[:, names.index(name)] for name in INPUTS if name in names and table.size}
-    except (OSError, ValueError) as error:
-        raise UserError(f"'{path}' cannot be read as recorded data: {error}") from None
-    missing = [name for name in INPUTS if name not in columns]
-    if missing:
-        raise UserError(f"'{path}' lacks the column {', '.join(missing)}; recorded data has t, {', '.join(INPUTS)}.")
-    rows = np.column_stack([columns[name] for name in INPUTS])
-    if not len(rows):
-        raise UserError(f"'{path}' holds no samples.")
-    return rows[:, :2], rows[:, 2:]
+from runtime.files import whole_file
+from runtime.replay.data import check_suffix
 
 
 class RecordFile:
@@ -55,8 +20,7 @@ class RecordFile:
     """
 
     def __init__(self, path: Path, names: tuple[str, ...]) -> None:
-        if path.suffix not in {".npz", ".csv"}:
-            raise UserError(f"'{path}': recorded data is .npz or .csv.")
+        check_suffix(path)
         self.path, self.names, self.rows = path, names, 0
         self.kind = np.dtype([(name, "<f8") for name in names])
         self._on_disk = path if path.suffix == ".csv" else path.with_name(path.name + ".part")
@@ -101,7 +65,8 @@ class RecordFile:
         self._file.close()
         if self.path.suffix == ".npz":
             columns = np.load(self._on_disk, mmap_mode="r") if self.rows else np.empty(0, dtype=self.kind)
-            np.savez(self.path, allow_pickle=False, **{name: columns[name] for name in self.names})
+            with whole_file(self.path) as file:
+                np.savez(file, allow_pickle=False, **{name: columns[name] for name in self.names})
             del columns
             self._on_disk.unlink()
 

@@ -15,11 +15,14 @@ from runtime.board.frames import LONGEST
 from runtime.board.link import Link, RefusedError, SerialPort, UnpluggedError
 from runtime.board.pil import PilResult, check_settings, run_pil
 from runtime.board.record import COLUMNS, Recording, ctrl_c, record
-from runtime.board.recorded import Array, RecordFile, read_inputs
+from runtime.board.recorded import RecordFile
 from runtime.board.simulated import NAME, SimulatedBoard
 from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
-from runtime.proof.trajectory import make_trajectory
+from runtime.files import write_text
+from runtime.proof.own_trajectory import trajectory_of
+from runtime.replay.data import Array, read_recorded
+from runtime.stated import stated_drive
 
 DEFAULT_DRIVE = "paper_spmsm"
 
@@ -74,11 +77,13 @@ def folder_of(identity: Identity, drive: str | None) -> GeneratedFolder:
 def inputs_of(folder: GeneratedFolder, data: Path | None, steps: int) -> tuple[Array, Array]:
     """Recorded data if given, else the start trajectory the proof uses; at most ``steps`` rows of u V and y A."""
     if data is not None:
-        u, y = read_inputs(data)
+        recorded = read_recorded(data, need_time=False)
+        u, y = recorded.u, recorded.y
     else:
-        trajectory = make_trajectory(folder.manifest["parameters"], steps=steps)
+        trajectory = trajectory_of(stated_drive(folder), steps)
         u, y = trajectory.u, trajectory.y
-    return u[:steps].astype(np.float32), y[:steps].astype(np.float32)
+    with np.errstate(over="ignore"):  # infinite then, which the filter rejects
+        return u[:steps].astype(np.float32), y[:steps].astype(np.float32)
 
 
 def pil(
@@ -108,16 +113,14 @@ def pil(
         if kind is not None and board.identity.kind != kind:
             raise UserError(f"the board runs a '{board.identity.kind}', not the '{kind}' asked for.")
         folder = folder_of(board.identity, drive)
+        stated_drive(folder)
         u, y = inputs_of(folder, data, steps)
         return run_pil(board, folder, u, y, mode, tolerance, backend, lambda done: progress(done, len(u)))
 
 
 def write_json(result: PilResult, ticks_hz: float | None, path: Path) -> None:
     """Every figure of a run."""
-    try:
-        path.write_text(json.dumps(result.to_json(ticks_hz), indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write '{path}': {error.strerror}.") from None
+    write_text(path, json.dumps(result.to_json(ticks_hz), indent=2) + "\n")
 
 
 def record_data(

@@ -1,10 +1,36 @@
-"""The terminal that every command writes to."""
+"""The terminal that every command writes to, and what it shows while one works."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
+
+from runtime.errors import stop_if_interrupted
 
 # Into a file or a pipe the tables keep their width, whatever the terminal behind it.
 console = Console() if sys.stdout.isatty() else Console(width=140)
+
+
+@contextmanager
+def working() -> Iterator[Callable[[str], None]]:
+    """A spinner that says what is going on; plain lines where there is no terminal."""
+    if console.is_terminal:
+        with console.status("") as status:
+
+            def show(text: str) -> None:
+                stop_if_interrupted()
+                status.update(escape(text))
+
+            yield show
+    else:
+
+        def write(text: str) -> None:
+            stop_if_interrupted()
+            console.print(f"[dim]{escape(text)}[/dim]", highlight=False)
+
+        yield write
+    stop_if_interrupted()

@@ -66,7 +66,7 @@ def simulate(
             raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
     runs = []
     with ExitStack() as stack:
-        folders = {kind: _folder(drive_name, drive, kind, stack) for kind in kinds}
+        folders = {kind: folder_with(drive_name, drive, kind, stack) for kind in kinds}
         for kind, folder in folders.items():
             progress(f"{drive.name}: {scenario}, {kind}: compiling")
             simulator = Simulator(folder, kind)
@@ -80,7 +80,7 @@ def _percent(progress: Progress, drive: str, scenario: str, kind: str) -> Callab
     return lambda share: progress(f"{drive}: {scenario}, {kind}: {100 * share:.0f} %")
 
 
-def _folder(drive_name: str, drive: Drive, kind: str, stack: ExitStack) -> GeneratedFolder:
+def folder_with(drive_name: str, drive: Drive, kind: str, stack: ExitStack) -> GeneratedFolder:
     """The drive's own folder if it has the filter, else one made in a temporary place."""
     path = generated_folder(drive_name)
     if kind in drive.filter.kinds and (path / "manifest.json").is_file():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.drive.motor import true_motor
 from runtime.drive.scenario import RPM, STARTED, Scenario
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
-from runtime.estimator.compiler import build_library
+from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
+from runtime.replay.data import write_recorded
+from runtime.replay.truth import angle_error, speed_error
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]
@@ -40,6 +43,7 @@ class Conditions:
     sensored: bool = False
     theta: float = 0.0
     seed: int = 1
+    factors: Mapping[str, float] = field(default_factory=dict)  # on the true motor: R, L_d, L_q, psi_m, J
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,12 @@ class Run:
     @property
     def speed_error(self) -> Array:
         """Estimated minus true speed, r/min."""
-        return (self.x[:, 2].astype(float) - self.omega) * RPM
+        return speed_error(self.x, self.omega)
 
     @property
     def angle_error(self) -> Array:
         """Estimated minus true electrical angle, degrees, in [-180, 180)."""
-        return np.degrees(np.remainder(self.x[:, 3].astype(float) - self.theta + np.pi, 2 * np.pi) - np.pi)
+        return angle_error(self.x, self.theta)
 
     @property
     def locked(self) -> bool:
@@ -80,7 +84,7 @@ class Run:
         late = self.t >= self.t[-1] - 0.05
         wanted = self.scenario.speed
         finite = bool(np.all(np.isfinite(self.x)) and np.all(np.isfinite(self.omega)))
-        near = np.max(np.abs(self.omega[late] * RPM - wanted)) <= 0.1 * wanted
+        near = np.max(np.abs(self.omega[late] * RPM - wanted)) <= 0.1 * abs(wanted)
         return finite and bool(near and np.max(np.abs(self.angle_error[late])) <= 30.0)
 
     def figures(self) -> dict[str, float]:
@@ -106,14 +110,7 @@ class Run:
 
     def save(self, path: Path) -> None:
         """Write .npz or .csv (with a header), by the path's suffix."""
-        columns = self.columns()
-        if path.suffix == ".npz":
-            np.savez(path, allow_pickle=False, **columns)
-        elif path.suffix == ".csv":
-            table = np.column_stack(list(columns.values()))
-            np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-        else:
-            raise UserError(f"'{path}': recorded data is .npz or .csv.")
+        write_recorded(path, self.columns())
 
 
 class Simulator:
@@ -140,6 +137,7 @@ class Simulator:
         controller: str = "c",
         tuning: dict[str, tuple[float, ...]] | None = None,
         progress: Progress = lambda share: None,
+        noise: Array | None = None,
     ) -> Run:
         """Simulate a scenario.
 
@@ -153,6 +151,8 @@ class Simulator:
             Replaces Q, R, x_0 or P_0 of the drive file, as one would on the running firmware.
         progress : callable
             Called with the share done, 0 to 1.
+        noise : (N, 2) array, optional
+            Sensor noise in A in place of what ``conditions`` would draw: a fleet's run again, say.
         """
         conditions = conditions or Conditions()
         if conditions.inverter not in INVERTERS:
@@ -160,9 +160,11 @@ class Simulator:
         T = self.module.SAMPLE_TIME
         steps = round(scenario.duration / T)
         t = T * np.arange(steps)
-        rng = np.random.default_rng(conditions.seed)
+        if noise is None:
+            rng = np.random.default_rng(conditions.seed)
+            noise = rng.normal(0.0, conditions.noise, (steps, 2)) if conditions.noise else np.zeros((steps, 2))
         inputs = Inputs(
-            noise=rng.normal(0.0, conditions.noise, (steps, 2)) if conditions.noise else np.zeros((steps, 2)),
+            noise=np.ascontiguousarray(noise, dtype=float),
             speed=scenario.speed_reference(t),
             load=scenario.load_torque(t),
         )
@@ -181,9 +183,8 @@ class Simulator:
         """A fresh simulator struct: the motor at rest."""
         m = self._ffi.new("simulator *")
         parameters = self.folder.manifest["parameters"]
-        # At rest without current the electrical states are the filter's x_0 turned by the angle.
-        x_0 = complex(*self.module.DEFAULTS["x_0"][:2]) * np.exp(1j * conditions.theta)
-        m.s[0:6] = [x_0.real, x_0.imag, 0.0, conditions.theta, np.cos(conditions.theta), np.sin(conditions.theta)]
+        m.motor[0:6] = true_motor(self.folder, conditions.factors).tolist()
+        getattr(self._library, f"{self.folder.drive}_plant_rest")(m.motor, conditions.theta, m.s)
         m.duty_next[0:3] = [0.5, 0.5, 0.5]
         m.T = self.module.SAMPLE_TIME
         m.v_dc = parameters["control"]["dc_link"]
@@ -264,7 +265,7 @@ class Simulator:
         outputs = getattr(library, f"{self.folder.drive}_plant_outputs")
         for k in range(steps):
             library.simulator_sense(machine, [float(v) for v in inputs.noise[k]], phase)
-            outputs(machine.s, i, torque)
+            outputs(machine.s, machine.motor, i, torque)
             rows[k] = (phase[0], phase[1], *controller.v_acting, machine.s[2], machine.s[3], torque[0])
             turned = float(np.remainder(machine.s[3] + np.pi, 2 * np.pi) - np.pi)
             controller.sensed = (np.float32(machine.s[2]), np.float32(turned))
@@ -296,7 +297,8 @@ def numpy_controller(
     n = len(tuning["x_0"])
     words = tuple(tuning["P_0"][i] if i == j else single(0) for i in range(n) for j in range(i + 1))
     zeros = (single(0), single(0))
-    estimator = SimpleNamespace(**tuning, x=tuning["x_0"], u_held=zeros, iterations=0, **{module.COVARIANCE: words})
+    state = {"x": tuning["x_0"], "u_held": zeros, "iterations": 0, "nis": single(0), "repairs": 0}
+    estimator = SimpleNamespace(**tuning, **state, **{module.COVARIANCE: words})
     return SimpleNamespace(
         filter=estimator,
         gain=tuple(single(value) for value in gain),
@@ -318,29 +320,38 @@ def _single(value: Any) -> Any:
     return value if isinstance(value, int) else np.float32(value)
 
 
+def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -> str:
+    """Filter and controller as cffi wants them."""
+    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").partition("void runner_run")[0]
+    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").partition("void runner_run")[0]
+    return filter_part + foc_part.split(";", 1)[1]
+
+
+def simulator_struct() -> str:
+    """The simulator's struct as cffi wants it, from its own source."""
+    source = SIMULATOR.read_text(encoding="utf-8")
+    struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
+    return "\n".join(line.partition("/*")[0] for line in struct.splitlines())
+
+
 def _open(library: Path, sources: dict[str, str], prefix: str, foc: str) -> tuple[Any, Any]:
     """cffi's view of controller, plant outputs and simulator."""
     import cffi
 
     ffi = cffi.FFI()
-    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").partition("void runner_run")[0]
-    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").partition("void runner_run")[0].split(";", 1)[1]
-    source = SIMULATOR.read_text(encoding="utf-8")
-    struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
-    struct = "\n".join(line.partition("/*")[0] for line in struct.splitlines())
     plant = foc.removesuffix("_foc")
     drive = plant.rpartition("_")[0]
     ffi.cdef(
-        filter_part
-        + foc_part
-        + struct
+        controller_declarations(sources, prefix, foc)
+        + simulator_struct()
         + f"""
-        void {drive}_plant_outputs(const double s[6], double i[2], double torque[1]);
-        void {drive}_plant_advance(double s[6], const double v[2], double load, double h, int n);
+        void {drive}_plant_rest(const double motor[6], double theta, double s[6]);
+        void {drive}_plant_outputs(const double s[6], const double motor[6], double i[2], double torque[1]);
+        void {drive}_plant_advance(double s[6], const double motor[6], const double v[2], double load, double h, int n);
         void simulator_sense(const simulator *m, const double noise[2], float phase[2]);
         void simulator_actuate(simulator *m, const float duty[3], double load);
         void simulator_run(simulator *m, {foc}_t *c, int steps, int n, const double *noise, const double *speed,
                            const double *load, double *out, float *x, float *duty_out, int *status);
         """
     )
-    return ffi, ffi.dlopen(str(library))
+    return ffi, open_library(ffi, library)

@@ -12,6 +12,7 @@
 
 typedef struct {
     double s[6];         /* the motor: electrical states, omega, theta, cos theta, sin theta */
+    double motor[6];     /* its data */
     double duty[3];      /* acting in this interval */
     double duty_next[3]; /* with computation delay: acting in the next one */
     double T;            /* s */
@@ -32,7 +33,7 @@ void simulator_sense(const simulator *m, const double noise[2], float phase[2])
 {
     double i[2], torque[1], measured[2];
     int k;
-    JOIN(PLANT, _outputs)(m->s, i, torque);
+    JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
     measured[0] = i[0];
     measured[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
     for (k = 0; k < 2; k++) {
@@ -54,7 +55,7 @@ static void advance(simulator *m, const double leg[3], double load, double lengt
     n = n < 1 ? 1 : n;
     v[0] = m->v_dc * (2.0 * leg[0] - leg[1] - leg[2]) / 3.0;
     v[1] = m->v_dc * (leg[1] - leg[2]) / ROOT_3;
-    JOIN(PLANT, _advance)(m->s, v, load, length / n, n);
+    JOIN(PLANT, _advance)(m->s, m->motor, v, load, length / n, n);
 }
 
 /* Half a carrier period in which every leg changes state once: at `edge` (s from its start) from `before`. */
@@ -86,7 +87,7 @@ static void dead_time(const simulator *m, int rising, double edge[3])
 {
     double i[2], torque[1], phase[3];
     int k;
-    JOIN(PLANT, _outputs)(m->s, i, torque);
+    JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
     phase[0] = i[0];
     phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
     phase[2] = -phase[0] - phase[1];
@@ -133,7 +134,7 @@ void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const doubl
         double i[2], torque[1];
         double *row = out + 7 * k;
         simulator_sense(m, noise + 2 * k, phase);
-        JOIN(PLANT, _outputs)(m->s, i, torque);
+        JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
         row[0] = (double)phase[0];
         row[1] = (double)phase[1];
         row[2] = (double)c->v_acting[0];

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import UserError
-from runtime.estimator.compiler import build_library
+from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import open_lanes
 from runtime.estimator.threads import share_lanes
@@ -213,4 +213,4 @@ def _open(library: Path, cdef: str) -> tuple[Any, Any]:
         raise UserError('the C back end needs cffi: pip install cffi; or use backend="numpy".') from None
     ffi = cffi.FFI()
     ffi.cdef(cdef)
-    return ffi, ffi.dlopen(str(library))
+    return ffi, open_library(ffi, library)

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from runtime.errors import UserError
 
 #: Contraction into fused multiply-add would change bits, so it is always off.
 FLAGS = ("-std=gnu99", "-ffp-contract=off")
 LIBRARY = ("-fPIC", "-shared")
+
+#: Seconds after which a compiler is taken to hang; each file needs a few.
+PATIENCE = 300.0
 
 
 def find_compiler() -> list[str]:
@@ -49,7 +55,10 @@ def cache_folder() -> Path:
     if override:
         return Path(override)
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "pmsm-ickf"
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "pmsm-ickf"
+    except RuntimeError:
+        raise UserError("no home folder to keep compiled filters in. Set HOME or PMSM_ICKF_CACHE.") from None
 
 
 def build_library(
@@ -87,13 +96,31 @@ def _build(sources: Mapping[str, str], defines: Mapping[str, str], more: tuple[s
     key = hashlib.sha256(
         repr((sorted(sources.items()), flags, compiler, _identity(compiler), _processor(flags))).encode()
     )
-    built = cache_folder() / f"{key.hexdigest()[:32]}{suffix}"
-    if built.is_file():
-        return built
+    return cached(f"{key.hexdigest()[:32]}{suffix}", lambda folder: _compile(compiler, flags, sources, folder))
+
+
+def cached(name: str, make: Callable[[Path], Path]) -> Path:
+    """A file of the cache; where it is missing or damaged, ``make`` makes it in a folder it is given.
+
+    The file's hash lies beside it, so that what was cut off or overwritten is never loaded.
+
+    Raises
+    ------
+    UserError
+        If nothing can be written there.
+    """
+    built = cache_folder() / name
+    seal = built.with_name(f"{name}.sha256")
     try:
+        if built.is_file() and seal.is_file() and seal.read_text(encoding="ascii", errors="replace") == _digest(built):
+            return built
         built.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=built.parent) as scratch:
-            os.replace(_compile(compiler, flags, sources, Path(scratch)), built)
+            made = make(Path(scratch))
+            sealed = Path(scratch) / "seal"
+            sealed.write_text(_digest(made), encoding="ascii")
+            os.replace(made, built)
+            os.replace(sealed, seal)
     except OSError as error:
         raise UserError(
             f"cannot write the compiled filter to '{built.parent}': {error.strerror}. Set PMSM_ICKF_CACHE."
@@ -101,17 +128,61 @@ def _build(sources: Mapping[str, str], defines: Mapping[str, str], more: tuple[s
     return built
 
 
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def open_library(ffi: Any, library: Path) -> Any:
+    """``ffi.dlopen``, also of a path beyond the locale's letters; UserError if the system will not load it."""
+    try:
+        return ffi.dlopen(ffi.cast("void *", ctypes.CDLL(str(library))._handle))
+    except OSError as error:
+        raise UserError(
+            f"'{library}' cannot be loaded: {error}. If its file system is mounted noexec, set PMSM_ICKF_CACHE."
+        ) from None
+
+
 def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], folder: Path) -> Path:
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")
     files = [name for name in sources if name.endswith(".c")]
-    done = subprocess.run(
-        [*compiler, *flags, *files, "-o", "out", "-lm"], cwd=folder, capture_output=True, text=True, check=False
-    )
-    if done.returncode != 0:
-        reason = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-        raise UserError(f"the C compiler '{' '.join(compiler)}' failed on {', '.join(files)}: {reason}")
+    run_compiler([*compiler, *flags, *files, "-o", "out", "-lm"], folder, f"the C compiler '{' '.join(compiler)}'")
     return folder / "out"
+
+
+def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
+    """Run a compiler in ``folder``, which makes the file behind ``-o``.
+
+    Raises
+    ------
+    UserError
+        Beginning with ``what``: it cannot be started, fails, crashes, hangs, or makes nothing.
+    """
+    files = ", ".join(word for word in command if word.endswith(".c"))
+    try:
+        # A group of its own: the driver's children end with it.
+        process = subprocess.Popen(
+            command, cwd=folder, process_group=0,
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        )  # fmt: skip
+    except OSError as error:
+        raise UserError(f"{what} cannot be started: {error.strerror}.") from None
+    try:
+        said = process.communicate(timeout=PATIENCE)[1].decode("utf-8", "replace")
+    except subprocess.TimeoutExpired:
+        raise UserError(f"{what} did not end within {PATIENCE:g} s on {files}.") from None
+    finally:
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if process.returncode < 0:
+        raise UserError(f"{what} crashed on {files}: {signal.strsignal(-process.returncode)}.")
+    if process.returncode > 0:
+        lines = [line for line in said.splitlines() if line.strip()] or ["it does not say why"]
+        reason = next((line for line in lines if "error" in line or "overflow" in line), lines[0])
+        raise UserError(f"{what} failed on {files}: {reason[:300]}")
+    if not (folder / command[command.index("-o") + 1]).is_file():
+        raise UserError(f"{what} ended well on {files} but made no program.")
 
 
 def _identity(compiler: list[str]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -210,7 +210,11 @@ class Estimator:
         if keep not in {"all", "last"}:
             raise UserError(f"keep '{keep}' is not all or last.")
         x, words, iterations, status = self._backend.run(u, y, keep == "last")
-        return Trace(x, iterations, status, words, partial(self._unpack, axis=1))
+        return Trace(x, iterations, status, words, self.unpack)
+
+    def unpack(self, words: Array) -> Array:
+        """Covariance words (N, n(n+1)/2[, B]), as a trace has them, to P (N, n, n[, B])."""
+        return self._unpack(words, axis=1)
 
     def _start(self, x: Array, words: Array, batch: int | None) -> None:
         self._batch = batch

@@ -17,6 +17,10 @@ from runtime.errors import UserError
 GENERATED = Path(__file__).parents[2] / "generated"
 
 
+#: What every manifest holds, and as what.
+_MANIFEST = {"drive": str, "filters": dict, "files": dict, "parameters": dict, "states": list}
+
+
 @dataclass(frozen=True)
 class GeneratedFolder:
     """A folder written by ``pmsm-ickf generate``. With ``checked`` a file that was edited by hand is refused."""
@@ -26,12 +30,17 @@ class GeneratedFolder:
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
+        where = f"'{self.path}' is not a generated folder: manifest.json"
         try:
             manifest: dict[str, Any] = json.loads((self.path / "manifest.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise UserError(
-                f"'{self.path}' is not a generated folder: manifest.json cannot be read ({error})."
-            ) from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise UserError(f"{where} cannot be read ({error}).") from None
+        for key, kind in _MANIFEST.items():
+            if not isinstance(manifest, dict) or not isinstance(manifest.get(key), kind) or not manifest[key]:
+                raise UserError(f"{where} has no '{key}'. Regenerate it.")
+        for key in ("files", "parameters"):
+            if not all(isinstance(entry, dict) for entry in manifest[key].values()):
+                raise UserError(f"{where} is damaged in '{key}'. Regenerate it.")
         return manifest
 
     @property

@@ -31,6 +31,10 @@ static void load(LANES_STATE *g, const STATE *f, int count)
         for (i = 0; i < LENGTH(x); i++) {
             g->x[i].of[l] = s->x[i];
             g->Q[i].of[l] = s->Q[i];
+#ifdef GUARDED
+            g->x_0[i].of[l] = s->x_0[i];
+            g->P_0[i].of[l] = s->P_0[i];
+#endif
         }
         for (i = 0; i < LENGTH(COVARIANCE); i++) {
             g->COVARIANCE[i].of[l] = s->COVARIANCE[i];
@@ -43,6 +47,12 @@ static void load(LANES_STATE *g, const STATE *f, int count)
         g->y_max[0].of[l] = s->y_max;
         g->tolerance[0].of[l] = s->tolerance;
         g->max_iterations[l] = s->max_iterations;
+#ifdef GUARDED
+        g->nis_max[0].of[l] = s->nis_max;
+        g->nis_weight[0].of[l] = s->nis_weight;
+        g->nis[0].of[l] = s->nis;
+        g->repairs[l] = s->repairs;
+#endif
         g->iterations[l] = s->iterations;
         g->status[l] = 0;
     }
@@ -62,6 +72,10 @@ static void store(const LANES_STATE *g, STATE *f, int count)
             f[l].u_held[i] = g->u_held[i].of[l];
         }
         f[l].iterations = g->iterations[l];
+#ifdef GUARDED
+        f[l].nis = g->nis[0].of[l];
+        f[l].repairs = g->repairs[l];
+#endif
     }
 }
 

@@ -30,6 +30,7 @@ class NumpyBackend:
         setattr(self.filter, self._covariance, tuple(words))
         self.filter.u_held = tuple(np.zeros((2, *x0.shape[1:]), dtype=self.math.dtype))
         self.filter.iterations = np.zeros(x0.shape[1:], dtype=int)
+        self.filter.nis, self.filter.repairs = self.math.dtype(0), 0
         self.status: Array = np.zeros(x0.shape[1:], dtype=int)
 
     @property

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from runtime.errors import UserError
-from runtime.estimator.compiler import cache_folder
+from runtime.estimator.compiler import cached, run_compiler
 from runtime.firmware.recording import Recording
 from runtime.firmware.subject import INPUTS, Subject
 
@@ -108,21 +104,12 @@ def cross_compile(compiler: str, flags: Sequence[str], sources: Mapping[str, str
     """
     stat = Path(compiler).stat()
     identity = repr((sorted(sources.items()), compiler, stat.st_size, stat.st_mtime_ns, list(flags), list(link)))
-    program = cache_folder() / f"{hashlib.sha256(identity.encode()).hexdigest()[:32]}.elf"
-    if program.is_file():
-        return program
-    try:
-        program.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=program.parent) as scratch:
-            for name, text in sources.items():
-                (Path(scratch) / name).write_text(text, encoding="utf-8")
-            files = [name for name in sources if name.endswith(".c")]
-            command = [compiler, *flags, *files, "-o", "out.elf", *link]
-            done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
-            if done.returncode != 0:
-                lines = [line for line in done.stderr.splitlines() if "error" in line or "overflow" in line]
-                raise UserError(f"{Path(compiler).name} failed: {(lines or [done.stderr.strip()[:200]])[0]}")
-            os.replace(Path(scratch) / "out.elf", program)
-    except OSError as error:
-        raise UserError(f"cannot write to '{program.parent}': {error.strerror}. Set PMSM_ICKF_CACHE.") from None
-    return program
+
+    def make(folder: Path) -> Path:
+        for name, text in sources.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        files = [name for name in sources if name.endswith(".c")]
+        run_compiler([compiler, *flags, *files, "-o", "out.elf", *link], folder, Path(compiler).name)
+        return folder / "out.elf"
+
+    return cached(f"{hashlib.sha256(identity.encode()).hexdigest()[:32]}.elf", make)

@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 
 from codegen.box import sample_box
 from model.drive import Drive
+from model.machines import MACHINES
 from model.state_space import build
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.subject import INPUTS
-from runtime.proof.trajectory import Trajectory, make_trajectory
+from runtime.proof.own_trajectory import trajectory_of
+from runtime.proof.trajectory import Trajectory
+from runtime.stated import stated_drive
 
 Array = NDArray[Any]
 
@@ -56,20 +59,20 @@ class Recording:
 
 def filter_recording(folder: GeneratedFolder, steps: int) -> Recording:
     """60 % start, 20 % load step at speed, 10 % with inputs to reject, the rest draws from the box, two steps each."""
-    drive = _drive(folder)
+    drive = stated_drive(folder)
     names = folder.module.STATES
     T = drive.model.sample_time
     shares = [round(share * steps) for share in (0.6, 0.2, 0.1)]
     at = round(LOAD_AT / T) - shares[1] // 4
-    trajectory = make_trajectory(drive.model_dump(), steps=at + shares[1] + shares[2] + 1)
+    trajectory = trajectory_of(drive, at + shares[1] + shares[2] + 1)
     rows = np.column_stack([trajectory.u, trajectory.y])
     loaded = slice(at + 1, at + 1 + shares[1])
     after = slice(loaded.stop, loaded.stop + shares[2])
     left = steps - sum(shares)
     segments = [
         Segment(rows[: shares[0]]),
-        Segment(rows[loaded], _start(names, "", _truth(trajectory, at))),
-        Segment(spoil(rows[after]), _start(names, "", _truth(trajectory, loaded.stop - 1))),
+        Segment(rows[loaded], _start(names, "", _truth(drive, names, trajectory, at))),
+        Segment(spoil(rows[after]), _start(names, "", _truth(drive, names, trajectory, loaded.stop - 1))),
         *_box_segments(drive, names, left),
     ]
     return _checked(segments, steps)
@@ -132,15 +135,12 @@ def _box_segments(drive: Drive, names: Sequence[str], steps: int) -> list[Segmen
     return segments
 
 
-def _drive(folder: GeneratedFolder) -> Drive:
-    return Drive.model_validate({"name": folder.drive, **folder.manifest["parameters"]})
-
-
-def _truth(trajectory: Trajectory, at: int) -> dict[str, float]:
+def _truth(drive: Drive, states: Sequence[str], trajectory: Trajectory, at: int) -> dict[str, float]:
     """True states of the trajectory by name, at a step; the currents as measured."""
+    electrical = ("psi_alpha", "psi_beta") if drive.model.machine in MACHINES else states[:2]
     turned = float(np.remainder(trajectory.theta[at] + np.pi, 2 * np.pi) - np.pi)
     values = [*trajectory.y[at], *trajectory.psi[at], trajectory.omega[at], turned]
-    names = ("i_alpha", "i_beta", "psi_alpha", "psi_beta", "omega", "theta")
+    names = ("i_alpha", "i_beta", *electrical, "omega", "theta")
     return dict(zip(names, map(float, values), strict=True))
 
 

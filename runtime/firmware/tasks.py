@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from model.drive import shipped_drives
+from model.drive import load_drive, shipped_drives
 from runtime.estimator.folder import GeneratedFolder
+from runtime.files import write_text
 from runtime.firmware.check import Check
 from runtime.firmware.link_ef import link_ef
 from runtime.firmware.static import static_gate
-from runtime.proof.verify import check_ready, generated_folder
+from runtime.proof.verify import check_ready, current_package, generated_folder
 
 Progress = Callable[[str], None]
 Gate = Callable[[GeneratedFolder, Progress], list[Check]]
@@ -55,13 +56,15 @@ def check_firmware(
     """
     names = list(drives) or shipped_drives()
     for name in names:
-        progress(f"{name}: checking")
         check_ready(name)
+    for name in names:
+        progress(f"{name}: is the folder current")
+        current_package(load_drive(name), generated_folder(name))
     results = [run_gates(GeneratedFolder(generated_folder(name)), progress) for name in names]
     if json_path is not None:
         rows = [{"drive": r.drive, "checks": [asdict(check) for check in r.checks]} for r in results]
         facts = {"passed": all(r.good(allow_missing=False) for r in results), "drives": rows}
-        json_path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+        write_text(json_path, json.dumps(facts, indent=2) + "\n")
     return results
 
 

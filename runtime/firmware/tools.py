@@ -15,6 +15,7 @@ PACKAGES = {
     "simavr": "simavr",
     "arm-none-eabi-gcc": "gcc-arm-none-eabi",
     "qemu-system-arm": "qemu-system-arm",
+    "clang": "clang",
 }
 
 #: Program -> the package of the C library without which it links nothing, and a file of that library.

@@ -12,17 +12,26 @@ from model.quantities import Stage
 
 Array = NDArray[Any]
 
+#: P = P_pred - K Pyy K^T, as printed, is a difference: where a measurement takes all but this share of a variance, the
+#: roundings of P_pred show, and the row is judged by this share of it (1e-10 of it: 45 roundings of P_pred).
+CANCELLED = 1e-4
+#: The gain is known to the roundings of Pyy times its condition, and P_pred - K Pyy K^T no better: the share is at
+#: least this times the condition (1e-10 of it: three roundings of Pyy). It matters where both outputs say the same.
+PER_CONDITION = 3e-6
+
 
 @dataclass(frozen=True)
 class Sigmas:
     """What a step's errors are measured by, each with a leading step axis N.
 
     ``state`` (N, n): sqrt diag P_pred. ``innovation`` (N, 2): sqrt diag Pyy. ``noise`` (2,): sqrt R.
+    ``condition`` (N,): of Pyy.
     """
 
     state: Array
     innovation: Array
     noise: Array
+    condition: Array
 
 
 def entries_of(stage: Stage, values: Array) -> Array:
@@ -43,6 +52,7 @@ def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
         "output": np.broadcast_to(sigmas.noise, (values.shape[0], 2)),
         "cross": sigmas.state * low,
         "gain": sigmas.state / high,
+        "difference": np.maximum(CANCELLED, PER_CONDITION * sigmas.condition)[:, None] * sigmas.state**2,
         "row": np.zeros_like(full),
     }[stage.scale]
     return np.asarray(np.maximum(full, natural)[:, list(stage.rows)])

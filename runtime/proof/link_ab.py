@@ -14,6 +14,7 @@ from model.filters.program import FilterStep
 from model.quantities import Stage
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.compare import Sigmas, entries_of, relative_error
+from runtime.proof.motors import Plant
 from runtime.proof.reference import make_reference
 from runtime.proof.result import Divergence, Link, Row
 
@@ -47,12 +48,14 @@ def reference_run(
     u: Array,
     y: Array,
     covariances: Array | None = None,
+    motor: Plant | None = None,
 ) -> Situations:
     """Run the reference: along a trajectory from ``start`` (n,), or from each state of ``start`` (N, n) anew.
 
+    ``motor``: the second statement of a machine that is not shipped.
     Where iterating is proved idle the reference iterates N_max times regardless of (33), to show it.
     """
-    reference = make_reference(parameters, step.kind, step.gain, start if start.ndim == 1 else start[0])
+    reference = make_reference(parameters, step.kind, step.gain, start if start.ndim == 1 else start[0], motor)
     if step.iteration_proof:
         reference.eps = -1.0
     before_x, before_P, records = [], [], []
@@ -127,11 +130,12 @@ def _lanes(values: Any, count: int) -> Array:
 
 def _sigmas(s: Situations, R: Array) -> Sigmas:
     Pyy = s.iterates[0]["Pyy"] if s.iterates else s.stages["Pyy"]
-    return Sigmas(np.sqrt(np.einsum("kii->ki", s.stages["P_pred"])), np.sqrt(np.einsum("kii->ki", Pyy)), np.sqrt(R))
+    state, innovation = (np.sqrt(np.einsum("kii->ki", c)) for c in (s.stages["P_pred"], Pyy))
+    return Sigmas(state, innovation, np.sqrt(R), np.linalg.cond(Pyy))
 
 
 def _take(sigmas: Sigmas, lanes: Array) -> Sigmas:
-    return Sigmas(sigmas.state[lanes], sigmas.innovation[lanes], sigmas.noise)
+    return Sigmas(sigmas.state[lanes], sigmas.innovation[lanes], sigmas.noise, sigmas.condition[lanes])
 
 
 def _pairs(step: FilterStep, s: Situations, found: dict[str, Array], iterates: list[dict[str, Array]]) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -32,6 +34,7 @@ class _Taken:
     P_pred: Array
     x_next: list[Array]
     counts: Array
+    change_error: Array | None  # of |x^{j+1} - x^j|^2 against this form's own iterates, relative
 
 
 def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str, situations: Situations) -> Link:
@@ -46,6 +49,8 @@ def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str,
         error = _state_error(x_b, x_c, b.P_pred, fast.ANGLE)
         error[~real] = 0.0
         pairs.append(("31", f"x_next, j = {j}", error))
+    if c.change_error is not None:  # a small state's share of it shows in no iterate
+        pairs.append(("33", "|x^{j+1} - x^j|^2", c.change_error))
     pairs += [
         ("25, 34", "x", _state_error(b.x, c.x, b.P, fast.ANGLE)),
         ("26, 32", "P", _covariance_error(b.P, c.P)),
@@ -61,7 +66,8 @@ def _take(module: ModuleType, kind: str, s: Situations) -> _Taken:
     backend = NumpyBackend(module, kind, "float64")
     backend.reset(s.x.T.copy(), module.pack(np.moveaxis(s.P, 0, 2)))
     stages: dict[str, Any] = {}
-    backend.step(s.u.T.copy(), s.y.T.copy(), stages)
+    with _heard(module) as passes:
+        backend.step(s.u.T.copy(), s.y.T.copy(), stages)
     x, words = backend.state()
     n = len(x)
     P_pred = np.empty((len(s.u), n, n))
@@ -75,7 +81,32 @@ def _take(module: ModuleType, kind: str, s: Situations) -> _Taken:
         P_pred,
         [np.array(item["x_next"]).T for item in iterates],
         backend.iterations,
+        np.array([_change_error(*one) for one in passes]).max(axis=0) if passes else None,
     )
+
+
+@contextmanager
+def _heard(module: ModuleType) -> Iterator[list[tuple[Array, Array, Array]]]:
+    """Every pass of the ICKF's loop while this is open: x^j, x^{j+1} (n, N) and its |x^{j+1} - x^j|^2 (N,)."""
+    iterate, passes = getattr(module, "ickf_iterate", None), list[tuple[Array, Array, Array]]()
+
+    def heard(x_j: Any, *rest: Any) -> Any:
+        found = iterate(x_j, *rest)  # type: ignore[misc]
+        passes.append((np.array(x_j), np.array(found[0]), np.array(found[-1][0])))
+        return found
+
+    if iterate is not None:
+        vars(module)["ickf_iterate"] = heard
+    try:
+        yield passes
+    finally:
+        if iterate is not None:
+            vars(module)["ickf_iterate"] = iterate
+
+
+def _change_error(before: Array, after: Array, change: Array) -> Array:
+    moved = np.sum((after - before) ** 2, axis=0)
+    return _finite(np.abs(change - moved) / np.maximum(moved, np.finfo(float).tiny))
 
 
 def _state_error(expected: Array, found: Array, P: Array, angle: int) -> Array:

@@ -15,7 +15,7 @@ from model.filters.program import FilterStep
 from model.quantities import Block
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
-from runtime.estimator.compiler import build_library
+from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.result import Divergence
@@ -101,7 +101,7 @@ def _c_locals(
     ffi = cffi.FFI()
     plain = declarations(sources[f"{prefix}.h"], prefix, "float32").replace("void runner_run", "void not_linked_run")
     ffi.cdef(plain + f"\nextern float32 probes[{max(1, len(probes))}];")
-    loaded = ffi.dlopen(str(library))
+    loaded = open_library(ffi, library)
     filters = ffi.new(f"{prefix}_t *")
     getattr(loaded, f"{prefix}_init")(filters)
     for name, values in zip(("x", folder.module.COVARIANCE), before, strict=True):

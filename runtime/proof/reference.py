@@ -1,7 +1,7 @@
 """Link A: the paper's equations in plain NumPy float64, by hand, with loops.
 
-The second opinion. It imports nothing of model, codegen or CasADi, and repeats the motor's f, h and H from
-the paper (numbers in brackets are its equations). Readability before speed.
+The second opinion. It imports nothing of model, codegen or CasADi, nor do the motors of :mod:`runtime.proof.motors`
+it filters (numbers in brackets are the paper's equations). Readability before speed.
 """
 
 from __future__ import annotations
@@ -9,164 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.proof.motors import Plant, make_motor
+
 Array = NDArray[Any]
 Stages = dict[str, Any]
-
-
-class Plant(Protocol):
-    """A discrete motor: x' = f(x, u), y = h(x), H = dh/dx."""
-
-    def f(self, x: Array, u: Array) -> Array: ...
-
-    def h(self, x: Array) -> Array: ...
-
-    def H(self, x: Array) -> Array: ...
-
-
-@dataclass(frozen=True)
-class MotorData:
-    """SI units; ``p`` pole pairs, ``T`` sample time. ``loaded``: the load torque is a fifth state."""
-
-    R: float
-    L_d: float
-    L_q: float
-    psi: float
-    p: int
-    J: float
-    D: float
-    T: float
-    exact: bool
-    loaded: bool
-
-    def mechanics(self, x: Array, T_e: Any) -> list[Any]:
-        """omega, theta (and T_L) one sample later, under the electromagnetic torque T_e."""
-        w, th = x[2], x[3]
-        if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
-            w_next = (1 - self.T * self.D / self.J) * w
-            w_next += self.T / self.J * (T_e - x[4]) if self.loaded else 0.0
-            return [w_next, th + self.T * self.p * w, *x[4:]]
-        b = math.exp(-self.T * self.D / self.J)
-        w_next = b * w
-        w_next += self.T / self.J * (1 + b) / 2 * (T_e - x[4]) if self.loaded else 0.0
-        return [w_next, th + self.T * self.p * (w + w_next) / 2, *x[4:]]
-
-
-@dataclass(frozen=True)
-class SurfaceMotor:
-    """x = [i_alpha, i_beta, omega, theta(, T_L)], currents measured."""
-
-    data: MotorData
-
-    def f(self, x: Array, u: Array) -> Array:
-        d = self.data
-        i_alpha, i_beta, w, th = x[:4]
-        w_e = d.p * w
-        if not d.exact:  # (7)
-            i = np.array(
-                [
-                    (1 - d.T * d.R / d.L_d) * i_alpha + d.T * d.psi / d.L_d * w_e * np.sin(th) + d.T / d.L_d * u[0],
-                    (1 - d.T * d.R / d.L_d) * i_beta - d.T * d.psi / d.L_d * w_e * np.cos(th) + d.T / d.L_d * u[1],
-                ]
-            )
-            return np.array([*i, *d.mechanics(x, self.torque(x[:2], th))])
-        # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly.
-        a = math.exp(-d.T * d.R / d.L_d)
-        middle = th + d.T * w_e / 2
-        e = d.psi * w_e * np.array([-np.sin(middle), np.cos(middle)])
-        i = a * x[:2] + (1 - a) / d.R * (u - e)
-        return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle))])
-
-    def torque(self, i: Array, th: Any) -> Any:
-        """(1): 1.5 p psi i_q."""
-        return 1.5 * self.data.p * self.data.psi * (i[1] * np.cos(th) - i[0] * np.sin(th))
-
-    def h(self, x: Array) -> Array:
-        return x[:2].copy()  # (5)
-
-    def H(self, x: Array) -> Array:
-        return np.eye(2, len(x))
-
-
-@dataclass(frozen=True)
-class SalientFluxMotor:
-    """x = [psi_alpha, psi_beta, omega, theta(, T_L)]; measured: i = R(th) L^-1 (R(-th) psi - [psi_m, 0])."""
-
-    data: MotorData
-
-    def f(self, x: Array, u: Array) -> Array:
-        d = self.data
-        th = x[3]
-        if not d.exact:
-            psi = x[:2] + d.T * (u - d.R * self.currents(x[:2], th))
-            return np.array([*psi, *d.mechanics(x, self.torque(x[:2], th))])
-        # Rotor frame held at the middle of the interval; there d psi/dt = v - R L^-1 (psi - psi_m), diagonal.
-        middle = th + d.T * d.p * x[2] / 2
-        to_stator = rotation(middle)
-        L = np.array([d.L_d, d.L_q])
-        psi_m = np.array([d.psi, 0.0])
-        a = np.exp(-d.T * d.R / L)
-        steady = L / d.R * (to_stator.T @ u) + psi_m
-        psi = to_stator @ (steady + a * (to_stator.T @ x[:2] - steady))
-        return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle))])
-
-    def torque(self, psi: Array, th: Any) -> Any:
-        """1.5 p (psi x i)."""
-        i = self.currents(psi, th)
-        return 1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0])
-
-    def currents(self, psi: Array, th: Any) -> Array:
-        d = self.data
-        to_stator = rotation(th)
-        psi_dq = to_stator.T @ psi
-        return np.asarray(to_stator @ ((psi_dq - np.array([d.psi, 0.0])) / np.array([d.L_d, d.L_q])))
-
-    def h(self, x: Array) -> Array:
-        return self.currents(x[:2], x[3])
-
-    def H(self, x: Array) -> Array:
-        """By the product rule: di/dpsi = R L^-1 R^T; di/dth = R' i_dq + R L^-1 R'^T psi."""
-        d = self.data
-        to_stator = rotation(x[3])
-        turned = to_stator @ np.array([[0.0, -1.0], [1.0, 0.0]])  # dR/dth
-        inverse = np.diag([1 / d.L_d, 1 / d.L_q])
-        i_dq = inverse @ (to_stator.T @ x[:2] - np.array([d.psi, 0.0]))
-        H = np.zeros((2, len(x)))
-        H[:, :2] = to_stator @ inverse @ to_stator.T
-        H[:, 3] = turned @ i_dq + to_stator @ inverse @ turned.T @ x[:2]
-        return H
-
-
-def rotation(angle: Any) -> Array:
-    """d-q to alpha-beta."""
-    s, c = np.sin(angle), np.cos(angle)
-    return np.array([[c, -s], [s, c]])
-
-
-def make_motor(parameters: Mapping[str, Any]) -> Plant:
-    """The motor of a drive file's parsed sections ``motor`` and ``model``."""
-    m, model = parameters["motor"], parameters["model"]
-    data = MotorData(
-        R=m["stator_resistance"],
-        L_d=m["inductance_d"],
-        L_q=m["inductance_q"],
-        psi=m["magnet_flux"],
-        p=m["pole_pairs"],
-        J=m["inertia"],
-        D=m["friction"],
-        T=model["sample_time"],
-        exact=model["discretization"] == "exact",
-        loaded={"constant_speed": False, "load_torque": True}[model.get("mechanics", "constant_speed")],
-    )
-    motors: dict[str, type[SurfaceMotor] | type[SalientFluxMotor]] = {
-        "surface": SurfaceMotor,
-        "salient_flux": SalientFluxMotor,
-    }
-    return motors[model["machine"]](data)
 
 
 @dataclass
@@ -182,6 +33,7 @@ class Reference:
     P: Array
     N_max: int
     eps: float
+    order: list[int]  # of the states in the factors of P
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -197,9 +49,15 @@ class Reference:
         self.stages |= {"x": self.x, "P": self.P}
         return self.stages
 
+    def coast(self, u: Array) -> None:
+        """A sample whose measurement is missing: the prediction is the estimate."""
+        predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
+        self.x, self.P = predict(u)
+        self.x[3] = wrap(self.x[3])
+
     def _time_update(self, u: Array) -> tuple[Array, Array]:
         n = len(self.x)
-        S = np.linalg.cholesky(self.P)  # (13)
+        S = self._root(self.P)  # (13)
         X = self._points(S, self.x)  # (14)
         X_prop = np.array([self.motor.f(X[:, i], u) for i in range(2 * n)]).T  # (15)
         x_pred = X_prop.mean(axis=1)  # (16)
@@ -207,14 +65,21 @@ class Reference:
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
-    @staticmethod
-    def _points(S: Array, centre: Array) -> Array:
+    def _root(self, P: Array) -> Array:
+        """S with S S^T = P by Cholesky's method, its rows as its columns in the states' order there."""
+        return np.asarray(np.linalg.cholesky(P[np.ix_(self.order, self.order)]))
+
+    def _points(self, S: Array, centre: Array) -> Array:
         n = len(centre)
         xi = math.sqrt(n) * np.hstack([np.eye(n), -np.eye(n)])  # (11)
-        return S @ xi + centre[:, None]
+        return self._by_state(S) @ xi + centre[:, None]
+
+    def _by_state(self, S: Array) -> Array:
+        """Row k of S is that of state order[k]."""
+        return S[np.argsort(self.order)]
 
     def _ckf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
-        S = np.linalg.cholesky(P_pred)  # (18)
+        S = self._root(P_pred)  # (18)
         X = self._points(S, x_pred)  # (19)
         Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T  # (20)
         y_pred = Y.mean(axis=1)  # (21)
@@ -229,7 +94,7 @@ class Reference:
         return x, P
 
     def _ickf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
-        S = np.linalg.cholesky(P_pred)
+        S = self._root(P_pred)
         x_j = x_pred
         iterates = []
         while True:
@@ -253,16 +118,21 @@ class Reference:
             x_j = x_next
             if done or len(iterates) >= self.N_max:
                 break
-        self.stages["iterates"] = iterates
+        self.stages |= {"iterates": iterates, "converged": done}
         return x_j, P_pred - K @ Pyy @ K.T  # (34), (32)
 
     # --- not in the paper: the two filters people compare with
 
     def _ekf_prediction(self, u: Array) -> tuple[Array, Array]:
-        F = jacobian(lambda x: self.motor.f(x, u), self.x)
+        F = self._slope(u)
         x_pred, P_pred = self.motor.f(self.x, u), F @ self.P @ F.T + np.diag(self.Q)
         self.stages |= {"x_pred": x_pred, "F": F, "P_pred": P_pred}
         return x_pred, P_pred
+
+    def _slope(self, u: Array) -> Array:
+        """df/dx: the motor's own F where it has one (what is no formula in NumPy takes no complex step)."""
+        own = getattr(self.motor, "F", None)
+        return np.asarray(own(self.x, u)) if own else jacobian(lambda x: self.motor.f(x, u), self.x)
 
     def _ekf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
         H = self.motor.H(x_pred)
@@ -276,12 +146,12 @@ class Reference:
     def _sigma_points(self, S: Array, centre: Array) -> tuple[Array, Array]:
         """Julier and Uhlmann, kappa = 1: the centre with weight 1 / (n + 1), the others share the rest."""
         n = len(centre)
-        reach = math.sqrt(n + 1.0) * S
+        reach = math.sqrt(n + 1.0) * self._by_state(S)
         X = np.column_stack([centre, centre[:, None] + reach, centre[:, None] - reach])
         return X, np.array([1.0 / (n + 1.0)] + [0.5 / (n + 1.0)] * (2 * n))
 
     def _ukf_prediction(self, u: Array) -> tuple[Array, Array]:
-        S = np.linalg.cholesky(self.P)
+        S = self._root(self.P)
         X, w = self._sigma_points(S, self.x)
         X_prop = np.array([self.motor.f(X[:, i], u) for i in range(X.shape[1])]).T
         x_pred = X_prop @ w
@@ -291,7 +161,7 @@ class Reference:
         return x_pred, P_pred
 
     def _ukf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
-        S = np.linalg.cholesky(P_pred)
+        S = self._root(P_pred)
         X, w = self._sigma_points(S, x_pred)
         Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T
         y_pred = Y @ w
@@ -325,11 +195,25 @@ def wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def make_reference(parameters: Mapping[str, Any], kind: str, gain: str, initial_state: Array) -> Reference:
-    """The reference of a drive file's parsed sections, at its P_0."""
+def _order(parameters: Mapping[str, Any]) -> list[int]:
+    """Of the states in the factors of P: the state's own unless the drive file names another."""
+    names = parameters["filter"].get("root_order")
+    if names is None:
+        return list(range(len(parameters["filter"]["process_noise"])))
+    moving = [name for name in ("omega", "theta", "load_torque") if name in names]
+    slow = list(parameters["model"]["adaptive"])
+    vector = sorted(set(names) - {*moving, *slow})  # alpha, beta
+    return [[*vector, *moving, *slow].index(name) for name in names]
+
+
+def make_reference(
+    parameters: Mapping[str, Any], kind: str, gain: str, initial_state: Array, motor: Plant | None = None
+) -> Reference:
+    """The reference of a drive file's parsed sections, at its P_0; ``motor`` by default the one they name."""
     tuning = parameters["filter"]
+    motor = motor or make_motor(parameters)
     return Reference(
-        motor=make_motor(parameters),
+        motor=motor,
         kind=kind,
         gain=gain,
         Q=np.array(tuning["process_noise"], dtype=float),
@@ -338,4 +222,5 @@ def make_reference(parameters: Mapping[str, Any], kind: str, gain: str, initial_
         P=np.diag(np.array(tuning["initial_covariance"], dtype=float)),
         N_max=tuning["max_iterations"],
         eps=tuning["tolerance"],
+        order=_order(parameters),
     )

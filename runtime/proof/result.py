@@ -103,6 +103,15 @@ class Proof:
     links: list[Link] = field(default_factory=list)
     effects: list[IterationEffect] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    #: What nothing is there to check against; "proved" is never said of it.
+    unchecked: list[str] = field(default_factory=list)
+
+    @property
+    def verdict(self) -> str:
+        """In words: "proved", and of what not."""
+        if not self.passed:
+            return "NOT proved"
+        return f"filters proved; {'; '.join(self.unchecked)}" if self.unchecked else "proved"
 
     @property
     def passed(self) -> bool:
@@ -129,4 +138,5 @@ class Proof:
             "links": links,
             "iteration": [asdict(e) for e in self.effects],
             "notes": self.notes,
+            "unchecked": self.unchecked,
         }

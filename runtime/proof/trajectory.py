@@ -54,17 +54,26 @@ def make_trajectory(
     """
     m, T = parameters["motor"], parameters["model"]["sample_time"]
     steps = steps or round(0.3 / T)
-    motion = _mechanics(m, T / 2, 2 * steps, speed * math.pi / 30, load)
-    omega, theta, torque = motion.T
+    omega, theta, torque = motion(m, T, steps, speed, load).T
     i_q = torque / (1.5 * m["pole_pairs"] * m["magnet_flux"])  # i_d = 0
     rotor = np.exp(1j * theta)
     i = 1j * i_q * rotor
     psi = (m["magnet_flux"] + 1j * m["inductance_q"] * i_q) * rotor
     mean_i = (i[:-1:2] + 4 * i[1::2] + i[2::2]) / 6  # Simpson over each interval
     v = (psi[2::2] - psi[:-1:2]) / T + m["stator_resistance"] * mean_i
-    measured = _pairs(i[2::2]) + np.random.default_rng(seed).normal(0.0, noise, (steps, 2))
+    measured = noisy(_pairs(i[2::2]), noise, seed)
     t = T * np.arange(1, steps + 1)
     return Trajectory(t, _pairs(v), measured, omega[2::2], theta[2::2], _pairs(psi[2::2]))
+
+
+def noisy(i: Array, noise: float = 0.05, seed: int = 1) -> Array:
+    """Currents (N, 2) as sensors with that standard deviation (A) give them."""
+    return i + np.random.default_rng(seed).normal(0.0, noise, i.shape)
+
+
+def motion(m: Mapping[str, Any], T: float, steps: int, speed: float = 1000.0, load: float = 5.0) -> Array:
+    """Rows omega, theta, torque every T / 2, 2 steps + 1 of them; speed in r/min, load in N m."""
+    return _mechanics(m, T / 2, 2 * steps, speed * math.pi / 30, load)
 
 
 def _pairs(values: NDArray[np.complex128]) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -24,14 +24,18 @@ from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GENERATED, GeneratedFolder
-from runtime.proof.derivation import compare_derivations
 from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
 from runtime.proof.link_bc import link_bc
 from runtime.proof.link_cd import Drift, link_cd
 from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
+from runtime.proof.link_foc import link_control
+from runtime.proof.link_guard import link_data, link_guard
+from runtime.proof.motors import Plant
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.result import IterationEffect, Link, Proof
-from runtime.proof.trajectory import Trajectory, make_trajectory
+from runtime.proof.second import UNCHECKED, compare_statements, second_motor
+from runtime.proof.trajectory import Trajectory
 
 Array = NDArray[Any]
 Progress = Callable[[str], None]
@@ -48,6 +52,7 @@ class Effort:
 
     trajectory: float = 0.3  # s; the load step comes at 0.2 s
     box_draws: int = 300  # for link A-B; D-E takes all of them
+    guard_draws: int = 4  # each with every fault
     bit_steps: int = 10_000
     drift_steps: int = 100_000
     chip_steps: int = 1000  # about 1.5 ms each: every operation is modelled
@@ -87,10 +92,25 @@ def verify(
 
 
 def check_ready(drive: str | Path) -> None:
-    """Raise UserError where :func:`verify` would before it compares anything: cheap, so done for all drives first."""
+    """Raise UserError for what is seen at a glance: done for all drives before the first is proved.
+
+    No compiler, a wrong drive file, no folder, or one edited by hand. Whether it is stale takes a generation:
+    :func:`current_package`.
+    """
     find_compiler()
-    path = generated_folder(drive)
-    _check_current(path, generate(load_drive(drive), measurer=Measurer(kept_records(path))))
+    load_drive(drive)
+    _check_unedited(generated_folder(drive))
+
+
+def current_package(drive: Drive, path: Path) -> Package:
+    """Generate a drive in memory; UserError where its folder is missing, edited by hand or stale."""
+    _check_unedited(path)
+    package = generate(drive, measurer=Measurer(kept_records(path)))
+    if difference(path, package.files):
+        raise UserError(
+            f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {drive.name}"
+        )
+    return package
 
 
 def generated_folder(drive: str | Path) -> Path:
@@ -101,16 +121,17 @@ def generated_folder(drive: str | Path) -> Path:
 def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
     """All links for the gain the drive ships, and again for the other gain of the ICKF."""
     progress("generating")
-    package = generate(drive, measurer=Measurer(kept_records(path)))
-    _check_current(path, package)
+    package = current_package(drive, path)
     proof = Proof(drive.name)
-    proof.links.append(compare_derivations(drive))
-    parameters = drive.model_dump()
-    trajectory = make_trajectory(parameters, steps=round(effort.trajectory / drive.model.sample_time))
+    equations = compare_statements(drive)
+    if equations is not None:
+        proof.links.append(equations)
+    else:
+        proof.unchecked.append(UNCHECKED)
+    trajectory = trajectory_of(drive, round(effort.trajectory / drive.model.sample_time))
     evidence = Evidence(trajectory.t, {}, {}, trajectory)
-    long = _long_run(parameters, drive, effort)
-    for gain, folder in _variants(drive, path):
-        variant = package if gain == drive.filter.gain else generate(_with_gain(drive, gain))
+    long = _long_run(drive, effort)
+    for gain, variant, folder in _variants(package, path):
         prover = Prover(variant, literal_package(variant.drive), folder, trajectory, long, effort, progress)
         for kind in variant.steps:
             if kind == "ickf" or gain == drive.filter.gain:
@@ -121,47 +142,36 @@ def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple
     return proof, evidence
 
 
-def _check_current(path: Path, package: Package) -> None:
-    name = package.drive.name
+def _check_unedited(path: Path) -> None:
     if not path.is_dir():
-        raise UserError(f"no generated folder '{path}'. Run: pmsm-ickf generate {name}")
+        raise UserError(f"no generated folder '{path}'. Run: pmsm-ickf generate {path.name}")
     try:
         check_unedited(path)
     except FolderError as error:
         raise UserError(str(error)) from None
-    if difference(path, package.files):
-        raise UserError(
-            f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {name}"
-        )
 
 
 def _with_gain(drive: Drive, gain: str) -> Drive:
     return drive.model_copy(update={"filter": drive.filter.model_copy(update={"gain": gain})})
 
 
-@contextmanager
-def _temporary(drive: Drive) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / drive.name
-        write_folder(path, generate(drive).files)
-        yield path
-
-
-def _variants(drive: Drive, path: Path) -> Iterator[tuple[str, GeneratedFolder]]:
+def _variants(package: Package, path: Path) -> Iterator[tuple[str, Package, GeneratedFolder]]:
     """The shipped folder, then one generated with the other gain and thrown away."""
-    yield drive.filter.gain, GeneratedFolder(path)
-    if "ickf" in drive.filter.kinds:
-        for gain in GAINS:
-            if gain != drive.filter.gain:
-                with _temporary(_with_gain(drive, gain)) as other:
-                    yield gain, GeneratedFolder(other)
+    drive = package.drive
+    yield drive.filter.gain, package, GeneratedFolder(path)
+    for gain in GAINS if "ickf" in drive.filter.kinds else ():
+        if gain != drive.filter.gain:
+            other = generate(_with_gain(drive, gain))
+            with tempfile.TemporaryDirectory() as scratch:
+                write_folder(Path(scratch) / drive.name, other.files)
+                yield gain, other, GeneratedFolder(Path(scratch) / drive.name)
 
 
-def _long_run(parameters: dict[str, Any], drive: Drive, effort: Effort) -> tuple[Trajectory, int]:
+def _long_run(drive: Drive, effort: Effort) -> tuple[Trajectory, int]:
     """The trajectory continued at speed, and the step from which its drift is judged."""
     settled = round(0.3 / drive.model.sample_time)
     steps = max(settled + effort.drift_steps, effort.bit_steps)
-    return make_trajectory(parameters, steps=steps), settled
+    return trajectory_of(drive, steps), settled
 
 
 @dataclass(frozen=True)
@@ -193,16 +203,20 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B, B-C on trajectory and box, D-E for each optimisation and for lanes, C-D and D-chip on the long run."""
+        """A-B, B-C, guard, data, D-E each way it is compiled, controller; C-D and D-chip on the long run."""
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
         self.progress(f"{label}: A-B-C, reference along the trajectory")
         found = self.along_trajectory(kind)
         self.progress(f"{label}: A-B-C, operating box")
         found += self._box(kind)
+        self.progress(f"{label}: inputs to reject, and what is loaded")
+        found += [*self._guards(kind), link_data(self.folder, kind, step.gain, self._parameters, self._motor)]
         self.progress(f"{label}: D-E, compiling and comparing bits")
         bits = self._bits(kind)
         found += [*(bits.link(optimisation) for optimisation in self.effort.optimisations), bits.lane_link()]
+        self.progress(f"{label}: the controller around it")
+        found += link_control(self.folder, kind, step.gain, self._parameters, self._motor)
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
@@ -214,7 +228,9 @@ class Prover:
     def along_trajectory(self, kind: str) -> list[Link]:
         """A-B stage by stage along the trajectory, and B on its own; then B-C."""
         step, start = self.literal.steps[kind], self._start
-        run = reference_run("trajectory", self._parameters, step, start, self.trajectory.u, self.trajectory.y)
+        run = reference_run(
+            "trajectory", self._parameters, step, start, self.trajectory.u, self.trajectory.y, motor=self._motor
+        )
         sigma_0 = np.sqrt(self.package.drive.filter.initial_covariance)
         name = self.package.drive.name
         return [
@@ -233,12 +249,18 @@ class Prover:
             link_bc(self.literal.module, self.folder.module, step, name, situations),
         ]
 
+    def _guards(self, kind: str) -> list[Link]:
+        """The literal and the fast form on inputs to reject, from a few states of the box."""
+        step, parameters, motor = self.literal.steps[kind], self._parameters, self._motor
+        box = sample_box(self.package.drive, self.package.model, self.effort.guard_draws)
+        draws = box.x.T, _full(box), box.u.T, box.y.T
+        modules = {"literal": self.literal.module, "fast": self.folder.module}
+        name = self.package.drive.name
+        return [link_guard(m, step, name, form, parameters, motor, draws) for form, m in modules.items()]
+
     def _box_situations(self, step: Any, box: BoxSamples) -> Situations:
-        n, draws = box.x.shape
-        P = np.empty((draws, n, n))
-        rows, columns = np.tril_indices(n)
-        P[:, rows, columns] = P[:, columns, rows] = box.P.T
-        return reference_run("operating box", self._parameters, step, box.x.T, box.u.T, box.y.T, P)
+        P = _full(box)
+        return reference_run("operating box", self._parameters, step, box.x.T, box.u.T, box.y.T, P, self._motor)
 
     def _bits(self, kind: str) -> Bits:
         long, _ = self.long
@@ -263,6 +285,10 @@ class Prover:
         by_state = {state.name: float(difference[:, k].max()) for k, state in enumerate(self.package.model.states)}
         return IterationEffect(self.package.drive.name, gain, worst, by_state, idle, verdict)
 
+    @cached_property
+    def _motor(self) -> Plant:
+        return second_motor(self.package.drive)
+
     @property
     def _parameters(self) -> dict[str, Any]:
         return self.package.drive.model_dump()
@@ -274,3 +300,12 @@ class Prover:
     @property
     def _R(self) -> Array:
         return np.array(self.package.drive.filter.measurement_noise)
+
+
+def _full(box: BoxSamples) -> Array:
+    """Covariances (N, n, n) of the draws."""
+    n, draws = box.x.shape
+    P = np.empty((draws, n, n))
+    rows, columns = np.tril_indices(n)
+    P[:, rows, columns] = P[:, columns, rows] = box.P.T
+    return P

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from codegen.rungs import Earned
 from model.drive import Drive
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.simulation import Run
@@ -17,7 +18,7 @@ from runtime.proof.verify import Evidence
 class Chapter:
     """Proof and simulations of a drive generated into ``folder``.
 
-    ``hard``: the load step under a cheap inverter's conditions.
+    ``hard``: the load step under a cheap inverter's conditions. ``earned``: what each pass saves of the first kind.
     """
 
     drive: Drive
@@ -28,6 +29,7 @@ class Chapter:
     hard: list[Run]
     sweep: list[SweepPoint]
     firmware: Gated
+    earned: list[Earned]
 
     @property
     def good(self) -> bool:

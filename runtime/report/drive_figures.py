@@ -30,8 +30,8 @@ def run_figure(runs: Sequence[Run], numbered: bool = False) -> str:
     for run in runs:
         style: dict[str, Any] = {"color": COLOURS[run.kind], "ls": DASHES[run.kind], "lw": 0.9}
         axes[0].plot(run.t, run.omega * RPM, label=f"{run.kind}, true", **style)
-        _band(axes[1], run.t, run.speed_error, run.kind, style)
-        _band(axes[3], run.t, run.angle_error, run.kind, style)
+        draw_band(axes[1], run.t, run.speed_error, run.kind, style)
+        draw_band(axes[3], run.t, run.angle_error, run.kind, style)
     first = runs[0]
     late = first.t >= first.t[-1] - 0.03
     axes[2].plot(first.t[late], first.x[late, 3], color=COLOURS[first.kind], lw=1.4, label=f"{first.kind}, estimate")
@@ -47,7 +47,7 @@ def run_figure(runs: Sequence[Run], numbered: bool = False) -> str:
     return svg_text(figure)
 
 
-def _band(axis: Any, t: Any, values: Any, label: str, style: dict[str, Any]) -> None:
+def draw_band(axis: Any, t: Any, values: Any, label: str, style: dict[str, Any]) -> None:
     """A noisy quantity as the band between its extremes in each of some 250 slices of time."""
     width = max(1, len(values) // 250)
     count = len(values) // width

@@ -21,7 +21,7 @@ def pyplot() -> Any:
     try:
         import matplotlib as mpl
     except ImportError:
-        raise UserError("the report page needs matplotlib: pip install 'pmsm-ickf[report]'.") from None
+        raise UserError("figures need matplotlib: pip install 'pmsm-ickf[report]'.") from None
     mpl.use("svg")
     mpl.rcParams.update(
         {

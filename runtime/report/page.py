@@ -14,8 +14,8 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from codegen import __version__
 from codegen.equations import Readable, readable
 from codegen.folder import read_manifest
-from codegen.rungs import OPERATIONS, earnings, weights_text
-from model.state_space import build
+from codegen.rungs import OPERATIONS, weights_text
+from runtime.files import make_folder, write_text
 from runtime.report.chapter import Chapter
 from runtime.report.cost_figures import passes_figure
 from runtime.report.drive_figures import run_figure, sweep_figure
@@ -24,7 +24,8 @@ from runtime.report.figures import drift_figure, effect_figure, stage_figure, tr
 from runtime.report.firmware_table import remarks
 from runtime.report.tables import COUNTS, stages_by_equation
 
-_ENVIRONMENT = jinja2.Environment(
+#: Templates of the pages.
+ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
     autoescape=True,
     trim_blocks=True,
@@ -35,15 +36,16 @@ _ENVIRONMENT = jinja2.Environment(
 
 def write_page(path: Path, chapters: list[Chapter]) -> None:
     """Write the page for some drives, one chapter each."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = _ENVIRONMENT.get_template("page.html.j2").render(
+    make_folder(path.parent)
+    text = ENVIRONMENT.get_template("page.html.j2").render(
         version=__version__,
         chapters=[_chapter(chapter) for chapter in chapters],
         passed=all(chapter.proof.passed and not chapter.firmware.failed for chapter in chapters),
         missing=any(chapter.firmware.missing for chapter in chapters),
+        unchecked=any(chapter.proof.unchecked for chapter in chapters),
         sweep_cell=sweep_cell,
     )
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _chapter(chapter: Chapter) -> dict[str, Any]:
@@ -54,16 +56,16 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
     stages = stages_by_equation(proof.links)
     fast = stages_by_equation(proof.links, "B-C")
     kind = drive.filter.kinds[0]
-    earned = earnings(build(drive), kind, drive.filter.gain)
+    earned = chapter.earned
     return {
         "drive": drive,
         "proof": proof,
         "manifest": manifest,
         "units": units,
-        "f": [_line(equations, *line) for line in equations.f],
-        "h": [_line(equations, *line) for line in equations.h],
+        "f": [equation_line(equations, *line) for line in equations.f],
+        "h": [equation_line(equations, *line) for line in equations.h],
         "H": [
-            _line(equations, sp.Symbol(f"H_{i + 1}{j + 1}"), equations.H[i, j])
+            equation_line(equations, sp.Symbol(f"H_{i + 1}{j + 1}"), equations.H[i, j])
             for i in range(equations.H.rows)
             for j in range(equations.H.cols)
         ],
@@ -151,7 +153,7 @@ def _letters(index: str) -> str:
     return " ".join(_letter(word) for word in index.split("_"))
 
 
-def _line(equations: Readable, left: Any, right: Any) -> Markup:
+def equation_line(equations: Readable, left: Any, right: Any) -> Markup:
     """One equation as MathML."""
     printer = _MathML({symbol: _plain(latex) for symbol, latex in equations.symbols.items()})
     parts = [printer.doprint(side) for side in (left, right)]

@@ -12,6 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from codegen.guards import SOUND
+from model.machines import MACHINES
+
 #: Variances in the box reach this times P_0 (or Q, where that is more). Intervals forget how the entries of a
 #: covariance belong together, and quotients of them grow: beyond this the proof of a four-state filter overflows.
 MARGIN = 2.0
@@ -45,6 +48,11 @@ class Box:
         return Box({**self.places, **changes})
 
 
+def known_machine(manifest: dict[str, Any]) -> bool:
+    """Whether this module can bound the machine's states and its measurement Jacobian; not one of the user's own."""
+    return manifest["parameters"]["model"]["machine"] in MACHINES
+
+
 def filter_box(manifest: dict[str, Any], field: str) -> Box:
     """The box of a generated folder's drive, from what its manifest says of the drive.
 
@@ -55,6 +63,8 @@ def filter_box(manifest: dict[str, Any], field: str) -> Box:
     box = parameters["operating_box"]
     places = {f"f.x[{k}]": _state(name, parameters) for k, name in enumerate(names)}
     places |= {f"f.{field}[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, field))}
+    if field == "LD":
+        places["f.nis"] = Interval(0.0, 4.0 * SOUND)  # beyond it the step starts over
     for k in range(2):
         places[f"f.u_held[{k}]"] = Interval.within(box["voltage"])
         places[f"u[{k}]"] = Interval.within(BEYOND * box["voltage"])
@@ -81,14 +91,15 @@ def _flux(parameters: dict[str, Any]) -> float:
 
 
 def _covariance(names: list[str], parameters: dict[str, Any], field: str) -> list[Interval]:
-    """One interval a word of the lower triangle, row by row."""
+    """One interval a word of the lower triangle, row by row; of factors in the order in which P is factored."""
     tuning = parameters["filter"]
+    order = [names.index(name) for name in (tuning.get("root_order") if field == "LD" else None) or names]
     Q, P_0 = tuning["process_noise"], tuning["initial_covariance"]
     top = [MARGIN * max(q, p) for q, p in zip(Q, P_0, strict=True)]
     least = [_least_pivot(name, q, parameters) for name, q in zip(names, Q, strict=True)]
     words = []
-    for i in range(len(names)):
-        for j in range(i):
+    for k, i in enumerate(order):
+        for j in order[:k]:
             # |P_ij| <= sqrt(P_ii P_jj);  |L_ij| <= sqrt(P_ii / D_j), since P_ii is a sum that holds L_ij^2 D_j
             size = math.sqrt(top[i] * top[j]) if field == "P" else math.sqrt(top[i] / least[j])
             words.append(Interval.within(size))

@@ -26,7 +26,7 @@ from codegen.small_angle import small_angle_bound
 from codegen.trig import sin_cos_bound
 from runtime.firmware.check import Check
 from runtime.firmware.static.bans import parse
-from runtime.firmware.static.box import Box, filter_box
+from runtime.firmware.static.box import Box, filter_box, known_machine
 from runtime.firmware.static.divisions import Range, divisions
 from runtime.firmware.static.tool import missing, run
 
@@ -54,6 +54,10 @@ _COVERAGE = re.compile(r"(\d+) statements reached \(out of (\d+)\)")
 
 #: Names of the facts handed over, as they appear in EVA's words; one of them unproved by EVA is no alarm.
 _GIVEN = ("function sin_cos: postcondition", "assertion 'range'")
+
+#: The guard asks by squares whether a sum, a mean or a word is a number and not absurd; a square that overflows to
+#: infinity is its answer, on which it acts, and no error. EVA's words for just these products.
+_ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)")
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,9 @@ def eva_check(folder: Path, kind: str, box: Box | None = None) -> Check:
         return absent
     manifest = read_manifest(folder)
     prefix = f"{manifest['drive']}_{kind}"
+    if box is None and not known_machine(manifest):
+        reason = f"{prefix}: not proved. EVA was not run: no bounds on this machine's states and H are known."
+        return Check(NAME, f"{folder.name}, {kind}", "not proved", "no box", "EVA needs a box of states", (reason,))
     verdict = analyse_step(folder, prefix, box or filter_box(manifest, covariance_field(folder, prefix)))
     figure = (
         f"{len(verdict.alarms)} alarms, {verdict.reached} of {verdict.statements} statements, {verdict.seconds:.1f} s"
@@ -165,6 +172,7 @@ def driver(prefix: str, box: Box) -> str:
             "    float32 y[2];",
             f"    {prefix}_init(&f);",
             *lines,
+            *(["    f.repairs = Frama_C_interval(0, 32767);"] if "f.nis" in box.places else []),
             f"    return {prefix}_step(&f, u, y);",
             "}\n",
         ]
@@ -186,7 +194,7 @@ def with_contract(source: str) -> str:
     return source.replace("static pmsm_pair sin_cos(float32 x)", f"{contract}static pmsm_pair sin_cos(float32 x)")
 
 
-_TURNS = re.compile(r"^ *\w+_turns\([^;]*, (?P<z>z\w*), (?P<turn>turn\w*)\);\n", re.MULTILINE)
+_TURNS = re.compile(r"^ *status \|= \w+_turns\([^;]*, (?P<turn>turn\w*)\);\n", re.MULTILINE)
 
 
 def with_turns(source: str) -> str:
@@ -195,15 +203,17 @@ def with_turns(source: str) -> str:
     Up to the limit the polynomials are within their proved error of sin(d) / d, which falls from 1, and of
     cos(d) - 1; beyond, sine and cosine are within theirs, and sin(d) / d has its least value -0.2173 at 4.493 rad.
     """
-    error = sin_cos_bound().proved + small_angle_bound().sinc + small_angle_bound().cosm1
-    sizes = {name: int(size) for name, size in re.findall(r"^    float32 (z\w*)\[(\d+)\];", source, re.MULTILINE)}
+    spread = re.search(r"from z = d\^2 / ([\d.]+):", source)
+    bound = small_angle_bound(float(spread[1]) if spread else 1.0)
+    error = sin_cos_bound().proved + bound.sinc + bound.cosm1
+    sizes = {name: int(size) for name, size in re.findall(r"^    float32 (turn\w*)\[(\d+)\];", source, re.MULTILINE)}
 
     def add(match: re.Match[str]) -> str:
         turn = match["turn"]
         facts = [
             f"-0.2173 - {error:.3e} <= {turn}[{2 * k}] <= 1.0 + {error:.3e} && "
             f"-2.0 - {error:.3e} <= {turn}[{2 * k + 1}] <= {error:.3e}"
-            for k in range(sizes[match["z"]])
+            for k in range(sizes[turn] // 2)
         ]
         return match.group() + "".join(f"    /*@ assert range: {fact}; */\n" for fact in facts)
 
@@ -227,7 +237,7 @@ def _verdict(code: int, said: str, seconds: float) -> Verdict:
     alarms = tuple(
         f"{Path(match['place']).name}: {' '.join(match['text'].split())}"
         for match in _ALARM.finditer(said)
-        if not any(given in match["text"] for given in _GIVEN)
+        if not any(given in match["text"] for given in (*_GIVEN, *_ASKED))
     )
     coverage = _COVERAGE.search(said)
     failure = ""

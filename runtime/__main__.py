@@ -1,0 +1,21 @@
+"""What ``pmsm-ickf`` starts: Ctrl-C is one line while the libraries are still loading, too."""
+
+from __future__ import annotations
+
+from runtime.errors import end_interrupted, remember_interrupts, stop_if_interrupted
+
+
+def main() -> None:
+    """Load the command line and run it."""
+    remember_interrupts()
+    try:
+        from runtime.cli import main as run
+
+        stop_if_interrupted()
+    except KeyboardInterrupt:
+        end_interrupted()
+    run()
+
+
+if __name__ == "__main__":
+    main()

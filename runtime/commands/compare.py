@@ -1,0 +1,42 @@
+"""The command ``compare``: drives side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+
+
+def compare(
+    drives: Annotated[
+        list[str],
+        typer.Argument(metavar="DRIVE DRIVE...", help="Shipped names, generated folders, or TOML files that have one."),
+    ],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write index.html and its figures (svg).")] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+) -> None:
+    """Put drives side by side: files, equations, structure of F and H, cost, certificate, accuracy in the loop.
+
+    Exit code 1: one of them lost lock.
+    """
+    from runtime.compare.facts import write_json
+    from runtime.compare.subject import collect
+    from runtime.report.compare_tables import compare_tables
+
+    if out is not None:
+        from runtime.report.compare_page import write_comparison
+        from runtime.report.figures import pyplot
+
+        pyplot()  # what is missing is said before the work
+    with working() as progress:
+        subjects = collect(drives, progress)
+    console.print(compare_tables(subjects), highlight=False)
+    if json is not None:
+        write_json(subjects, json)
+    if out is not None:
+        console.print(f"Page: {write_comparison(subjects, out)}", highlight=False, soft_wrap=True)
+    if not all(run.locked for subject in subjects for run in subject.runs):
+        raise typer.Exit(1)

@@ -1,0 +1,57 @@
+"""The command ``faults``: what a drive in operation survives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+
+
+def faults(
+    drives: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="DRIVE", help="Shipped names, generated folders, or TOML files with one. Default: every shipped."
+        ),
+    ] = None,
+    filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf.")] = "ckf,ickf",
+    only: Annotated[str | None, typer.Option(metavar="NAMES", help="Comma-separated: some of the faults.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each fault: noise, instant, garbage.")] = 20,
+    load: Annotated[float, typer.Option(metavar="NM", help="Load torque.")] = 5.0,
+    speed: Annotated[float, typer.Option(metavar="RPM", help="Speed reference.")] = 1000.0,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every run's figures.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a figure a drive (svg).")] = None,
+) -> None:
+    """Inject faults at speed under load: sensors, converter, DC link, power; does the drive recover, and how fast?
+
+    The generated example interrupt drives the generated motor. Exit code 1: a run did not recover.
+    """
+    from model.drive import shipped_drives
+    from runtime.faults.catalogue import find_faults
+    from runtime.faults.survey import survey, write_outcomes
+    from runtime.replay.subject import drive_folder
+    from runtime.report.fault_tables import LEGEND, fault_table
+
+    if out is not None:
+        from runtime.report.fault_figures import write_fault_figures
+        from runtime.report.figures import pyplot
+
+        pyplot()  # what is missing is said before the work
+    chosen = find_faults(only)
+    folders = [drive_folder(drive) for drive in drives or shipped_drives()]
+    with working() as progress:
+        outcomes = survey(folders, filters.split(","), seeds, load, speed, chosen, progress)
+    for drive, kind in dict.fromkeys((outcome.drive, outcome.kind) for outcome in outcomes):
+        console.rule(f"[bold]{drive}, {kind}[/bold]", align="left")
+        console.print(fault_table([outcome for outcome in outcomes if (outcome.drive, outcome.kind) == (drive, kind)]))
+    console.print(LEGEND, highlight=False)
+    if json is not None:
+        write_outcomes(outcomes, json)
+    if out is not None:
+        for path in write_fault_figures(outcomes, out):
+            console.print(f"Figure: {path}", highlight=False, soft_wrap=True)
+    if not all(outcome.recovered for outcome in outcomes):
+        raise typer.Exit(1)

@@ -1,0 +1,90 @@
+"""The command ``replay``: recorded data through a generated filter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from runtime.commands.terminal import console
+from runtime.errors import UserError
+
+
+def replay(
+    drive: Annotated[
+        str, typer.Argument(metavar="DRIVE", help="A shipped name, a generated folder, or a TOML file with one.")
+    ],
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Recorded data, .npz or a .csv from anywhere.")],
+    kind: Annotated[
+        str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
+    ] = None,
+    backend: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
+    dtype: Annotated[str, typer.Option(metavar="NAME", help="float32: the firmware's bits; or float64.")] = "float32",
+    rename: Annotated[
+        list[str] | None,
+        typer.Option(metavar="THEIRS=OURS", help="A column's name here, such as Time=t or Ia=i_a; repeatable."),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=FACTOR", help="i_alpha=1e-3, or a unit: theta=deg, t=ms; repeatable."),
+    ] = None,
+    x0: Annotated[str | None, typer.Option(metavar="A,B,...", help="Start from this state, in state order.")] = None,
+    theta0: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Start at standstill, the rotor at this electrical angle.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="F.npz", help="Write t, x, P, status.")] = None,
+    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+) -> None:
+    """Run recorded data through a generated filter; is the filter right about them?
+
+    DATA has columns t s; u_alpha, u_beta V, mean over the interval ending at t; i_alpha, i_beta A at t. Phase currents
+    i_a, i_b[, i_c] and voltages u_a, u_b, u_c (to any common point) or u_ab, u_bc will do. With omega (rad/s,
+    mechanical), theta (rad, electrical) or load_torque (N m) as truth, errors are shown. Exit code 1: the estimate did
+    not stay a number.
+    """
+    from runtime.replay.data import read_recorded
+    from runtime.replay.replay import Settings, check_estimates
+    from runtime.replay.replay import replay as run
+    from runtime.replay.subject import drive_folder
+    from runtime.report.replay_tables import replay_tables
+
+    if out is not None:
+        check_estimates(out)
+    if plots is not None:
+        from runtime.report.figures import pyplot
+        from runtime.report.replay_figures import write_figures
+
+        pyplot()  # what is missing is said before the work
+    folder = drive_folder(drive)
+    settings = Settings(kind, backend, dtype, _numbers(x0), theta0)
+    recorded = read_recorded(data, rename or [], scale or [])
+    columns = (TextColumn("replaying"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+        result = run(folder, recorded, settings, lambda share: bar.update(task, completed=share))
+    for note in result.notes:
+        console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False, soft_wrap=True)
+    console.print(replay_tables(result), highlight=False)
+    if out is not None:
+        result.write_estimates(out)
+    if json is not None:
+        result.write_json(json)
+    if plots is not None:
+        for path in write_figures(result, plots):
+            console.print(f"Figure: {path}", highlight=False, soft_wrap=True)
+    if not result.finite:
+        console.print("[bold red]the estimate did not stay a number[/bold red]", highlight=False)
+        raise typer.Exit(1)
+
+
+def _numbers(text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"--x0 '{text}' is not a list of numbers such as 0,0,104.7,1.2.") from None

@@ -1,0 +1,167 @@
+"""Commands that run many drives: ``study`` and ``study tune``."""
+
+from __future__ import annotations
+
+import json as json_module
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from typer.core import TyperGroup
+
+from model.drive import shipped_drives
+from runtime.commands.terminal import console
+from runtime.study.statement import USUAL, VARIABLES
+
+
+class RunByDefault(TyperGroup):
+    """``study DRIVE`` means ``study run DRIVE``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or args[0] not in (*self.commands, "-h", "--help"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=RunByDefault,
+    no_args_is_help=False,
+    help="Monte Carlo: thousands of closed loops, drawn at random. 'study DRIVE...' runs them ('study run --help' "
+    "lists its options); 'study tune DRIVE' looks for a better tuning.",
+)
+
+VARY_HELP = (
+    "NAME=LOW:HIGH (evenly), NAME=LOW:HIGH:log, or NAME=VALUE; repeat it. NAME: "
+    + ", ".join(f"{name} ({unit})" for name, (unit, _) in VARIABLES.items())
+    + "."
+)
+Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn: same seed, same runs, anywhere.")]
+Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
+
+
+@app.command("run")
+def run(
+    drives: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="DRIVE", help="Shipped names or TOML paths. Default: every shipped drive."),
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Of each drive with each filter.")] = 1000,
+    filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
+    vary: Annotated[
+        list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: {' '.join(USUAL)}.")
+    ] = None,
+    scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load or load_step.")] = "load_step",
+    seed: Seed = 1,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Runs, figures (svg). Default: build/study/ and a name of the study's own."),
+    ] = None,
+    json: Json = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster, tcp://host:8786. Default: this machine.")
+    ] = None,
+) -> None:
+    """How often a drive starts, and how well it runs, over noise, angles, motors and loads drawn at random.
+
+    Every filter meets the same runs. Ctrl-C keeps what is done, and the same command goes on; more --runs add to it.
+    """
+    from runtime.report.figures import pyplot
+    from runtime.report.study_figures import write_figures
+    from runtime.report.study_tables import groups_table, paired_table
+    from runtime.study.analysis import study_facts
+    from runtime.study.run import run_study, state_study
+
+    pyplot()  # what is missing is said now, not after the runs
+    names = drives or shipped_drives()
+    statement, packages = state_study(names, filters.split(","), scenario, vary or USUAL, seed)
+    out = out or Path("build") / "study" / statement.digest[:12]
+    with bar("runs") as tell:
+        study = run_study(statement, packages, runs, out, scheduler, tell)
+    if study.groups:
+        console.print(groups_table(study))
+        paired = paired_table(study)
+        if paired is not None:
+            console.print()
+            console.print(paired)
+        paths = write_figures(study)
+        console.print(f"Figures: {', '.join(path.name for path in paths)}", highlight=False, soft_wrap=True)
+    if json is not None:
+        json.write_text(json_module.dumps(study_facts(study), indent=2) + "\n")
+    if study.interrupted:
+        done = sum(len(group.index) for group in study.groups)
+        console.print(
+            f"interrupted: {done} of {runs * len(packages)} runs are kept in {escape(str(out))}; "
+            "the same command goes on.",
+            highlight=False,
+            soft_wrap=True,
+        )
+        raise typer.Exit(130)
+    console.print(f"Runs: {out}", highlight=False, soft_wrap=True)
+
+
+@app.command("tune")
+def tune(
+    drive: Annotated[str, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file.")],
+    trials: Annotated[int, typer.Option(min=1, help="Altogether, those of earlier calls included.")] = 200,
+    kind: Annotated[
+        str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
+    ] = None,
+    vary: Annotated[list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: noise=0.05.")] = None,
+    p0: Annotated[bool, typer.Option("--p0", help="Tune the initial covariance too.")] = False,
+    seed: Seed = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Trials and figures. Default: build/tune/<drive>_<filter>.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Look for Q and R: small errors while starting, at speed and in the load step, as far as they go together.
+
+    Ctrl-C keeps what is done, and the same command goes on.
+    """
+    from runtime.report.figures import pyplot
+    from runtime.report.study_figures import write_front
+    from runtime.report.study_tables import front_table, proof_table
+    from runtime.study.tune import tune as search
+    from runtime.study.tune import tuned_facts
+
+    pyplot()
+    with bar("trials") as tell:
+        tuned = search(drive, kind, trials, out, vary or ("noise=0.05",), seed, p0, tell)
+    console.print(front_table(tuned))
+    console.print()
+    console.print(proof_table(tuned))
+    if tuned.recommended == tuned.own:
+        console.print(
+            "\nNothing that was tried is better than the drive file's tuning in all three; choose by the table."
+        )
+    else:
+        console.print("\nFor the drive file, section \\[filter]:")
+        console.print(tuned.lines, highlight=False, markup=False)
+    paths = write_front(tuned, tuned.folder)
+    console.print(f"\nTrials and {paths[0].name}: {tuned.folder}", highlight=False, soft_wrap=True)
+    if json is not None:
+        json.write_text(json_module.dumps(tuned_facts(tuned), indent=2) + "\n")
+    if tuned.interrupted:
+        console.print(
+            f"interrupted after {len(tuned.points)} of {trials} trials; the same command goes on.", highlight=False
+        )
+        raise typer.Exit(130)
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Any]:
+    """A progress bar, where there is a terminal, that says what is being run."""
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=None)
+        yield lambda done, of, name: progress.update(task, completed=done, total=of, description=escape(name))

@@ -1,0 +1,1 @@
+"""The generated C under stress: arbitrary bits (``fuzz``) and hours of drive time (``soak``)."""

@@ -1,0 +1,140 @@
+"""The faults: what goes wrong, for how long, as rows of numbers that the loop reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import UserError
+from runtime.faults.loop import CLIP, FAULT, HOLD_A, POWER_OFF, REPLACE_A, REPLACE_B
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What a fault is measured by: sample time s, DC link V, amplitude of the phase currents A, converter's range A."""
+
+    T: float
+    link: float
+    amplitude: float
+    range: float
+
+
+@dataclass(frozen=True)
+class Fault:
+    """``rows`` makes a fault's samples, drawing what is random from a generator of its own."""
+
+    name: str
+    title: str
+    rows: Callable[[Circumstances, np.random.Generator], Array]
+
+
+def healthy(c: Circumstances, samples: int) -> Array:
+    """Rows in which nothing is wrong yet."""
+    rows = np.zeros(samples, dtype=FAULT)
+    rows["gain"] = 1.0
+    rows["link"] = rows["told"] = c.link
+    return rows
+
+
+def lost_samples(c: Circumstances, rng: np.random.Generator, samples: int) -> Array:
+    """No current arrives: NaN."""
+    rows = healthy(c, samples)
+    rows["what"] = REPLACE_A | REPLACE_B
+    rows["phase"] = np.nan
+    return rows
+
+
+def stuck_sensor(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
+    """Phase a's sensor stays at its last value."""
+    rows = healthy(c, round(time / c.T))
+    rows["what"] = HOLD_A
+    return rows
+
+
+def clipped(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
+    """The converter is full at a share of the present amplitude."""
+    rows = healthy(c, round(time / c.T))
+    rows["what"] = CLIP
+    rows["range"] = share * c.amplitude
+    return rows
+
+
+def sagging_link(c: Circumstances, rng: np.random.Generator, time: float, share: float, known: bool) -> Array:
+    """The DC link falls to a share of its voltage; the controller measures it, or goes on believing in the old one."""
+    rows = healthy(c, round(time / c.T))
+    rows["link"] = share * c.link
+    rows["told"] = share * c.link if known else c.link
+    return rows
+
+
+def garbage(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
+    """Random bits as currents, NaN, infinity and huge numbers among them; every other sample nonsense within range."""
+    rows = healthy(c, round(time / c.T))
+    rows["what"] = REPLACE_A | REPLACE_B
+    bits = rng.integers(0, 2**32, (len(rows), 2), dtype=np.uint32).view(np.float32)
+    within = rng.uniform(-c.range, c.range, (len(rows), 2)).astype(np.float32)
+    rows["phase"] = np.where((rng.random(len(rows)) < 0.5)[:, None], bits, within)
+    return rows
+
+
+def power_cycle(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
+    """Processor and inverter without power; then the firmware starts anew, and the motor still turns."""
+    rows = healthy(c, round(time / c.T))
+    rows["what"] = POWER_OFF
+    return rows
+
+
+def wrong_gain(c: Circumstances, rng: np.random.Generator, time: float, gain: float) -> Array:
+    """Phase a's sensor reads a multiple of the current."""
+    rows = healthy(c, round(time / c.T))
+    rows["gain"][:, 0] = gain
+    return rows
+
+
+def offset(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
+    """Phase a's sensor reads a share of the amplitude too much."""
+    rows = healthy(c, round(time / c.T))
+    rows["offset"][:, 0] = share * c.amplitude
+    return rows
+
+
+def _fault(name: str, title: str, make: Callable[..., Array], *numbers: Any) -> Fault:
+    return Fault(name, title, lambda c, rng: make(c, rng, *numbers))
+
+
+FAULTS = (
+    _fault("lost_sample", "1 sample lost", lost_samples, 1),
+    _fault("lost_burst", "10 samples lost", lost_samples, 10),
+    _fault("stuck_5ms", "sensor stuck 5 ms", stuck_sensor, 5e-3),
+    _fault("stuck_50ms", "sensor stuck 50 ms", stuck_sensor, 50e-3),
+    _fault("saturated", "converter full 20 ms", clipped, 20e-3, 0.5),
+    _fault("sag_known", "DC link 50 %, measured", sagging_link, 50e-3, 0.5, True),
+    _fault("sag_unknown", "DC link 50 %, unknown", sagging_link, 50e-3, 0.5, False),
+    _fault("garbage", "garbage 10 ms", garbage, 10e-3),
+    _fault("power_cycle", "power cycle 5 ms", power_cycle, 5e-3),
+    _fault("gain_jump", "sensor gain 1.5, 50 ms", wrong_gain, 50e-3, 1.5),
+    _fault("offset_jump", "sensor offset 50 ms", offset, 50e-3, 0.5),
+)
+
+
+def find_faults(names: str | None) -> tuple[Fault, ...]:
+    """Faults by their names, comma-separated; all of them for None.
+
+    Raises
+    ------
+    UserError
+        There is none of a name.
+    """
+    if names is None:
+        return FAULTS
+    known = {fault.name: fault for fault in FAULTS}
+    for name in names.split(","):
+        if name not in known:
+            raise UserError(f"no fault '{name}'; there are: {', '.join(known)}.")
+    return tuple(known[name] for name in names.split(","))

@@ -1,0 +1,255 @@
+/* loop.c: the generated example interrupt in the closed loop, with faults. Hand-written.
+ *
+ * simulator.h is simulator.c: inverter, motor and sensors. example_isr.h is the example of the generated folder, as an
+ * application would have it; its hardware functions are the simulated ones below. A fault is a row of numbers a sample;
+ * samples without one take none of its branches. */
+#include "simulator.h"
+
+#define TELEMETRY_EVERY 1 /* the status of every step */
+#include "example_isr.h"
+
+enum { REPLACE_A = 1, REPLACE_B = 2, HOLD_A = 4, HOLD_B = 8, CLIP = 16, POWER_OFF = 32 };
+
+/* What is wrong in one sample. Sensors: reading = gain * current + offset, then clipped at +-range, then held or
+ * replaced. The inverter has `link` volts, the controller is told `told`. */
+typedef struct {
+    int what;
+    int reserved;
+    float phase[2];   /* A, instead of what the sensors say */
+    double gain[2];
+    double offset[2]; /* A */
+    double range;     /* A */
+    double link;      /* V */
+    double told;      /* V */
+} fault;
+
+/* A run: arrays of one row a sample. */
+typedef struct {
+    int steps;
+    int states;
+    int reacting;         /* 0: the generated controller alone, whatever its status says */
+    int fault_from;       /* faults act from this sample on */
+    int fault_count;
+    const fault *faults;
+    const double *noise;  /* 2, A */
+    const double *speed;  /* rad/s */
+    const double *load;   /* N m */
+    double *out;          /* 5: omega, theta, torque, largest phase current (true), DC link as told */
+    float *phase;         /* 2, A: as the interrupt read them */
+    float *x;             /* the estimate */
+    float *duty;          /* 3 */
+    int *status;
+    int *mode;            /* of the example, after the interrupt */
+} faulty_run;
+
+/* The board. */
+static struct {
+    simulator *motor;
+    const fault *fault; /* of this sample, or none */
+    const double *noise;
+    double reference;
+    double v_dc;        /* V, without a fault */
+    float seen[2];
+    float duty[3];
+    int status;
+    int gates;          /* 1: enabled */
+    int open;           /* gates off, and the currents have died out */
+} board;
+
+void read_phase_currents(float32 phase[2])
+{
+    float read[2];
+    int k;
+    simulator_sense(board.motor, board.noise, read);
+    if (board.fault) {
+        const fault *f = board.fault;
+        for (k = 0; k < 2; k++) {
+            read[k] = (float)(f->gain[k] * (double)read[k] + f->offset[k]);
+            if (f->what & CLIP) {
+                read[k] = (float)fmax(-f->range, fmin(f->range, (double)read[k]));
+            }
+            if (f->what & (HOLD_A << k)) {
+                read[k] = board.seen[k];
+            }
+            if (f->what & (REPLACE_A << k)) {
+                read[k] = f->phase[k];
+            }
+        }
+    }
+    for (k = 0; k < 2; k++) {
+        phase[k] = read[k];
+        board.seen[k] = read[k];
+    }
+}
+
+float32 read_dc_link(void)
+{
+    return (float)(board.fault ? board.fault->told : board.v_dc);
+}
+
+float32 read_speed_reference(void)
+{
+    return (float)board.reference;
+}
+
+void write_duty(const float32 duty[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        board.duty[k] = duty[k];
+    }
+}
+
+void acknowledge_interrupt(void)
+{
+}
+
+void inverter_off(void)
+{
+    board.gates = 0;
+}
+
+void inverter_on(void)
+{
+    board.gates = 1;
+}
+
+void telemetry(const float32 *words, int count)
+{
+    board.status = (int)words[count - 1];
+}
+
+/* Gates off: a current goes on through the diodes against the DC link and dies out; then the phases are open. Holds
+ * while the back-EMF between two phases is below the link. */
+static void freewheel(simulator *m, double load)
+{
+    const int n = (int)ceil(m->T / 1e-6);
+    const double h = m->T / n;
+    int k, j;
+    for (k = 0; k < n; k++) {
+        const double middle = m->s[3] + 0.5 * h * (double)POLE_PAIRS * m->s[2];
+        const double emf = m->motor[3] * (double)POLE_PAIRS * m->s[2];
+        double v[2], i[2], torque[1], rest_state[6];
+        v[0] = -emf * sin(middle); /* what keeps a current of zero at zero */
+        v[1] = emf * cos(middle);
+        if (!board.open) {
+            double phase[3], leg[3];
+            JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
+            phase[0] = i[0];
+            phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
+            phase[2] = -phase[0] - phase[1];
+            for (j = 0; j < 3; j++) {
+                leg[j] = (phase[j] > 0.0) ? 0.0 : 1.0;
+            }
+            v[0] = m->v_dc * (2.0 * leg[0] - leg[1] - leg[2]) / 3.0;
+            v[1] = m->v_dc * (leg[1] - leg[2]) / ROOT_3;
+            if (hypot(i[0], i[1]) <= m->v_dc * h * m->motor[1]) { /* less than the next step takes away */
+                board.open = 1;
+            }
+        }
+        JOIN(PLANT, _advance)(m->s, m->motor, v, load, h, 1);
+        if (board.open) {
+            JOIN(PLANT, _rest)(m->motor, m->s[3], rest_state);
+            m->s[0] = rest_state[0];
+            m->s[1] = rest_state[1];
+        }
+    }
+}
+
+/* The interval until the next sample. */
+static void act(simulator *m, double load)
+{
+    int k;
+    m->v_dc = board.fault ? board.fault->link : board.v_dc;
+    if (board.gates) {
+        board.open = 0;
+        simulator_actuate(m, board.duty, load);
+        return;
+    }
+    for (k = 0; k < 3; k++) {
+        m->duty_next[k] = (double)board.duty[k];
+    }
+    freewheel(m, load);
+}
+
+static void record(const faulty_run *r, int k)
+{
+    double i[2], torque[1];
+    double *row = r->out + 5 * k;
+    int j;
+    JOIN(PLANT, _outputs)(board.motor->s, board.motor->motor, i, torque);
+    row[0] = board.motor->s[2];
+    row[1] = board.motor->s[3];
+    row[2] = torque[0];
+    row[3] = hypot(i[0], i[1]);
+    row[4] = (double)read_dc_link();
+    for (j = 0; j < r->states; j++) {
+        r->x[r->states * k + j] = control.filter.x[j];
+    }
+    for (j = 0; j < 2; j++) {
+        r->phase[2 * k + j] = board.seen[j];
+    }
+    for (j = 0; j < 3; j++) {
+        r->duty[3 * k + j] = board.duty[j];
+    }
+    r->status[k] = board.status;
+    r->mode[k] = mode;
+}
+
+/* The interrupt of an application that does not look at the status. */
+static void bare_isr(void)
+{
+    float32 phase[2], command[2], duty[3];
+    read_phase_currents(phase);
+    command[0] = read_speed_reference();
+    command[1] = read_dc_link();
+    board.status = JOIN(FOC, _step)(&control, phase, command, duty);
+    write_duty(duty);
+}
+
+static int power_up(int reacting)
+{
+    const int failed = motor_setup();
+    if (!reacting) {
+        static const float32 ZERO[3] = {0.5f, 0.5f, 0.5f};
+        mode = RUNNING;
+        write_duty(ZERO);
+        inverter_on();
+    }
+    return failed;
+}
+
+/* A run from power-up on. Returns what motor_setup found: 0 is good. */
+int faulty_loop(simulator *m, const faulty_run *r)
+{
+    int k, failed, powered = 1;
+    board.motor = m;
+    board.v_dc = m->v_dc;
+    board.fault = 0;
+    board.open = 1;
+    failed = power_up(r->reacting);
+    for (k = 0; k < r->steps && failed == 0; k++) {
+        const int at = k - r->fault_from;
+        board.fault = (at >= 0 && at < r->fault_count) ? &r->faults[at] : 0;
+        board.noise = r->noise + 2 * k;
+        board.reference = r->speed[k];
+        if (board.fault && (board.fault->what & POWER_OFF)) {
+            powered = 0;
+            board.gates = 0;
+            board.status = 0;
+        } else {
+            if (!powered) {
+                powered = 1;
+                failed = power_up(r->reacting);
+            }
+            if (r->reacting) {
+                adc_isr();
+            } else {
+                bare_isr();
+            }
+        }
+        record(r, k);
+        act(m, r->load[k]);
+    }
+    return failed;
+}

@@ -1,0 +1,188 @@
+"""The generated example interrupt in the closed loop: compiled, given a fault, and run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.drive.motor import true_motor
+from runtime.drive.scenario import Scenario
+from runtime.drive.simulation import SIMULATOR, controller_declarations, simulator_struct
+from runtime.errors import UserError
+from runtime.estimator.c_backend import c_sources
+from runtime.estimator.compiler import build_library, open_library
+from runtime.estimator.folder import GeneratedFolder
+from runtime.replay.truth import angle_error, speed_error
+
+Array = NDArray[Any]
+
+LOOP = Path(__file__).with_name("loop.c")
+
+#: Bits of a fault's ``what``, as in loop.c.
+REPLACE_A, REPLACE_B, HOLD_A, HOLD_B, CLIP, POWER_OFF = 1, 2, 4, 8, 16, 32
+
+#: One sample of a fault, as loop.c reads it.
+FAULT = np.dtype(
+    [
+        ("what", np.int32),
+        ("reserved", np.int32),
+        ("phase", np.float32, 2),
+        ("gain", float, 2),
+        ("offset", float, 2),
+        ("range", float),
+        ("link", float),
+        ("told", float),
+    ]
+)
+
+#: Modes of the example interrupt.
+RESTING, PROBING, CATCHING, RUNNING = 0, 1, 2, 3
+
+
+@dataclass(frozen=True)
+class FaultyRun:
+    """A run with a fault; arrays of N samples.
+
+    t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
+    told V; x (N, n) the estimate; duty (N, 3); status, mode (N,): the interrupt's. Samples
+    ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on.
+    """
+
+    kind: str
+    first: int
+    after: int
+    t: Array
+    reference: Array
+    omega: Array
+    theta: Array
+    torque: Array
+    current: Array
+    told: Array
+    phase: Array
+    x: Array
+    duty: Array
+    status: Array
+    mode: Array
+    powered: Array
+
+    @property
+    def speed_error(self) -> Array:
+        """Estimated minus true speed, r/min."""
+        return speed_error(self.x, self.omega)
+
+    @property
+    def angle_error(self) -> Array:
+        """Estimated minus true electrical angle, degrees."""
+        return angle_error(self.x, self.theta)
+
+
+class FaultyLoop:
+    """One drive's compiled loop; make it once, run it often. It has one board: runs follow one another."""
+
+    def __init__(self, folder: GeneratedFolder, kind: str) -> None:
+        if kind not in folder.kinds:
+            raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+        self.folder, self.kind, self.module = folder, kind, folder.module
+        prefix, sources = c_sources(folder, kind, "float32")
+        foc, plant = f"{prefix}_foc", f"{folder.drive}_plant"
+        for name, place in ((foc, ""), (f"{prefix}_selftest", ""), (f"{foc}_selftest", ""), (plant, "host/")):
+            sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
+        defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
+        handwritten = {"loop.c": LOOP.read_text(encoding="utf-8"), "simulator.h": SIMULATOR.read_text(encoding="utf-8")}
+        handwritten |= {"example_isr.h": example_for(folder, kind)}
+        library = build_library({**sources, **handwritten}, defines, ("-O2",))
+        self._ffi, self._library = _open(library, controller_declarations(sources, prefix, foc), folder.drive)
+
+    def run(
+        self,
+        scenario: Scenario,
+        faults: Array,
+        fault_at: float,
+        noise: float = 0.05,
+        seed: int = 1,
+        reacting: bool = True,
+    ) -> FaultyRun:
+        """A scenario from power-up, at electrical angle 0, with a fault.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        faults : array of FAULT
+            One row a sample, from ``fault_at`` (s) on; empty: none.
+        noise : float
+            A rms of each current sensor.
+        seed : int
+            Of the noise.
+        reacting : bool
+            Whether there is an application that reacts to the status; else the generated controller is alone.
+        """
+        T, n = self.module.SAMPLE_TIME, len(self.module.STATES)
+        steps = round(scenario.duration / T)
+        t = T * np.arange(steps)
+        first = round(fault_at / T)
+        rows: Array = np.ascontiguousarray(faults, dtype=FAULT)
+        given: dict[str, Array] = {
+            "noise": np.random.default_rng(seed).normal(0.0, noise, (steps, 2)),
+            "speed": scenario.speed_reference(t),
+            "load": scenario.load_torque(t),
+            "faults": rows,
+        }
+        found = {"out": np.empty((steps, 5)), "phase": np.empty((steps, 2), np.float32)}
+        found |= {"x": np.empty((steps, n), np.float32), "duty": np.empty((steps, 3), np.float32)}
+        found |= {name: np.empty(steps, np.int32) for name in ("status", "mode")}
+        task = self._ffi.new("faulty_run *")
+        task.reacting = int(reacting)
+        task.steps, task.states, task.fault_from, task.fault_count = steps, n, first, len(faults)
+        for name, array in (given | found).items():
+            setattr(task, name, self._ffi.cast("void *", array.ctypes.data))
+        failed = self._library.faulty_loop(self._motor(), task)
+        if failed:
+            raise UserError(f"drive '{self.folder.drive}': the self-test says {failed}; regenerate, or see its header.")
+        truth = dict(zip(("omega", "theta", "torque", "current", "told"), found.pop("out").T, strict=True))
+        after = first + len(faults)
+        powered = np.ones(steps, dtype=bool)
+        powered[first:after] = (rows["what"] & POWER_OFF) == 0
+        return FaultyRun(self.kind, first, after, t, given["speed"], **truth, **found, powered=powered)
+
+    def _motor(self) -> Any:
+        """The motor at rest, an averaged inverter, a sample of delay as the example interrupt has it."""
+        m = self._ffi.new("simulator *")
+        m.motor[0:6] = true_motor(self.folder, {}).tolist()
+        getattr(self._library, f"{self.folder.drive}_plant_rest")(m.motor, 0.0, m.s)
+        m.duty_next[0:3] = [0.5, 0.5, 0.5]
+        m.T = self.module.SAMPLE_TIME
+        m.v_dc = self.folder.manifest["parameters"]["control"]["dc_link"]
+        m.h_max = min(12.5e-6, m.T / 2)
+        m.delay = 1
+        return m
+
+
+def example_for(folder: GeneratedFolder, kind: str) -> str:
+    """The example interrupt around any of the folder's filters: it names the one it has by its prefix alone."""
+    text = folder.text("example_isr.c")
+    own = next(name for name in folder.kinds if f'"{folder.drive}_{name}_selftest.h"' in text)
+    return text.replace(f"{folder.drive}_{own}", f"{folder.drive}_{kind}")
+
+
+def _open(library: Path, controller: str, drive: str) -> tuple[Any, Any]:
+    """cffi's view of the loop; its structs are read from its own source."""
+    import cffi
+
+    ffi = cffi.FFI()
+    text = LOOP.read_text(encoding="utf-8")
+    text = text[text.index("/* What is wrong") : text.index("/* The board.")]
+    structs = "\n".join(line.partition("/*")[0] for line in text.splitlines() if not line.startswith((" *", "/*")))
+    ffi.cdef(
+        controller
+        + simulator_struct()
+        + structs
+        + f"""
+        void {drive}_plant_rest(const double motor[6], double theta, double s[6]);
+        int faulty_loop(simulator *m, const faulty_run *r);
+        """
+    )
+    return ffi, open_library(ffi, library)

@@ -1,0 +1,189 @@
+"""What ``pmsm-ickf faults`` does: every fault, with many seeds, on some drives; how they recover."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.drive.scenario import RPM, Scenario
+from runtime.estimator.folder import GeneratedFolder
+from runtime.faults.catalogue import FAULTS, Circumstances, Fault
+from runtime.faults.loop import RUNNING, FaultyLoop, FaultyRun
+from runtime.files import write_text
+
+Array = NDArray[Any]
+Progress = Callable[[str], None]
+
+#: Recovered: the drive runs, and the estimate stays within so much of the truth, r/min and degrees electrical,
+#: to the end, of which at least so much must be left, s.
+SPEED_BAND, ANGLE_BAND, LEAST_REST = 20.0, 10.0, 0.05
+#: The fault begins here, s, plus up to so much: anywhere in an electrical turn.
+FAULT_AT, FAULT_SPREAD = 0.3, 0.02
+#: PMSM_NOT_CONVERGED says nothing of a fault: an ICKF sets it in healthy runs too.
+NOT_CONVERGED = 0x2
+#: A status that comes so long after the fault still counts as its own, s.
+AFTERMATH = 0.01
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """One run: ``time`` s from the fault's end until the drive runs and the estimate is in its band for the rest, NaN
+    if never; ``told`` samples from the fault's begin until a status bit or a reaction, -1 if none; ``status`` bits in
+    and shortly after the fault, but for "not converged". Largest since the fault's begin: errors of the estimate while
+    the drive ran (r/min, degrees electrical), ``deviation`` of the true speed from its reference (r/min), ``current``
+    (A, amplitude). ``idle`` s without torque."""
+
+    time: float
+    told: int
+    status: int
+    speed_error: float
+    angle_error: float
+    deviation: float
+    current: float
+    idle: float
+
+    @property
+    def recovered(self) -> bool:
+        return bool(np.isfinite(self.time))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All runs of one fault with one filter, and the same runs ``alone``: the generated controller without the
+    application's reaction. ``example`` is the first run."""
+
+    drive: str
+    kind: str
+    fault: Fault
+    recoveries: tuple[Recovery, ...]
+    alone: tuple[Recovery, ...]
+    example: FaultyRun
+
+    @property
+    def recovered(self) -> bool:
+        """Whether every run did."""
+        return all(recovery.recovered for recovery in self.recoveries)
+
+
+def column(recoveries: Sequence[Recovery], name: str) -> Array:
+    """One figure of every run."""
+    return np.array([getattr(recovery, name) for recovery in recoveries])
+
+
+def judge(run: FaultyRun, T: float) -> Recovery:
+    """What a run says of its fault."""
+    since = slice(run.first, None)
+    good = (run.mode == RUNNING) & (np.abs(run.speed_error) < SPEED_BAND) & (np.abs(run.angle_error) < ANGLE_BAND)
+    bad = np.flatnonzero(~good)
+    back = int(bad[-1]) + 1 if len(bad) else 0
+    recovered = len(good) - back >= round(LEAST_REST / T)
+    during = slice(run.first, run.after + round(AFTERMATH / T))
+    status = run.status[during] & ~NOT_CONVERGED
+    said = np.flatnonzero((status != 0) | (run.mode[during] != RUNNING))
+    used = (run.mode == RUNNING) & run.powered
+    used[: run.first] = False
+    return Recovery(
+        time=max(0, back - run.after) * T if recovered else float("nan"),
+        told=int(said[0]) if len(said) else -1,
+        status=int(np.bitwise_or.reduce(status)),
+        speed_error=_largest(run.speed_error[used]),
+        angle_error=_largest(run.angle_error[used]),
+        deviation=_largest((run.omega - run.reference)[since] * RPM),
+        current=_largest(run.current[since]),
+        idle=float(np.count_nonzero(run.mode[since] != RUNNING) * T),
+    )
+
+
+def _largest(values: Array) -> float:
+    """Largest magnitude; 0 where there is nothing, NaN where something is."""
+    return float(np.max(np.abs(values))) if len(values) else 0.0
+
+
+def circumstances(folder: GeneratedFolder, scenario: Scenario) -> Circumstances:
+    """What the faults of a drive are measured by."""
+    parameters = folder.manifest["parameters"]
+    motor = parameters["motor"]
+    return Circumstances(
+        T=folder.module.SAMPLE_TIME,
+        link=parameters["control"]["dc_link"],
+        amplitude=scenario.load / (1.5 * motor["pole_pairs"] * motor["magnet_flux"]),
+        range=folder.module.DEFAULTS["y_max"],
+    )
+
+
+def run_fault(loop: FaultyLoop, fault: Fault, scenario: Scenario, seed: int, reacting: bool = True) -> FaultyRun:
+    """One run; the seed makes the noise, the instant of the fault and what is random about it."""
+    rng = np.random.default_rng([seed, 1])
+    at = FAULT_AT + rng.uniform(0.0, FAULT_SPREAD)
+    rows = fault.rows(circumstances(loop.folder, scenario), rng)
+    return loop.run(scenario, rows, at, seed=seed, reacting=reacting)
+
+
+def survey(
+    folders: Sequence[GeneratedFolder],
+    kinds: Sequence[str],
+    seeds: int,
+    load: float = 5.0,
+    speed: float = 1000.0,
+    faults: Sequence[Fault] = FAULTS,
+    progress: Progress = lambda text: None,
+) -> list[Outcome]:
+    """Every fault on every drive with every filter.
+
+    Parameters
+    ----------
+    folders : sequence of GeneratedFolder
+    kinds : sequence of str
+    seeds : int
+        Runs of each: seeds 1 to so many.
+    load, speed : float
+        N m and r/min at which the faults strike.
+    """
+    scenario = Scenario("faults", speed=speed, load=load, duration=0.65)
+    outcomes = []
+    for folder in folders:
+        for kind in kinds:
+            progress(f"{folder.drive}: {kind}: compiling")
+            loop = FaultyLoop(folder, kind)
+            for fault in faults:
+                progress(f"{folder.drive}: {kind}: {fault.title}")
+                outcomes.append(_outcome(loop, fault, scenario, seeds))
+    return outcomes
+
+
+def _outcome(loop: FaultyLoop, fault: Fault, scenario: Scenario, seeds: int) -> Outcome:
+    T, every = loop.module.SAMPLE_TIME, range(1, seeds + 1)
+    example = run_fault(loop, fault, scenario, seed=1)
+    recoveries, alone = (
+        tuple(judge(run_fault(loop, fault, scenario, seed, reacting), T) for seed in every)
+        for reacting in (True, False)
+    )
+    return Outcome(loop.folder.drive, loop.kind, fault, recoveries, alone, example)
+
+
+def outcome_facts(outcome: Outcome) -> dict[str, Any]:
+    """One outcome as plain data, every run of it."""
+    return {
+        "drive": outcome.drive,
+        "filter": outcome.kind,
+        "fault": outcome.fault.name,
+        "recovered": outcome.recovered,
+        "runs": [asdict(recovery) for recovery in outcome.recoveries],
+        "alone": [asdict(recovery) for recovery in outcome.alone],
+    }
+
+
+def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Every figure as JSON; a run that did not recover has null for its time."""
+    import json
+
+    facts = [outcome_facts(outcome) for outcome in outcomes]
+    for fact in facts:
+        for run in (*fact["runs"], *fact["alone"]):
+            run.update({name: None for name, value in run.items() if value != value})
+    write_text(path, json.dumps(facts, indent=2) + "\n")

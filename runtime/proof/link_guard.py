@@ -1,0 +1,238 @@
+"""Links "guard" and "data": what a step does with inputs it rejects, and what it starts from.
+
+Guard: some samples from the operating box, then one whose voltage or current is no number or beyond its limit, then
+one without a voltage. By hand: the time update with the last voltage that was good, and nothing else.
+
+Data: tuning, limits and start as the drive file states them, in the Python module and in what the C's ``_init`` leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.filters.program import FilterStep
+from runtime.estimator.c_backend import CBackend
+from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.proof.motors import Plant
+from runtime.proof.reference import Reference, make_reference
+from runtime.proof.result import Link, Row
+
+Array = NDArray[Any]
+
+#: As links A-B and B-C allow together, in sigmas: the same float64 steps, three on end.
+ALLOWED = 2e-9
+
+REJECTED, NOT_CONVERGED = 1, 2
+
+#: Factors on the limit, and what is no number; in the voltage and in the current, on either axis.
+BAD = (1.0 + 2e-7, -1.0 - 2e-7, float("nan"), float("inf"), float("-inf"))
+#: The first sample's share of the voltage drawn: turned by any angle it stays within its limits, and so does 0.7.
+FIRST = 0.5
+#: Limits themselves are good.
+GOOD = (1.0, -1.0)
+
+
+def link_guard(
+    module: ModuleType,
+    step: FilterStep,
+    drive: str,
+    form: str,
+    parameters: Mapping[str, Any],
+    motor: Plant,
+    draws: tuple[Array, Array, Array, Array],
+) -> Link:
+    """One form of the filter, float64, against the reference, over three samples each.
+
+    Parameters
+    ----------
+    draws : tuple
+        x (N, n), P (N, n, n), u (N, 2) V, y (N, 2) A of the operating box; each is taken with every fault in turn.
+    """
+    reference = make_reference(parameters, step.kind, step.gain, draws[0][0], motor)
+    if step.iteration_proof:
+        reference.N_max = 1
+    first = np.array([_after(reference, *draw) for draw in zip(*draws, strict=True)])
+    x, P, u, y, first = (np.repeat(array, len(_faults()), axis=0) for array in (*draws, first))
+    advance = parameters["motor"]["pole_pairs"] * parameters["model"]["sample_time"] * first[:, 2]
+    x, u, y = _before_the_turn((x, u, y), first[:, module.ANGLE], advance, module.ANGLE)
+    faults = _faults() * len(draws[0])
+    u, y = _three_samples(u, y, faults, parameters["operating_box"])
+    backend = NumpyBackend(module, step.kind, "float64")
+    backend.reset(x.T.copy(), module.pack(np.moveaxis(P, 0, 2)))
+    found = []
+    for k in range(len(u)):
+        backend.step(u[k].T.copy(), y[k].T.copy())
+        state, words = backend.state()
+        found.append((state.T, np.moveaxis(module.unpack(words), 2, 0), backend.status, backend.iterations))
+    wanted = [_by_hand(reference, parameters, x[b], P[b], u[:, b], y[:, b]) for b in range(len(x))]
+    return _compare(step, drive, form, module.ANGLE, wanted, found)
+
+
+def _faults() -> list[tuple[int, float]]:
+    """(which of u_alpha, u_beta, y_alpha, y_beta; what is put there, times the limit)."""
+    return [(place, value) for place in range(4) for value in (*BAD, *GOOD)]
+
+
+def _after(reference: Reference, x: Array, P: Array, u: Array, y: Array) -> Array:
+    """The estimate after the first of the three samples."""
+    reference.x, reference.P = x.copy(), P.copy()
+    reference.step(FIRST * u, y)
+    return np.array(reference.x)
+
+
+def _before_the_turn(
+    vectors: tuple[Array, Array, Array], first: Array, advance: Array, angle: int
+) -> tuple[Array, Array, Array]:
+    """Every second draw turned, state, voltage and current, so that its angle passes pi in an update or coasting.
+
+    ``first``: the angle after the first sample; ``advance``: how far it goes in one (both N, rad).
+    """
+    turn = np.copysign(np.pi, advance) - np.linspace(-0.75, 1.75, len(first)) * advance - first
+    turn[::2] = 0.0
+    turned = tuple(array.copy() for array in vectors)
+    for array in turned:
+        a, b = array[:, 0].copy(), array[:, 1].copy()
+        array[:, 0], array[:, 1] = np.cos(turn) * a - np.sin(turn) * b, np.sin(turn) * a + np.cos(turn) * b
+    turned[0][:, angle] += turn
+    return turned[0], turned[1], turned[2]
+
+
+def _three_samples(u: Array, y: Array, faults: list[tuple[int, float]], box: Mapping[str, Any]) -> tuple[Array, Array]:
+    """u, y (3, N, 2): good, faulty, and one whose voltage is missing."""
+    u, y = np.array([FIRST * u, 0.7 * u, u]), np.array([y, y, y])
+    for b, (place, value) in enumerate(faults):
+        target, limit = (u, box["voltage"]) if place < 2 else (y, box["current"])
+        target[1, b, place % 2] = value * limit
+    u[2, :, 0] = np.nan
+    return u, y
+
+
+def _by_hand(
+    reference: Reference, parameters: Mapping[str, Any], x: Array, P: Array, u: Array, y: Array
+) -> list[tuple[Array, Array, int, int]]:
+    """Estimate, covariance, status and iterations after each sample."""
+    box, held, said = parameters["operating_box"], np.zeros(2), []
+    reference.x, reference.P = x.copy(), P.copy()
+    for u_k, y_k in zip(u, y, strict=True):
+        u_good = bool(np.all(np.abs(u_k) <= box["voltage"]))
+        held = u_k if u_good else held
+        if u_good and np.all(np.abs(y_k) <= box["current"]):
+            stages = reference.step(held, y_k)
+            count = len(stages.get("iterates", [None]))
+            status = 0 if stages.get("converged", True) or reference.N_max == 1 else NOT_CONVERGED
+        else:
+            reference.coast(held)
+            status, count = REJECTED, 0
+        said.append((reference.x.copy(), reference.P.copy(), status, count))
+    return said
+
+
+def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[Any], found: list[Any]) -> Link:
+    x, P, status, counts = (np.array([[s[k] for s in samples] for samples in wanted]) for k in range(4))
+    x_found, P_found, status_found, counts_found = (np.stack([s[k] for s in found], axis=1) for k in range(4))
+    sigma = np.sqrt(np.einsum("bkii->bki", P))
+    dx = x_found - x
+    dx[..., angle] = np.remainder(dx[..., angle] + np.pi, 2 * np.pi) - np.pi
+    error_x = np.abs(dx) / np.maximum(sigma, np.abs(x))
+    error_P = np.abs(P_found - P) / (sigma[..., :, None] * sigma[..., None, :])
+    outside = ~((x_found[..., angle] >= -np.pi) & (x_found[..., angle] < np.pi))
+    bits = REJECTED | NOT_CONVERGED
+    rows = (
+        Row("15-17", "x, good, bad and missing", "estimate", _worst(error_x), ALLOWED, int(error_x.size)),
+        Row("15-17", "P, good, bad and missing", "covariance", _worst(error_P), ALLOWED, int(error_P.size)),
+        Row("34", "theta in [-pi, pi)", "angles outside", float(np.sum(outside)), 0.0, int(outside.size)),
+        _equal("status", "what it says of the input", status, status_found & bits),
+        _equal("iterations", "0 without a measurement", counts, counts_found),
+    )
+    claim = f"reference = {form} form, inputs rejected"
+    return Link("guard", claim, drive, step.kind, step.gain, f"{len(wanted)} times three samples", rows)
+
+
+def _equal(stage: str, meaning: str, wanted: Array, found: Array) -> Row:
+    return Row("33", stage, meaning, float(np.sum(wanted != found)), 0.0, int(wanted.size))
+
+
+def _worst(error: Array) -> float:
+    return float(error.max()) if np.isfinite(error).all() else float("inf")
+
+
+# --- data
+
+
+def link_data(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str, Any], motor: Plant) -> Link:
+    """What module and ``_init`` hold, number by number, as float32 of the drive file's."""
+    wanted = _stated(parameters)
+    defaults = folder.module.DEFAULTS
+    backend = CBackend(folder, kind, "float32", lanes=False)
+    n = len(defaults["x_0"])
+    backend.reset(np.zeros(n, dtype=np.float32), np.zeros(n * (n + 1) // 2, dtype=np.float32))
+    c = backend.filters[0]
+    whole = backend._ffi.buffer(backend.filters)
+    whole[:] = b"\x5a" * len(whole)  # memory is not zero on the chip
+    backend._init(backend.filters)
+    loaded = {name: np.array(_plain(getattr(c, name))) for name in wanted}
+    rows = [_same(f"{name}, Python", np.array(defaults[name]), wanted[name]) for name in wanted]
+    rows += [_same(f"{name}, C", loaded[name], wanted[name]) for name in wanted]
+    x_0 = np.array(defaults["x_0"])
+    rows += [_same("x_0, C", np.array(_plain(c.x_0)), x_0), *_start(parameters, motor, x_0)]
+    rows += [
+        _same("x after reset", np.array(_plain(c.x)), x_0),
+        _same(
+            "P after reset",
+            np.array(_plain(getattr(c, folder.module.COVARIANCE))),
+            folder.module.pack(np.diag(defaults["P_0"])),
+        ),
+        _same("voltage held after reset", np.array(_plain(c.u_held)), np.zeros(2)),
+    ]
+    kept = [name for name in ("nis", "repairs", "iterations") if hasattr(c, name)]
+    rows += [_same(f"{name} after init", np.array(getattr(c, name)), np.array(0)) for name in kept]
+    others = [
+        name for name in defaults if hasattr(c, name) and name not in (*wanted, "x_0")
+    ]  # what no drive file states: C as Python
+    rows += [_same(f"{name}, C", np.array(getattr(c, name)), np.array(defaults[name])) for name in others]
+    return Link("data", "drive file = module = _init", folder.drive, kind, gain, "all numbers", tuple(rows))
+
+
+def _stated(parameters: Mapping[str, Any]) -> dict[str, Array]:
+    """Tuning and limits by the generated names."""
+    tuning, box = parameters["filter"], parameters["operating_box"]
+    values = {
+        "Q": tuning["process_noise"],
+        "R": tuning["measurement_noise"],
+        "P_0": tuning["initial_covariance"],
+        "tolerance": tuning["tolerance"],
+        "max_iterations": tuning["max_iterations"],
+        "u_max": box["voltage"],
+        "y_max": box["current"],
+    }
+    return {name: np.array(value, dtype=float) for name, value in values.items()}
+
+
+def _start(parameters: Mapping[str, Any], motor: Plant, x_0: Array) -> list[Row]:
+    """The stated start; else no current, speed, angle or load, and the motor's data for slow states."""
+    stated = parameters["filter"].get("initial_state")
+    if stated is not None:
+        return [_same("x_0 as stated", x_0, np.array(stated))]
+    slow = [parameters["motor"][word] for word in parameters["model"].get("adaptive", ())]
+    mechanical = np.zeros(len(x_0) - 2 - len(slow))
+    # 1e-6 of an ampere: x_0 is held to 1e-16 of a flux linkage, over an inductance of 1e-6 H at least.
+    at_rest = float(np.max(np.abs(motor.h(x_0))))
+    return [
+        Row("5", "h(x_0)", "current at the start, A", at_rest, 1e-6, 2),
+        _same("x_0 behind the electrical states", x_0[2:], np.array([*mechanical, *slow])),
+    ]
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, int | float) else list(value)
+
+
+def _same(stage: str, found: Array, wanted: Array) -> Row:
+    different = np.float32(found) != np.float32(wanted) if found.shape == wanted.shape else np.ones(1)
+    return Row("-", stage, "as stated", float(np.sum(different)), 0.0, int(wanted.size))

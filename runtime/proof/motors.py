@@ -1,0 +1,251 @@
+"""Link A: the motors' f, h and H in plain NumPy float64, by hand.
+
+The second opinion on the equations: nothing of model, codegen or CasADi is imported, and they are written another
+way, in vectors of the d-q plane where the model writes scalars. Numbers in brackets are the paper's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+class Plant(Protocol):
+    """A discrete motor: x' = f(x, u), y = h(x), H = dh/dx."""
+
+    def f(self, x: Array, u: Array) -> Array: ...
+
+    def h(self, x: Array) -> Array: ...
+
+    def H(self, x: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class MotorData:
+    """SI units; ``p`` pole pairs, ``T`` sample time. ``loaded``: the load torque is a fifth state.
+
+    ``slow``: which of ``psi`` and ``R`` are states, in their order at the state's end.
+    """
+
+    R: float
+    L_d: float
+    L_q: float
+    psi: float
+    p: int
+    J: float
+    D: float
+    T: float
+    exact: bool
+    loaded: bool
+    slow: tuple[str, ...] = ()
+    slow_rate: float = 0.0
+
+    def now(self, x: Array, name: str) -> Any:
+        """``psi`` or ``R`` where the state is x."""
+        return x[4 + self.loaded + self.slow.index(name)] if name in self.slow else getattr(self, name)
+
+    def mechanics(self, x: Array, T_e: Any) -> list[Any]:
+        """All of the state but its electrical part one sample later, under the electromagnetic torque T_e."""
+        w, th = x[2], x[3]
+        if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
+            w_next = (1 - self.T * self.D / self.J) * w
+            w_next += self.T / self.J * (T_e - x[4]) if self.loaded else 0.0
+            return [w_next, th + self.T * self.p * w, *self.rest(x)]
+        b = math.exp(-self.T * self.D / self.J)
+        w_next = b * w
+        w_next += self.T / self.J * (1 + b) / 2 * (T_e - x[4]) if self.loaded else 0.0
+        return [w_next, th + self.T * self.p * (w + w_next) / 2, *self.rest(x)]
+
+    def rest(self, x: Array) -> list[Any]:
+        """The load torque stays; slow states relax towards the motor's data."""
+        first = 4 + self.loaded
+        own = [getattr(self, name) for name in self.slow]
+        return [*x[4:first], *(x[first + k] + self.slow_rate * (value - x[first + k]) for k, value in enumerate(own))]
+
+
+@dataclass(frozen=True)
+class SurfaceMotor:
+    """x = [i_alpha, i_beta, omega, theta(, T_L)(, slow)], currents measured."""
+
+    data: MotorData
+
+    def f(self, x: Array, u: Array) -> Array:
+        d = self.data
+        i_alpha, i_beta, w, th = x[:4]
+        w_e = d.p * w
+        R, psi = d.now(x, "R"), d.now(x, "psi")
+        if not d.exact:  # (7)
+            i = np.array(
+                [
+                    (1 - d.T * R / d.L_d) * i_alpha + d.T * psi / d.L_d * w_e * np.sin(th) + d.T / d.L_d * u[0],
+                    (1 - d.T * R / d.L_d) * i_beta - d.T * psi / d.L_d * w_e * np.cos(th) + d.T / d.L_d * u[1],
+                ]
+            )
+            return np.array([*i, *d.mechanics(x, self.torque(x[:2], th, psi))])
+        # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly at the motor's R.
+        a = math.exp(-d.T * d.R / d.L_d)
+        middle = th + d.T * w_e / 2
+        e = psi * w_e * np.array([-np.sin(middle), np.cos(middle)])
+        i = a * x[:2] + (1 - a) / d.R * (u - e - (R - d.R) * x[:2])
+        return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle, psi))])
+
+    def torque(self, i: Array, th: Any, psi: Any) -> Any:
+        """(1): 1.5 p psi i_q."""
+        return 1.5 * self.data.p * psi * (i[1] * np.cos(th) - i[0] * np.sin(th))
+
+    def h(self, x: Array) -> Array:
+        return x[:2].copy()  # (5)
+
+    def H(self, x: Array) -> Array:
+        return np.eye(2, len(x))
+
+
+@dataclass(frozen=True)
+class SalientMotor:
+    """x = [i_alpha, i_beta, omega, theta(, T_L)(, slow)], currents measured; L(th) = R(th) diag(L_d, L_q) R(-th)."""
+
+    data: MotorData
+
+    def f(self, x: Array, u: Array) -> Array:
+        d = self.data
+        i, w, th = x[:2], x[2], x[3]
+        w_e = d.p * w
+        R, psi = d.now(x, "R"), d.now(x, "psi")
+        L = np.diag([d.L_d, d.L_q])
+        # d/dth of R L R^T, seen from the rotor: what a turning inductance adds to the resistance, per rad/s.
+        turning = QUARTER_TURN @ L - L @ QUARTER_TURN
+        if not d.exact:  # L(th) di/dt = u - R i - w_e L'(th) i - e
+            to_stator = rotation(th)
+            magnet = to_stator @ np.array([0 * psi, psi])
+            induced = w_e * (to_stator @ turning @ to_stator.T @ i + magnet)
+            i_next = i + d.T * to_stator @ np.linalg.inv(L) @ to_stator.T @ (u - R * i - induced)
+            return np.array([*i_next, *d.mechanics(x, self.torque(i, th, psi))])
+        middle = th + d.T * w_e / 2
+        to_stator = rotation(middle)
+        i_dq = to_stator.T @ i
+        e = w_e * np.array([0 * psi, psi])
+        left = to_stator.T @ u - e - (R - d.R) * i_dq
+        axes = np.array([d.L_d, d.L_q])
+
+        def relax(t: float, i_coupling: Array) -> Array:
+            a = np.exp(-t * d.R / axes)
+            return np.asarray(a * i_dq + (1 - a) / d.R * (left - w_e * (turning @ i_coupling)))
+
+        i_next = to_stator @ relax(d.T, relax(d.T / 2, i_dq))
+        return np.array([*i_next, *d.mechanics(x, self.torque((i + i_next) / 2, middle, psi))])
+
+    def torque(self, i: Array, th: Any, psi: Any) -> Any:
+        """1.5 p (psi_m + (L_d - L_q) i_d) i_q."""
+        d = self.data
+        i_d, i_q = rotation(th).T @ i
+        return 1.5 * d.p * (psi + (d.L_d - d.L_q) * i_d) * i_q
+
+    def h(self, x: Array) -> Array:
+        return x[:2].copy()  # (5)
+
+    def H(self, x: Array) -> Array:
+        return np.eye(2, len(x))
+
+
+@dataclass(frozen=True)
+class SalientFluxMotor:
+    """x = [psi_alpha, psi_beta, omega, theta(, T_L)(, slow)]; measured: i = R(th) L^-1 (R(-th) psi - [psi_m, 0])."""
+
+    data: MotorData
+
+    def f(self, x: Array, u: Array) -> Array:
+        d = self.data
+        th, w_e = x[3], d.p * x[2]
+        R, psi_m = d.now(x, "R"), d.now(x, "psi")
+        magnet = np.array([psi_m, 0 * psi_m])
+        if not d.exact:
+            psi = x[:2] + d.T * (u - R * self.currents(x[:2], th, psi_m))
+            return np.array([*psi, *d.mechanics(x, self.torque(x[:2], th, psi_m))])
+        # Rotor frame held at the middle of the interval; there d psi/dt = v - R L^-1 (psi - psi_m), diagonal, solved
+        # exactly at the motor's own R.
+        middle = th + d.T * w_e / 2
+        to_stator = rotation(middle)
+        L = np.array([d.L_d, d.L_q])
+        z = d.T * d.R / L
+        a = np.exp(-z)
+        i = (to_stator.T @ x[:2] - magnet) / L
+        psi_dq = to_stator.T @ x[:2] + (1 - a) / z * d.T * (to_stator.T @ u - R * i)
+        # Meanwhile the magnet turns in that frame, from -T w_e / 2 to T w_e / 2.
+        left = (1 + a - 2 * (1 - a) / z)[1]
+        psi = to_stator @ (psi_dq + left * d.T * w_e / 2 * (QUARTER_TURN @ magnet))
+        return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
+
+    def torque(self, psi: Array, th: Any, psi_m: Any) -> Any:
+        """1.5 p (psi x i)."""
+        i = self.currents(psi, th, psi_m)
+        return 1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0])
+
+    def currents(self, psi: Array, th: Any, psi_m: Any) -> Array:
+        d = self.data
+        to_stator = rotation(th)
+        i_dq = (to_stator.T @ psi - np.array([psi_m, 0 * psi_m])) / np.array([d.L_d, d.L_q])
+        return np.asarray(to_stator @ i_dq)
+
+    def h(self, x: Array) -> Array:
+        return self.currents(x[:2], x[3], self.data.now(x, "psi"))
+
+    def H(self, x: Array) -> Array:
+        """By the product rule: di/dpsi = R L^-1 R^T; di/dth = R' i_dq + R L^-1 R'^T psi; di/dpsi_m = -R L^-1 e_d."""
+        d = self.data
+        to_stator = rotation(x[3])
+        turned = to_stator @ QUARTER_TURN  # dR/dth
+        inverse = np.diag([1 / d.L_d, 1 / d.L_q])
+        i_dq = inverse @ (to_stator.T @ x[:2] - np.array([d.now(x, "psi"), 0.0]))
+        H = np.zeros((2, len(x)))
+        H[:, :2] = to_stator @ inverse @ to_stator.T
+        H[:, 3] = turned @ i_dq + to_stator @ inverse @ turned.T @ x[:2]
+        if "psi" in d.slow:
+            H[:, 4 + d.loaded + d.slow.index("psi")] = -to_stator @ inverse[:, 0]
+        return H
+
+
+def rotation(angle: Any) -> Array:
+    """d-q to alpha-beta."""
+    s, c = np.sin(angle), np.cos(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+MOTORS: dict[str, type[SurfaceMotor] | type[SalientMotor] | type[SalientFluxMotor]] = {
+    "surface": SurfaceMotor,
+    "salient": SalientMotor,
+    "salient_flux": SalientFluxMotor,
+}
+SLOW = {"magnet_flux": "psi", "stator_resistance": "R"}
+
+
+def make_motor(parameters: Mapping[str, Any]) -> Plant:
+    """The motor of a drive file's parsed sections ``motor`` and ``model``."""
+    return MOTORS[parameters["model"]["machine"]](motor_data(parameters))
+
+
+def motor_data(parameters: Mapping[str, Any]) -> MotorData:
+    """The numbers of a drive file's parsed sections, with the mechanics that go with them."""
+    m, model = parameters["motor"], parameters["model"]
+    return MotorData(
+        R=m["stator_resistance"],
+        L_d=m["inductance_d"],
+        L_q=m["inductance_q"],
+        psi=m["magnet_flux"],
+        p=m["pole_pairs"],
+        J=m["inertia"],
+        D=m["friction"],
+        T=model["sample_time"],
+        exact=model["discretization"] == "exact",
+        loaded={"constant_speed": False, "load_torque": True}[model.get("mechanics", "constant_speed")],
+        slow=tuple(SLOW[word] for word in model.get("adaptive", ())),
+        slow_rate=2.0 ** round(math.log2(model["sample_time"] / model.get("adaptive_time", 1.0))),
+    )

@@ -1,0 +1,168 @@
+"""The second statement of a drive's motor, from which the reference filters, and what the two statements say alike.
+
+A shipped machine has its statement in :mod:`runtime.proof.motors` and one more in SymPy. A machine file of one's own
+may hold one as a function ``reference(parameters)``. Where it does not, the motor's equations go unchecked, and the
+proof says so: the reference then filters with CasADi's own f, h, F and H.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.box import sample_box
+from model.drive import Drive
+from model.machines import MACHINES
+from model.machines.own import MachineError, load_module, read_word, running
+from model.state_space import StateSpaceModel, build
+from runtime.errors import UserError
+from runtime.proof.derivation import compare_derivations
+from runtime.proof.motors import Plant, make_motor
+from runtime.proof.reference import jacobian
+from runtime.proof.result import Link, Row
+
+Array = NDArray[Any]
+
+#: Both statements are float64 and differ in the order of operations; on the scale of an entry's largest value.
+ALLOWED = 1e-10
+POINTS = 300
+
+UNCHECKED = "motor's equations: no second statement, not checked"
+CLAIM = "CasADi = the machine file's own reference, float64"
+
+
+def second_motor(drive: Drive) -> Plant:
+    """What the reference filters with.
+
+    Raises
+    ------
+    UserError
+        The machine file's ``reference`` fails, or does not return what it should.
+    """
+    if drive.model.machine in MACHINES:
+        return make_motor(drive.model_dump())
+    model = build(drive)
+    return _stated(drive, len(model.states)) or CasadiMotor(model)
+
+
+def compare_statements(drive: Drive) -> Link | None:
+    """How CasADi's equations and the second statement compare; None if there is no second one.
+
+    Raises
+    ------
+    UserError
+        As :func:`second_motor`.
+    """
+    if drive.model.machine in MACHINES:
+        return compare_derivations(drive)
+    motor = second_motor(drive)
+    return compare_numbers(drive, build(drive), motor) if isinstance(motor, StatedMotor) else None
+
+
+class CasadiMotor:
+    """f, h, F and H of a model, called with numbers."""
+
+    def __init__(self, model: StateSpaceModel) -> None:
+        x, u = model.x, model.u
+        self._f, self._F = (ca.Function("f", [x, u], [model.numeric(e)]) for e in (model.f, ca.densify(model.F)))
+        self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
+
+    def f(self, x: Array, u: Array) -> Array:
+        return np.array(self._f(x, u)).ravel()
+
+    def h(self, x: Array) -> Array:
+        return np.array(self._h(x)).ravel()
+
+    def F(self, x: Array, u: Array) -> Array:
+        return np.array(self._F(x, u))
+
+    def H(self, x: Array) -> Array:
+        return np.array(self._H(x))
+
+
+class StatedMotor:
+    """f and h of a machine file's reference, errors in them said in a line; H its own, or by complex steps."""
+
+    def __init__(self, motor: Any, states: int, say: Callable[..., Any]) -> None:
+        self._motor, self._n, self._say = motor, states, say
+
+    @property
+    def states_H(self) -> bool:
+        """Whether H is the reference's own."""
+        return hasattr(self._motor, "H")
+
+    def f(self, x: Array, u: Array) -> Array:
+        return self._checked("f", self._n, x, u)
+
+    def h(self, x: Array) -> Array:
+        return self._checked("h", 2, x)
+
+    def H(self, x: Array) -> Array:
+        if self.states_H:
+            return np.asarray(self._checked("H", 2 * self._n, x)).reshape(2, self._n)
+        return jacobian(self.h, x)
+
+    def _checked(self, name: str, entries: int, *arguments: Array) -> Array:
+        found = np.asarray(self._say(name, getattr(self._motor, name), *arguments))
+        if found.size != entries or found.dtype.kind not in "fc":
+            raise UserError(
+                f"reference(parameters).{name} of the machine file must return {entries} numbers, not {found.size} "
+                f"of type {found.dtype}."
+            )
+        return found
+
+
+def _stated(drive: Drive, states: int) -> StatedMotor | None:
+    """The machine file's own reference, if it has one."""
+    word = read_word(drive.model.machine)
+    assert word is not None
+    make = getattr(load_module(word, drive.machine_text), "reference", None)
+    if make is None:
+        return None
+
+    def say(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return running(word, f"reference(parameters).{name}" if name else "reference", function, *arguments)
+        except MachineError as error:
+            raise UserError(str(error)) from None
+
+    if not callable(make):
+        raise UserError(f"machine file '{word.file}': reference must be a function of a drive file's parsed sections.")
+    motor = say("", make, drive.model_dump())
+    for name in ("f", "h"):
+        if not callable(getattr(motor, name, None)):
+            raise UserError(f"machine file '{word.file}': what reference(parameters) returns has no method {name}.")
+    return StatedMotor(motor, states, say)
+
+
+def compare_numbers(drive: Drive, model: StateSpaceModel, stated: StatedMotor) -> Link:
+    """f, h, F, H at random points of the operating box; the reference's F and H by complex steps, and its own H."""
+    ours = CasadiMotor(model)
+    box = sample_box(drive, model, POINTS, seed=2)
+    pairs: dict[str, list[tuple[Array, Array]]] = {}
+    for x, u in zip(box.x.T, box.u.T, strict=True):
+        pairs.setdefault("f", []).append((stated.f(x, u), ours.f(x, u)))
+        pairs.setdefault("h", []).append((stated.h(x), ours.h(x)))
+        pairs.setdefault("F", []).append((jacobian(lambda at, u=u: stated.f(at, u), x), ours.F(x, u)))  # type: ignore[misc]
+        pairs.setdefault("H", []).append((jacobian(stated.h, x), ours.H(x)))
+        if stated.states_H:
+            pairs.setdefault("H, as the reference states it", []).append((stated.H(x), ours.H(x)))
+    equations = {"f": "7", "h": "5", "F": "df/dx"}
+    rows = [
+        Row(equations.get(name, "dh/dx"), name, "worst deviation", _worst(found), ALLOWED, found[0][0].size * POINTS)
+        for name, found in pairs.items()
+    ]
+    return Link("model", CLAIM, drive.name, "f, h, F, H", "-", f"operating box, {POINTS} points", tuple(rows))
+
+
+def _worst(pairs: list[tuple[Array, Array]]) -> float:
+    """Largest deviation, each entry on the scale of its largest value at any point; of at least 1e-9 of its row's."""
+    theirs, mine = (np.array(side) for side in zip(*pairs, strict=True))
+    size = np.abs(mine).max(axis=0)
+    scale = np.maximum(size, 1e-9 * size.max(axis=-1, keepdims=True) + 1e-300)
+    worst = float((np.abs(theirs - mine) / scale).max())
+    return worst if np.isfinite(worst) else float("inf")

@@ -1,0 +1,229 @@
+"""Run recorded data through a generated filter."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import UserError
+from runtime.estimator.estimator import Estimator, load_folder
+from runtime.estimator.folder import GeneratedFolder
+from runtime.files import whole_file, write_text
+from runtime.replay.clock import Clock, check_clock
+from runtime.replay.data import Recorded
+from runtime.replay.innovations import Innovations, innovations
+from runtime.replay.statistics import Consistency, consistency
+from runtime.replay.truth import Errors, errors
+
+Array = NDArray[Any]
+Progress = Callable[[float], None]
+
+#: Steps between two reports of progress, by back end.
+CHUNK = {"c": 200_000, "numpy": 1_000}
+#: Rows of P worked out at once while they are written.
+BLOCK = 16_384
+
+REJECTED, NOT_CONVERGED = 1, 2
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which filter, and where it starts: ``x0`` in state order, or the drive's own start turned to ``theta0`` rad."""
+
+    kind: str | None = None
+    backend: str = "c"
+    dtype: str = "float32"
+    x0: tuple[float, ...] | None = None
+    theta0: float | None = None
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A run over recorded data of N rows: x (N, n), status (N,), covariance ``words`` that :meth:`P` unpacks."""
+
+    drive: str
+    kind: str
+    backend: str
+    dtype: str
+    sample_time: float
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    recorded: Recorded
+    x: Array
+    words: Array
+    status: Array
+    unpack: Callable[[Array], Array]
+    notes: list[str]
+    errors: Errors | None
+    innovations: Innovations
+    consistency: Consistency | None
+
+    def P(self, rows: slice | Array) -> Array:
+        """Covariances (., n, n) of some rows."""
+        return self.unpack(self.words[rows])
+
+    @property
+    def finite(self) -> bool:
+        """Whether every estimate is a number."""
+        return bool(np.all(np.isfinite(self.x)))
+
+    def count(self, bit: int) -> int:
+        """Rows whose status has a bit."""
+        return int(np.count_nonzero(self.status & bit))
+
+    def to_json(self) -> dict[str, Any]:
+        """Every figure, as plain data."""
+        t = self.recorded.t
+        return {
+            "drive": self.drive,
+            "filter": self.kind,
+            "backend": self.backend,
+            "dtype": self.dtype,
+            "data": str(self.recorded.path),
+            "samples": len(t),
+            "seconds": float(t[-1] - t[0]),
+            "sample_time": self.sample_time,
+            "rejected": self.count(REJECTED),
+            "not_converged": self.count(NOT_CONVERGED),
+            "finite": self.finite,
+            "notes": self.notes,
+            "errors": self.errors.to_json() if self.errors else None,
+            "innovations": self.consistency.to_json() if self.consistency else None,
+            "end": dict(zip(self.state_names, (float(v) if np.isfinite(v) else None for v in self.x[-1]), strict=True)),
+        }
+
+    def write_json(self, path: Path) -> None:
+        """:meth:`to_json` into a file."""
+        write_text(path, json.dumps(self.to_json(), indent=2) + "\n")
+
+    def write_estimates(self, path: Path) -> None:
+        """t, x, P, status as .npz; P in float32 and block by block, so that memory never holds all of it."""
+        check_estimates(path)
+        n = len(self.state_names)
+        with whole_file(path) as whole, zipfile.ZipFile(whole, "w") as archive:
+            for name, column in (("t", self.recorded.t), ("x", self.x), ("status", self.status)):
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                    np.lib.format.write_array(file, column, allow_pickle=False)
+            with archive.open("P.npy", "w", force_zip64=True) as file:
+                header = {"descr": "<f4", "fortran_order": False, "shape": (len(self.x), n, n)}
+                np.lib.format.write_array_header_1_0(file, header)
+                for first in range(0, len(self.x), BLOCK):
+                    file.write(self.P(slice(first, first + BLOCK)).astype("<f4").tobytes())
+
+
+def check_estimates(path: Path) -> None:
+    """UserError for a path estimates cannot be written to."""
+    if path.suffix != ".npz":
+        raise UserError(f"'{path}': estimates are written as .npz (t, x, P, status).")
+
+
+@np.errstate(all="ignore")  # absurd data or a diverged filter show in the figures, not in warnings
+def replay(
+    folder: GeneratedFolder, recorded: Recorded, settings: Settings, progress: Progress = lambda share: None
+) -> Replay:
+    """Run a filter over recorded data, one step a row; missing rows are bridged by prediction.
+
+    Raises
+    ------
+    UserError
+        No such filter, no C compiler, a start of the wrong shape, times that do not fit the drive's sample time, or no
+        row that the filter accepts.
+    """
+    estimator = load_folder(folder, settings.kind, settings.backend, settings.dtype)
+    clock = check_clock(recorded.t, estimator.sample_time, recorded.path, folder.drive)
+    estimator.reset(x0=start(estimator, settings))
+    u, y = (_on_steps(values.astype(settings.dtype), clock) for values in (recorded.u, recorded.y))
+    x, words, status = _run(estimator, u, y, CHUNK[settings.backend], progress)
+    found = innovations(folder.module, estimator.filter, settings.dtype, u, y, x[:-1], words[:-1])
+    x, words = x[1:], words[1:]
+    if clock.gaps:
+        x, words, status = x[clock.steps], words[clock.steps], status[clock.steps]
+        found = Innovations(found.nu[clock.steps], found.S[clock.steps])
+    return Replay(
+        drive=folder.drive,
+        kind=estimator.filter,
+        backend=settings.backend,
+        dtype=settings.dtype,
+        sample_time=estimator.sample_time,
+        state_names=estimator.state_names,
+        state_units=estimator.state_units,
+        recorded=recorded,
+        x=x,
+        words=words,
+        status=status,
+        unpack=estimator.unpack,
+        notes=[*recorded.notes, *clock.notes, *_rejections(recorded, status, estimator.tuning)],
+        errors=errors(recorded.t, x, estimator.state_names, recorded.truth),
+        innovations=found,
+        consistency=consistency(found),
+    )
+
+
+def start(estimator: Estimator, settings: Settings) -> Array | None:
+    """The state to start from; None: the drive's own."""
+    if settings.x0 is not None and settings.theta0 is not None:
+        raise UserError("--x0 holds the angle already: give it or --theta0, not both.")
+    if settings.x0 is not None:
+        if len(settings.x0) != len(estimator.state_names):
+            needed = ",".join(estimator.state_names)
+            raise UserError(f"--x0 has {len(settings.x0)} numbers; this drive's state is {needed}.")
+        return np.array(settings.x0)
+    if settings.theta0 is None:
+        return None
+    x = np.array(estimator.tuning["x_0"], dtype=float)
+    # Flux linkages or currents turn with the rotor.
+    turned = complex(x[0], x[1]) * np.exp(1j * (settings.theta0 - x[3]))
+    x[0], x[1], x[3] = turned.real, turned.imag, np.remainder(settings.theta0 + np.pi, 2 * np.pi) - np.pi
+    return x
+
+
+def _on_steps(values: Array, clock: Clock) -> Array:
+    """Rows (N, 2) on the filter's steps; what is missing is NaN, which the filter rejects."""
+    if not clock.gaps:
+        return values
+    filled = np.full((int(clock.steps[-1]) + 1, 2), np.nan, dtype=values.dtype)
+    filled[clock.steps] = values
+    return filled
+
+
+def _run(estimator: Estimator, u: Array, y: Array, chunk: int, progress: Progress) -> tuple[Array, Array, Array]:
+    """x and covariance words at the start and after each step (N + 1, .), status (N,)."""
+    x_0, words_0 = estimator.backend.state()
+    x = np.empty((len(u) + 1, len(x_0)), dtype=x_0.dtype)
+    words = np.empty((len(u) + 1, len(words_0)), dtype=words_0.dtype)
+    status = np.empty(len(u), dtype=np.int32)
+    x[0], words[0] = x_0, words_0
+    for first in range(0, len(u), chunk):
+        rows = slice(first, min(first + chunk, len(u)))
+        trace = estimator.run(u[rows], y[rows])
+        x[first + 1 : rows.stop + 1], words[first + 1 : rows.stop + 1] = trace.x, trace.words
+        status[rows] = trace.status
+        progress(rows.stop / len(u))
+    return x, words, status
+
+
+def _rejections(recorded: Recorded, status: Array, tuning: dict[str, Any]) -> Sequence[str]:
+    """What the filter would not take, in words; UserError if that was everything."""
+    rejected = np.flatnonzero(status & REJECTED)
+    if not len(rejected):
+        return []
+    limits = f"beyond {tuning['u_max']:g} V or {tuning['y_max']:g} A, or not a number"
+    if len(rejected) == len(status):
+        raise UserError(
+            f"'{recorded.path}': the filter rejects every row, {limits}. Are voltages in V and currents in A? "
+            "Otherwise --scale i_alpha=mA."
+        )
+    k = rejected[0]
+    first = f"the first at t = {recorded.t[k]:.6g} s: u = ({_two(recorded.u[k])}) V, i = ({_two(recorded.y[k])}) A"
+    return [f"{len(rejected):,} of {len(status):,} rows rejected ({limits}) and bridged by prediction; {first}"]
+
+
+def _two(pair: Array) -> str:
+    return f"{pair[0]:.4g}, {pair[1]:.4g}"

@@ -1,0 +1,116 @@
+"""Is a filter consistent with its data? Normalised innovation squared and whiteness (Bar-Shalom, Li, Kirubarajan 2001,
+section 5.4). Two measurements make every chi-square here one of even degree, so its distribution is elementary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.replay.innovations import Innovations
+
+Array = NDArray[Any]
+
+LAGS = 20
+#: Two-sided 95 % of a normal variable.
+Z_95 = 1.959963984540054
+#: Two-sided 95 % of the NIS of one step, chi-square with 2 degrees: an exponential of mean 2.
+NIS_BAND = (-2 * math.log(0.975), -2 * math.log(0.025))
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Of ``steps`` measurements that were taken.
+
+    nis_mean, expected 2, with the 95 % band of a mean of so many; nis_inside: share of steps within their own 95 %
+    band; bias (2,): mean of the whitened innovations, with its band +-; correlation (2, LAGS): their autocorrelation at
+    lags 1, 2, ... with its band +-; outside: share of these beyond it (expected 0.05); ljung_box (2,): p of white noise
+    having correlations so large.
+    """
+
+    steps: int
+    nis_mean: float
+    nis_band: tuple[float, float]
+    nis_inside: float
+    bias: tuple[float, ...]
+    bias_band: float
+    correlation: tuple[tuple[float, ...], ...]
+    correlation_band: float
+    outside: float
+    ljung_box: tuple[float, ...]
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        low, high = self.nis_band
+        if self.nis_mean > high:
+            size = "innovations larger than the filter expects: P, Q or R are too small for this data"
+        elif self.nis_mean < low:
+            size = "innovations smaller than the filter expects: P, Q or R are too large for this data"
+        else:
+            size = "innovations of the size the filter expects"
+        return size + (", white" if min(self.ljung_box) >= 0.01 else ", correlated in time")
+
+    def to_json(self) -> dict[str, Any]:
+        return {**asdict(self), "verdict": self.verdict}
+
+
+def consistency(innovations: Innovations) -> Consistency | None:
+    """Statistics of a run; None if fewer than 2 LAGS measurements were taken."""
+    z = innovations.whitened()
+    good = np.all(np.isfinite(z), axis=1)
+    steps = int(np.count_nonzero(good))
+    if steps <= 2 * LAGS:
+        return None
+    nis = np.sum(z[good] ** 2, axis=1)
+    low, high = NIS_BAND
+    columns = [np.where(good, column, 0.0) for column in z.T]
+    correlation = [autocorrelation(column, LAGS) for column in columns]
+    band = Z_95 / math.sqrt(steps)
+    return Consistency(
+        steps=steps,
+        nis_mean=float(nis.mean()),
+        nis_band=mean_band(steps),
+        nis_inside=float(np.mean((nis >= low) & (nis <= high))),
+        bias=tuple(float(column.sum() / steps) for column in columns),
+        bias_band=band,
+        correlation=tuple(tuple(float(r) for r in row) for row in correlation),
+        correlation_band=band,
+        outside=float(np.mean(np.abs(correlation) > band)),
+        ljung_box=tuple(ljung_box(row, steps) for row in correlation),
+    )
+
+
+def mean_band(steps: int) -> tuple[float, float]:
+    """95 % of the mean of ``steps`` chi-square variables of degree 2 (Wilson and Hilferty's cube root)."""
+    degree = 2 * steps
+    spread = 2 / (9 * degree)
+    low, high = (2 * (1 - spread + sign * Z_95 * math.sqrt(spread)) ** 3 for sign in (-1, 1))
+    return low, high
+
+
+def autocorrelation(z: Array, lags: int) -> Array:
+    """Of z (N,) at lags 1 .. lags, its mean taken as zero: the filter claims so."""
+    power = float(z @ z)
+    return np.array([float(z[lag:] @ z[:-lag]) / power if power else 0.0 for lag in range(1, lags + 1)])
+
+
+def ljung_box(correlation: Array, steps: int) -> float:
+    """p-value of Ljung and Box's test over an even number of lags."""
+    lags = len(correlation)
+    Q = steps * (steps + 2) * float(np.sum(correlation**2 / (steps - np.arange(1, lags + 1))))
+    return chi_square_tail(Q, lags)
+
+
+def chi_square_tail(q: float, degree: int) -> float:
+    """P(chi-square > q) for an even degree: a Poisson sum.
+
+    >>> round(chi_square_tail(31.41, 20), 4)
+    0.05
+    """
+    log_terms = [k * math.log(q / 2) - math.lgamma(k + 1) for k in range(degree // 2)] if q > 0 else [0.0]
+    top = max(log_terms)
+    return min(1.0, math.exp(top - q / 2) * sum(math.exp(term - top) for term in log_terms)) if q > 0 else 1.0

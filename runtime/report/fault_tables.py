@@ -1,0 +1,82 @@
+"""Tables of faults in operation: whether, and how fast, a drive recovers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from runtime.faults.survey import ANGLE_BAND, SPEED_BAND, Outcome, Recovery, column
+
+LEGEND = (
+    f"recovery: from the fault's end until the drive has torque and the estimate stays within {SPEED_BAND:g} r/min and "
+    f"{ANGLE_BAND:g} degrees electrical of the truth, median (worst). Since the fault began, worst of all runs: errors "
+    "of the estimate while the drive had torque, dip of the true speed, current. said: status bits in the fault and "
+    "10 ms behind it, and in how many runs a bit or a reaction came, if not in all; at: its sample, the latest. "
+    "alone: the generated controller without the example interrupt's reaction."
+)
+
+COLUMNS = ("fault", "recovered", "recovery, ms", "r/min", "deg", "dip", "A", "said", "at")
+ALONE = ("alone", "ms", "dip", "A")
+
+
+def fault_table(outcomes: Sequence[Outcome]) -> Table:
+    """One drive with one filter: a row a fault."""
+    table = Table(header_style="", show_edge=False, pad_edge=False)
+    for k, name in enumerate((*COLUMNS, *ALONE)):
+        table.add_column(name, justify="left" if k in (0, 7) else "right", no_wrap=True)
+    for outcome in outcomes:
+        table.add_row(*_cells(outcome))
+    return table
+
+
+def _cells(outcome: Outcome) -> list[str | Text]:
+    runs, alone = outcome.recoveries, outcome.alone
+    return [
+        outcome.fault.title,
+        Text(count_text(runs), style="green" if outcome.recovered else "bold red"),
+        recovery_text(runs),
+        worst_text(runs, "speed_error"),
+        worst_text(runs, "angle_error"),
+        worst_text(runs, "deviation"),
+        worst_text(runs, "current"),
+        said_text(runs),
+        told_text(runs),
+        count_text(alone),
+        recovery_text(alone),
+        worst_text(alone, "deviation"),
+        worst_text(alone, "current"),
+    ]
+
+
+def count_text(runs: Sequence[Recovery]) -> str:
+    """How many of all recovered."""
+    return f"{sum(run.recovered for run in runs)}/{len(runs)}"
+
+
+def recovery_text(runs: Sequence[Recovery]) -> str:
+    """Median and worst recovery time, ms."""
+    times = column([run for run in runs if run.recovered], "time") * 1e3
+    return f"{np.median(times):.1f} ({np.max(times):.1f})" if len(times) else "-"
+
+
+def worst_text(runs: Sequence[Recovery], name: str) -> str:
+    """The largest of a figure; a run that did not stay a number is the worst."""
+    worst = float(np.max(column(runs, name)))
+    return f"{worst:.0f}" if np.isfinite(worst) else "no number"
+
+
+def said_text(runs: Sequence[Recovery]) -> str:
+    """The bits that any of the runs saw, and in how many of them anything was said."""
+    bits = int(np.bitwise_or.reduce(column(runs, "status")))
+    heard = int(np.count_nonzero(column(runs, "told") >= 0))
+    share = "" if heard in (0, len(runs)) else f" {heard}/{len(runs)}"
+    return (f"0x{bits:x}" if bits else "-") + share
+
+
+def told_text(runs: Sequence[Recovery]) -> str:
+    """The latest first sample at which something was said."""
+    told = int(np.max(column(runs, "told")))
+    return f"{told}" if told >= 0 else "-"

@@ -1,0 +1,67 @@
+"""One drive with one filter, packed so that another process or machine can run it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.drive.fleet import HANDWRITTEN, HERE, Cases, Fleet, Outcomes, Progress, fleet_files
+from runtime.drive.scenario import Scenario
+from runtime.estimator.folder import GeneratedFolder
+
+
+@dataclass(frozen=True)
+class Package:
+    """Texts of a generated folder, as many as a fleet needs."""
+
+    drive: str
+    kind: str
+    files: tuple[tuple[str, str], ...]
+
+    @property
+    def digest(self) -> str:
+        """What the code is known by; the simulation around it counts too."""
+        own = [(name, (HERE / name).read_text(encoding="utf-8")) for name in HANDWRITTEN]
+        facts = json.loads(dict(self.files)["manifest.json"])
+        texts = [(name, text) for name, text in self.files if name != "manifest.json"]
+        return hashlib.sha256(repr((texts, own, facts["parameters"])).encode()).hexdigest()
+
+
+def pack(folder: GeneratedFolder, kind: str) -> Package:
+    """Read what a fleet needs; UserError where the folder lacks the filter or was edited."""
+    names = [*fleet_files(folder, kind), f"{folder.drive}.py"]
+    texts = [("manifest.json", (folder.path / "manifest.json").read_text(encoding="utf-8"))]
+    return Package(folder.drive, kind, tuple(texts + [(name, folder.text(name)) for name in names]))
+
+
+_LOCK = threading.Lock()
+_OPEN: dict[str, tuple[Fleet, tempfile.TemporaryDirectory[str]]] = {}
+
+
+def open_fleet(package: Package) -> Fleet:
+    """The package's fleet, compiled once a process."""
+    key = package.digest
+    with _LOCK:
+        if key not in _OPEN:
+            scratch = tempfile.TemporaryDirectory(prefix="pmsm-ickf-study-")
+            root = Path(scratch.name) / package.drive
+            for name, text in package.files:
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                (root / name).write_text(text, encoding="utf-8")
+            _OPEN[key] = (Fleet(GeneratedFolder(root), package.kind), scratch)
+        return _OPEN[key][0]
+
+
+def run_package(
+    package: Package,
+    scenario: Scenario,
+    cases: Cases,
+    threads: int | None = None,
+    progress: Progress = lambda done, of: None,
+) -> Outcomes:
+    """:meth:`runtime.drive.fleet.Fleet.run` wherever this process is."""
+    return open_fleet(package).run(scenario, cases, threads, progress)

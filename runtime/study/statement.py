@@ -1,0 +1,191 @@
+"""What a study is: drives, filters, and what varies how. Draws depend on the seed and the run's index alone."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.drive.fleet import Cases
+from runtime.drive.scenario import Scenario
+from runtime.errors import UserError
+
+Array = NDArray[Any]
+
+#: What may vary: its unit and the least it may be. Motor data are factors on the drive file's.
+VARIABLES: dict[str, tuple[str, float]] = {
+    "noise": ("A rms", 0.0),
+    "theta": ("deg", -math.inf),
+    "R": ("of the drive file's", 1e-3),
+    "L": ("of the drive file's", 1e-3),
+    "L_d": ("of the drive file's", 1e-3),
+    "L_q": ("of the drive file's", 1e-3),
+    "psi_m": ("of the drive file's", 1e-3),
+    "J": ("of the drive file's", 1e-3),
+    "load": ("N m", -math.inf),
+    "speed": ("r/min", -math.inf),
+}
+
+#: What varies where nothing is said: a drive whose data are known to some per cent, its rotor roughly aligned.
+USUAL = (
+    "noise=0.02:0.1",
+    "theta=-30:30",
+    "R=0.8:1.2",
+    "L=0.9:1.1",
+    "psi_m=0.95:1.05",
+    "J=0.8:1.2",
+    "load=0:5",
+)
+
+
+@dataclass(frozen=True)
+class Range:
+    """A variable drawn evenly from ``low`` to ``high``, or evenly in its logarithm; fixed where the two are equal.
+
+    >>> parse_range("R=0.8:1.2")
+    Range(name='R', low=0.8, high=1.2, log=False)
+    """
+
+    name: str
+    low: float
+    high: float
+    log: bool = False
+
+    @property
+    def fixed(self) -> bool:
+        return self.low == self.high
+
+    @property
+    def unit(self) -> str:
+        return VARIABLES[self.name][0]
+
+    def at(self, share: Array) -> Array:
+        """Values at shares from 0 to 1."""
+        if self.log:
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+    def __str__(self) -> str:
+        values = f"{self.low:g}" if self.fixed else f"{self.low:g}:{self.high:g}{':log' * self.log}"
+        return f"{self.name}={values}"
+
+
+def parse_range(text: str) -> Range:
+    """``name=value``, ``name=low:high`` or ``name=low:high:log``.
+
+    Raises
+    ------
+    UserError
+        With what is wrong with it.
+    """
+    name, equals, values = text.partition("=")
+    name = name.strip()
+    if not equals:
+        raise UserError(f"--vary '{text}' is not NAME=LOW:HIGH, such as R=0.8:1.2.")
+    if name not in VARIABLES:
+        close = difflib.get_close_matches(name, VARIABLES, n=1)
+        hint = f" Did you mean '{close[0]}'?" if close else f" There are: {', '.join(VARIABLES)}."
+        raise UserError(f"--vary '{text}': nothing called '{name}' varies.{hint}")
+    parts = values.split(":")
+    log = len(parts) == 3 and parts[2] == "log"
+    try:
+        numbers = [float(part) for part in parts[: 2 if log else 3]]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 2) or not all(math.isfinite(number) for number in numbers):
+        raise UserError(f"--vary '{text}' is not {name}=LOW:HIGH, {name}=LOW:HIGH:log or {name}=VALUE.")
+    low, high = numbers[0], numbers[-1]
+    unit, least = VARIABLES[name]
+    if low > high:
+        raise UserError(f"--vary '{text}': {low:g} is more than {high:g}; write {name}={high:g}:{low:g}.")
+    if low < least:
+        raise UserError(f"--vary '{text}': {name} ({unit}) cannot be below {least:g}.")
+    if log and low <= 0:
+        raise UserError(f"--vary '{text}': a logarithmic range begins above 0.")
+    return Range(name, low, high, log)
+
+
+def parse_ranges(texts: Iterable[str]) -> tuple[Range, ...]:
+    """Several, each name once."""
+    ranges = tuple(parse_range(text) for text in texts)
+    names = [item.name for item in ranges]
+    for name in names:
+        if names.count(name) > 1:
+            raise UserError(f"--vary {name} is given twice.")
+    if "L" in names and {"L_d", "L_q"} & set(names):
+        raise UserError("--vary L varies both inductances; leave it out to vary L_d or L_q.")
+    return ranges
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One study but for its number of runs: more runs only add to those that were made.
+
+    ``subjects`` are the (drive, filter) pairs, ``digests`` what their generated code is known by.
+    """
+
+    subjects: tuple[tuple[str, str], ...]
+    digests: tuple[str, ...]
+    scenario: Scenario
+    ranges: tuple[Range, ...]
+    seed: int
+
+    def draw(self, first: int, count: int) -> dict[str, Array]:
+        """Values of runs first .. first + count - 1, by variable, and each run's noise seed; angles in degrees."""
+        columns = {item.name: item.at(_shares(self.seed, item.name, first, count)) for item in self.ranges}
+        return columns | {"seed": _stream(self.seed, "noise of the sensors", first, count)}
+
+    def cases(self, first: int, count: int) -> Cases:
+        """The same as a fleet takes them."""
+        values: dict[str, Any] = self.draw(first, count)
+        if "L" in values:
+            values["L_d"] = values["L_q"] = values.pop("L")
+        if "theta" in values:
+            values["theta"] = np.radians(values["theta"])
+        return Cases(**values)
+
+    def facts(self) -> dict[str, Any]:
+        """Plain data, the same in every process."""
+        return {
+            "subjects": [
+                f"{drive}/{kind} {digest[:16]}"
+                for (drive, kind), digest in zip(self.subjects, self.digests, strict=True)
+            ],
+            "scenario": asdict(self.scenario),
+            "vary": [str(item) for item in self.ranges],
+            "seed": self.seed,
+        }
+
+    @property
+    def digest(self) -> str:
+        return hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode()).hexdigest()
+
+
+def differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
+    """The first thing that tells two statements' facts apart, in words."""
+    key = next((key for key in here if here[key] != there.get(key)), "digest")
+    return f"{key} there: {_words(there.get(key))}, now: {_words(here.get(key))}"
+
+
+def _words(value: Any) -> str:
+    return " ".join(str(item) for item in value) if isinstance(value, list) else str(value)
+
+
+def _stream(seed: int, name: str, first: int, count: int) -> Array:
+    """Words ``first`` .. of the stream that belongs to a seed and a name: Philox, so that any word can be had alone."""
+    key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+    generator = np.random.Philox(key=np.array([seed, key], dtype=np.uint64))
+    generator.advance(first // 4)  # a counter makes four words
+    return np.asarray(generator.random_raw(first % 4 + count)[first % 4 :], dtype=np.uint64)
+
+
+def _shares(seed: int, name: str, first: int, count: int) -> Array:
+    """The same as numbers in [0, 1)."""
+    return (_stream(seed, name, first, count) >> np.uint64(11)) * 2.0**-53

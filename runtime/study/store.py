@@ -1,0 +1,111 @@
+"""A study on disk: its statement, and one file a finished chunk. Whatever interrupts it, a file is whole or absent."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.drive.fleet import Outcomes
+from runtime.errors import UserError
+from runtime.study.statement import Statement, differences
+
+STATEMENT = "study.json"
+
+#: Runs in a file: a fraction of a second of work, and enough for many threads.
+CHUNK = 512
+
+_COLUMNS = tuple(f.name for f in fields(Outcomes))
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Runs first .. first + count - 1 of subject number ``subject``."""
+
+    subject: int
+    first: int
+    count: int
+
+
+def chunks(statement: Statement, runs: int) -> list[Chunk]:
+    """All of a study, in the order they are run: the filters take turns, so that what is there can be paired."""
+    starts = range(0, runs, CHUNK)
+    subjects = range(len(statement.subjects))
+    return [Chunk(subject, first, min(CHUNK, runs - first)) for first in starts for subject in subjects]
+
+
+class Store:
+    """The folder of one study.
+
+    Raises
+    ------
+    UserError
+        If the folder holds another study, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, statement: Statement) -> None:
+        self.folder, self.statement = folder, statement
+        facts = {**statement.facts(), "digest": statement.digest}
+        path = folder / STATEMENT
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if path.exists():
+                self._check(json.loads(path.read_text(encoding="utf-8")), facts)
+            else:
+                write_atomically(path, (json.dumps(facts, indent=2) + "\n").encode())
+        except (OSError, ValueError) as error:
+            raise UserError(f"'{path}' cannot be used: {error}. Choose another --out.") from None
+
+    def _check(self, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+        if found.get("digest") != wanted["digest"]:
+            raise UserError(
+                f"'{self.folder}' holds another study ({differences(wanted, found)}). "
+                "Choose another --out, or repeat its command to go on with it."
+            )
+
+    def _path(self, chunk: Chunk) -> Path:
+        drive, kind = self.statement.subjects[chunk.subject]
+        return self.folder / "runs" / f"{drive}_{kind}_{chunk.first:08d}_{chunk.count}.npz"
+
+    def load(self, chunk: Chunk) -> Outcomes | None:
+        """A chunk's outcomes; None if it was not run, or its file is damaged."""
+        try:
+            with np.load(self._path(chunk), allow_pickle=False) as data:
+                columns = {name: data[name] for name in _COLUMNS}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+        return Outcomes(**columns) if all(len(c) == chunk.count for c in columns.values()) else None
+
+    def save(self, chunk: Chunk, outcomes: Outcomes) -> None:
+        """Write a chunk, whole or not at all."""
+        path = self._path(chunk)
+        path.parent.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile() as scratch:
+            np.savez(scratch, allow_pickle=False, **outcomes.columns())
+            scratch.seek(0)
+            write_atomically(path, scratch.read())
+
+    def missing(self, runs: int) -> Iterator[Chunk]:
+        """Chunks that are not there."""
+        return (chunk for chunk in chunks(self.statement, runs) if self.load(chunk) is None)
+
+
+def write_atomically(path: Path, raw: bytes) -> None:
+    """Into a neighbour first, then renamed: readers and crashes see the old file or the new one."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(raw)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
