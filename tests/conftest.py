@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 import tempfile
+from functools import lru_cache
 from typing import Any
 
 import pytest
 
-from model.drive import Drive, load_drive
+from codegen.generate import Package, generate
+from model.drive import Drive, load_drive, shipped_drives
 
 os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pmsm-ickf-tests"))
 
+#: One of each kind of model: what most tests run on.
 DRIVES = ("paper_spmsm", "ipmsm_flux", "spmsm_load_torque")
+#: All of them, for what is cheap or must hold for each.
+ALL_DRIVES = tuple(shipped_drives())
 
 
 def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
@@ -20,6 +25,12 @@ def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
     return drive.model_copy(
         update={name: getattr(drive, name).model_copy(update=keys) for name, keys in changes.items()}
     )
+
+
+@lru_cache(maxsize=8)
+def shipped_package(name: str, form: str = "fast") -> Package:
+    """A shipped drive generated in memory, once a process: to read, and to copy where something is to be changed."""
+    return generate(load_drive(name), samples=5, form=form)
 
 
 @pytest.fixture(params=DRIVES)

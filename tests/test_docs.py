@@ -56,6 +56,40 @@ def test_what_is_written_there_works(document: str, desk: Path) -> None:
         assert output.splitlines()[-1] == "0 0"
 
 
+@pytest.mark.slow
+def test_own_machine_goes_through_the_whole_chain(desk: Path) -> None:
+    """docs/own_machine.md: its shell lines, its figures, and a drive file that says what is in the page."""
+    (desk / "docs").symlink_to(ROOT / "docs")
+    text = (ROOT / "docs" / "own_machine.md").read_text(encoding="utf-8")
+    (stated,) = _blocks("own_machine.md", "toml")
+    assert stated in (ROOT / "docs" / "own_machine" / "my_motor.toml").read_text()
+    (lines,) = _blocks("own_machine.md", "sh")
+    first, rest = lines.split("\n", 1)
+    lines = f"{first}\nsed -i 's/\"ckf\", //' my_motor.toml\n{rest}"  # the page's figures are the ICKF's
+    assert "verify" in lines
+    assert "simulate" in lines
+    done = subprocess.run(
+        [
+            "sh",
+            "-ec",
+            f'PATH="{desk}:$PATH" COLUMNS=160\nexport COLUMNS\n{lines}pmsm-ickf generate my_motor.toml --check',
+        ],
+        cwd=desk,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"^my_motor: proved, [\d,]+ numbers compared$", done.stdout, flags=re.MULTILINE)
+    for row in re.findall(r"^load_step .*$|^[fhFH] +│.*$", text, flags=re.MULTILINE):
+        assert _columns(row)[:2] in [_columns(line)[:2] for line in done.stdout.splitlines()], row
+    assert done.stdout.count("locked") == 4  # simulate takes both kinds
+
+
+def _columns(row: str) -> list[str]:
+    return [cell.strip() for cell in row.split("│")]
+
+
 def test_status_table_has_every_bit() -> None:
     port = (GENERATED / "paper_spmsm" / "pmsm_port.h").read_text()
     bits = {(value, name) for name, value in re.findall(r"#define (PMSM_\w+) (0x[0-9A-Fa-f]+)\b", port)}
@@ -69,7 +103,9 @@ def test_every_generated_c_file_is_in_the_report(drive: Drive) -> None:
         assert f"`{path.name}`" in report or f"`{path.stem}.h`, `.c`" in report
 
 
-@pytest.mark.parametrize("document", [*(f"docs/{name}" for name in DOCS), "README.md", "ARCHITECTURE.md"])
+@pytest.mark.parametrize(
+    "document", [*(f"docs/{name}" for name in (*DOCS, "own_machine.md")), "README.md", "ARCHITECTURE.md"]
+)
 def test_links_lead_somewhere(document: str) -> None:
     path = ROOT / document
     for target in re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8")):

@@ -35,8 +35,8 @@ FLOAT: Operations = {
     "sqrt": math.sqrt,
     "sin": math.sin,
     "cos": math.cos,
-    "sinc": lambda z: math.sin(math.sqrt(z)) / math.sqrt(z) if z > 0 else 1.0,
-    "cosm1": lambda z: -2.0 * math.sin(math.sqrt(z) / 2.0) ** 2,
+    "sinc": lambda z, n=1.0: math.sin(math.sqrt(n * z)) / math.sqrt(n * z) if z > 0 else 1.0,
+    "cosm1": lambda z, n=1.0: -2.0 * math.sin(math.sqrt(n * z) / 2.0) ** 2,
     "min": min,
     "max": max,
     "wrap": _wrap,
@@ -47,8 +47,8 @@ SYMBOLIC: Operations = {
     "sqrt": sp.sqrt,
     "sin": sp.sin,
     "cos": sp.cos,
-    "sinc": lambda z: sp.sin(sp.sqrt(z)) / sp.sqrt(z),
-    "cosm1": lambda z: sp.cos(sp.sqrt(z)) - 1,
+    "sinc": lambda z, n=1: sp.sin(sp.sqrt(n * z)) / sp.sqrt(n * z),
+    "cosm1": lambda z, n=1: sp.cos(sp.sqrt(n * z)) - 1,
 }
 
 

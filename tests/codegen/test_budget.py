@@ -8,13 +8,13 @@ import pytest
 
 from codegen.budget import BudgetError, check_budget, cycles
 from codegen.generate import Package, generate
-from model.drive import Budget, Drive, load_drive
-from tests.conftest import variant
+from model.drive import Budget, Drive
+from tests.conftest import shipped_package, variant
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def flux() -> Package:
-    return generate(load_drive("ipmsm_flux"), samples=5)
+    return shipped_package("ipmsm_flux")
 
 
 def limited(package: Package, **limits: float) -> Drive:
@@ -27,7 +27,7 @@ def test_the_formula_is_the_published_one() -> None:
 
 
 def test_shipped_budgets_hold_with_margin(drive: Drive) -> None:
-    accounts = generate(drive, samples=5).accounts
+    accounts = shipped_package(drive.name).accounts
     check_budget(drive, accounts)
     allowed = drive.budget.controller_cycles
     if allowed is not None:

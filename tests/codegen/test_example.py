@@ -17,7 +17,7 @@ MAIN = """
 #include <stdio.h>
 #include "example_isr.c"
 
-static int acknowledged, off, sent, k;
+static int acknowledged, off, on, sent, k;
 static float32 current, last_duty[3], last_word;
 int main(void);
 
@@ -27,10 +27,11 @@ float32 read_speed_reference(void) { return 10.0f; }
 void write_duty(const float32 duty[3]) { int j; for (j = 0; j < 3; j++) { last_duty[j] = duty[j]; } }
 void acknowledge_interrupt(void) { acknowledged++; }
 void inverter_off(void) { off++; }
+void inverter_on(void) { on++; }
 void telemetry(const float32 *words, int count) { sent += count; last_word = words[1]; }
-void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, float32 v[2])
+void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, int torque, float32 v[2])
 {
-    (void)i; (void)speed; (void)theta_pu;
+    (void)i; (void)speed; (void)theta_pu; (void)torque;
     v[0] = (float32)k;
     v[1] = 0.0f;
 }
@@ -44,8 +45,15 @@ int main(void)
     float32 zero = 0.0f;
     int good = motor_setup();
     if (good != 0) { printf("setup %d\\n", good); return 0; }
+    current = 5.0f; /* a sensor that does not read zero while the inverter is off */
+    for (k = 0; k < 2 * REST; k++) { adc_isr(); }
+    printf("%d %d %d\\n", mode, off, on);
+    current = 0.1f; /* as good as zero; and zero voltage makes no more of it: the rotor stands */
+    for (k = 0; k < REST + PROBE; k++) { adc_isr(); }
+    printf("%d %d %d\\n", mode, off, on);
+    acknowledged = 0;
+    off = 0;
     for (k = 1; k <= 5; k++) {
-        current = 0.1f;
         adc_isr();
         printf("%g %g %g %g\\n", (double)FILTER.u_held[0], (double)last_duty[0], (double)last_duty[1],
                (double)last_duty[2]);
@@ -78,7 +86,10 @@ def _run(folder: Path, drive: str, kind: str, build: Path, variant: int) -> list
 @pytest.mark.parametrize("variant", [0, 1])
 def test_runs_with_stubs(drive: Drive, variant: int, tmp_path: Path) -> None:
     lines = _run(GENERATED / drive.name, drive.name, "ickf", tmp_path, variant)
-    steps, (all_acknowledged, early), (late,), (telemetry_good, *turns) = lines[:5], *lines[5:]
+    waiting, started, *steps = lines[:7]
+    (all_acknowledged, early), (late,), (telemetry_good, *turns) = lines[7:]
+    assert waiting == [0, 1, 0], "RESTING; turned off at power-up, and not on"
+    assert started == [3, 1, 1], "RUNNING; turned on once"
     if not variant:  # the stub's voltage is the number of the interrupt: the filter gets it two interrupts later
         assert [row[0] for row in steps] == [0, 0, 1, 2, 3]
     assert all(0 <= duty <= 1 for row in steps for duty in row[1:])

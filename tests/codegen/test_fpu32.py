@@ -217,6 +217,7 @@ def test_a_rejected_lane_runs_on_it_too(drive: Drive) -> None:
         words = tuple(number(F(diagonal.get(k, 0.0)) * lanes) for k in range(n * (n + 1) // 2))
         setattr(state, module["COVARIANCE"], words)
         state.u_held = (number(0 * lanes), number(0 * lanes))
+        state.nis, state.repairs = number(0 * lanes), 0
         with np.errstate(all="ignore"):
             status = module["STEPS"][kind](
                 state, (number(lanes), number(lanes)), tuple(number(row) for row in y), module["MATH"]["float32"]

@@ -11,7 +11,9 @@ import pytest
 from codegen.graph import Graph
 from codegen.passes import (
     PIPELINES,
+    distribute,
     pull_signs,
+    reuse_products,
     run_passes,
     share_products,
     share_reciprocals,
@@ -25,8 +27,11 @@ PASSES = {
     "share_reciprocals": share_reciprocals,
     "spend_reciprocals": spend_reciprocals,
     "pull_signs": pull_signs,
+    "distribute": distribute,
+    "reuse_products": reuse_products,
     "share_products": share_products,
     "share_products, inner ones kept": partial(share_products, whole=False),
+    "share_products, squares apart": partial(share_products, squares=True),
 }
 PASSES |= {name: getattr(__import__("codegen.passes", fromlist=[name]), name) for name in {"collect"} & set(exported)}
 
@@ -79,6 +84,31 @@ def test_passes_find_what_they_are_for() -> None:
     """Over random graphs work is saved, not only kept."""
     found = [item for seed in range(2000, 2060) if (item := check(seed, run_passes, False))]
     assert sum(after < before for before, after in found) > 0.2 * len(found)
+
+
+def test_known_products_are_used_again() -> None:
+    """(x / 4)^2 beside x / 4: the square of what is known; but not of what only the square itself would need."""
+    g = Graph()
+    x, y = g.input("x"), g.input("y")
+    quarter = g.op("mul", x, g.const(0.25))
+    square = g.op("mul", g.op("mul", x, x), g.const(0.0625))
+    new, moved = reuse_products(g, [quarter, square])
+    assert new[moved[square]].args == (moved[quarter], moved[quarter])
+    lonely = g.op("mul", g.op("mul", x, g.const(3.0)), y)
+    new, moved = reuse_products(g, [lonely])
+    assert weight(new, [moved[lonely]]) == weight(g, [lonely])
+
+
+def test_all_constants_of_a_product_count() -> None:
+    """2 (3 x) is neither 2 x nor 3 x: with 5 y it makes no 10 x y and no 15 x y."""
+    g = Graph()
+    x, y, two, three = g.input("x"), g.input("y"), g.const(2.0), g.const(3.0)
+    known = [g.op("mul", two, g.op("mul", three, x)), g.op("mul", g.const(5.0), y)]
+    tops = [g.op("mul", g.op("mul", g.const(size), x), y) for size in (10.0, 15.0)]
+    new, moved = reuse_products(g, [*known, *tops])
+    values = exact(new, [moved[top] for top in tops], {"x": Fraction(1), "y": Fraction(1)})
+    assert values is not None
+    assert [values[moved[top]] for top in tops] == [10, 15]
 
 
 def test_every_exported_pass_is_tested() -> None:

@@ -17,7 +17,7 @@ from model.drive import Drive
 from runtime.drive.scenario import RPM
 from runtime.drive.simulation import Conditions, Simulator, numpy_controller
 from runtime.estimator.folder import find_folder
-from runtime.proof.reference import make_motor
+from runtime.proof.motors import make_motor
 from tests.conftest import DRIVES
 
 BAD = [float("nan"), float("inf"), float("-inf"), 1e6, -1e6]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import runtime
-from model.drive import Drive
+from model.drive import Drive, load_drive
 from runtime import UserError
 from runtime.estimator.folder import GENERATED
 from runtime.proof.trajectory import make_trajectory
@@ -241,3 +241,23 @@ def test_a_trace_travels_between_processes() -> None:
     arrived = pickle.loads(pickle.dumps(trace))
     np.testing.assert_array_equal(arrived.P, trace.P)
     np.testing.assert_array_equal(arrived.x, trace.x)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_float32_covariance_of_an_unknown_start(kind: str) -> None:
+    """P of float32 against float64 from P_0 = diag(1e4, 1e4, 1e6, 10): eight decades between entries, angle unknown.
+
+    Entries relative to their sigmas. Most is lost in the first steps, where one measurement takes a variance of 1e4
+    down to 1e-2 and with it six of float32's seven digits: 8.8e-4 in the second step, the bound is about twice that.
+    """
+    data = make_trajectory(load_drive("paper_spmsm").model_dump(), steps=2000)
+    found = {}
+    for dtype in ("float32", "float64"):
+        filter_ = runtime.load("paper_spmsm", kind, "numpy", dtype)
+        filter_.reset(P0=np.diag([1e4, 1e4, 1e6, 10.0]))
+        found[dtype] = filter_.run(data.u, data.y).P.astype(float)
+    exact = found["float64"]
+    sigma = np.sqrt(np.diagonal(exact, axis1=1, axis2=2))
+    error = np.abs(found["float32"] - exact) / (sigma[:, :, None] * sigma[:, None, :])
+    assert np.max(error) <= 2e-3
+    assert np.min(np.linalg.eigvalsh(found["float32"])) > 0.0

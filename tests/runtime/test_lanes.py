@@ -20,7 +20,7 @@ from runtime.estimator import threads
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
-from tests.conftest import DRIVES, variant
+from tests.conftest import DRIVES, shipped_package, variant
 
 KINDS = ("ckf", "ickf")
 
@@ -74,7 +74,7 @@ def test_every_lane_has_the_scalar_bits(drive: Drive, kind: str, lanes: int) -> 
     runs = _runs(folder, kind, 30, lanes)
     assert _same(runs)
     status = runs[0][3]
-    assert np.any(status == 1)
+    assert np.any(status & 1 != 0)
     if drive.name == "ipmsm_flux" and kind == "ickf" and lanes > 1:
         assert len(np.unique(runs[0][2])) > 2, "lanes that converge after different numbers of passes"
         assert np.any(status == 2)
@@ -101,14 +101,14 @@ def test_other_kinds_and_the_literal_form(kind: str, form: str, tmp_path: Path) 
     ("old", "new"),
     [
         ("#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f"),  # its last bit
-        ("turn[2 * k].of[lane] = one[0]", "turn[2 * k].of[lane] = one[1]"),  # in wide lanes alone
+        ("turn[2 * k].of[lane] = own_turn[2 * k]", "turn[2 * k].of[lane] = 1.0f"),  # in wide lanes alone
         ("f->iterations[lane] = good", "f->iterations[lane] = 1"),  # in rejected lanes alone
         ("(u_good != 0) ? u[0].of[lane] : held_0", "u[0].of[lane]"),
     ],
 )
 def test_a_wrong_lane_form_is_caught(old: str, new: str, tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
-    files = generate(drive, samples=5).files
+    files = shipped_package(drive.name).files
     name = "host/paper_spmsm_ckf_lanes.c"
     assert old in files[name]
     write_folder(tmp_path / drive.name, {**files, name: files[name].replace(old, new)})
@@ -117,7 +117,7 @@ def test_a_wrong_lane_form_is_caught(old: str, new: str, tmp_path: Path) -> None
 
 def test_a_lane_that_goes_on_iterating_is_caught(tmp_path: Path) -> None:
     drive = load_drive("ipmsm_flux")
-    files = generate(drive, samples=5).files
+    files = shipped_package(drive.name).files
     name, old = "host/ipmsm_flux_ickf_lanes.c", "take(x_j, new_x_j, active, 4);"
     assert old in files[name]
     write_folder(tmp_path / drive.name, {**files, name: files[name].replace(old, "copy(x_j, new_x_j, 4);")})
@@ -135,7 +135,12 @@ def test_every_lane_loop_becomes_vector_instructions(drive: Drive, kind: str, tm
         pytest.skip("not run: this gcc is clang, which reports otherwise")
     vectorised = {int(line.split(":")[-4]) for line in done.stderr.splitlines() if "loop vectorized" in line}
     lines = source.read_text().splitlines()
-    loops = [k for k, line in enumerate(lines, 1) if line == "    for (lane = 0; lane < LANES; lane++) {"]
+    rare = {"static void widen_lanes(", "static void mend("}  # lane by lane on purpose
+    loops, function = [], ""
+    for k, line in enumerate(lines, 1):
+        function = line if line.startswith("static") else function
+        if line == "    for (lane = 0; lane < LANES; lane++) {" and not any(map(function.startswith, rare)):
+            loops.append(k)
     assert len(loops) >= 4
     assert set(loops) <= vectorised
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,10 @@ from model.machines import MACHINES
 from model.mechanics import ConstantSpeed
 from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, GeneratedFolder
-from runtime.proof.link_cd import link_cd
-from runtime.proof.result import Link
+from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
-from tests.conftest import DRIVES, variant
+from tests.conftest import ALL_DRIVES, DRIVES, shipped_package, variant
 
 QUICK = Effort(
     trajectory=0.004,
@@ -46,53 +46,68 @@ def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_
         assert link.passed, str(link.divergence)
 
 
-@pytest.mark.parametrize("name", DRIVES)
-def test_chain_holds_quickly(name: str) -> None:
+#: float32 against float64 over 100 000 steps at speed, by unit; P relative to sqrt(P_ii P_jj).
+AT_SPEED = {"A": 1e-5, "Wb": 2e-6, "rad/s": 1e-3, "rad": 2e-6, "relative": 1e-4}
+
+#: ICKF - CKF in sigmas. On the paper's drive it is rounding, with flux states many orders more, with both gains.
+EFFECTS = {"paper_spmsm": (0.0, 1e-12, "rounding"), "ipmsm_flux": (1e-3, np.inf, "real")}
+
+
+def _holds(name: str, effort: Effort | None = None) -> Proof:
     seen: list[str] = []
-    proof, _ = verify(name, QUICK, seen.append)
+    proof, _ = verify(name, effort, seen.append)
     assert proof.passed, list(proof.failures())
-    assert {link.name for link in proof.links} == {"model", "A-B", "B-C", "C-D", "D-E", "D-chip"}
+    expected = {"model", "A-B", "B-C", "guard", "data", "C-D", "D-E", "controller", "D-chip"}
+    assert {link.name for link in proof.links} == expected
     assert {link.variant for link in proof.links if link.name == "A-B"} == {
         "ckf",
         "ickf, cubature gain",
         "ickf, jacobian gain",
     }
     assert all(row.compared > 0 for link in proof.links for row in link.rows)
+    assert {effect.gain for effect in proof.effects} == {"cubature", "jacobian"}
     assert seen
+    return proof
 
 
-#: float32 against float64 over 100 000 steps at speed, by unit; P relative to sqrt(P_ii P_jj).
-AT_SPEED = {"A": 1e-5, "Wb": 2e-6, "rad/s": 1e-3, "rad": 2e-6, "relative": 1e-4}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
-@pytest.mark.parametrize("kind", ["ckf", "ickf"])
-def test_float32_at_speed(name: str, kind: str) -> None:
-    drive = load_drive(name)
-    settled = round(0.3 / drive.model.sample_time)
-    data = make_trajectory(drive.model_dump(), steps=settled + 100_000)
-    link, _ = link_cd(GeneratedFolder(GENERATED / name), kind, drive.filter.gain, data.u, data.y, settled)
-    for row in link.rows:
-        assert row.worst <= AT_SPEED[row.meaning], row
+def test_chain_holds_quickly() -> None:
+    _holds("paper_spmsm", QUICK)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_chain_holds_in_full(name: str) -> None:
     """Every figure the README promises: 1e-10, 10 000 steps of identical bits, 100 000 steps at speed."""
-    proof, _ = verify(name)
-    assert proof.passed, list(proof.failures())
+    proof = _holds(name)
     for link in proof.links:
-        if link.name == "A-B":
-            assert all(row.allowed <= 1e-10 for row in link.rows)
-        if link.name == "D-E":
-            assert all(row.allowed == 0.0 for row in link.rows)
-    assert {effect.verdict for effect in proof.effects} == {"real" if name == "ipmsm_flux" else "rounding"}
-    assert {effect.gain for effect in proof.effects} == {"cubature", "jacobian"}
+        for row in link.rows:
+            if link.name == "A-B":
+                assert row.allowed <= 1e-10, row
+            if link.name == "D-E":
+                assert row.allowed == 0.0, row
+            if link.name == "C-D" and link.gain == load_drive(name).filter.gain:  # what is shipped
+                assert row.worst <= AT_SPEED[row.meaning], row
+    low, high, verdict = EFFECTS[name]
+    if verdict == "real":  # else the reference iterates N_max times, to show that it is idle
+        assert any(row.stage == "same number of iterates" for link in proof.links for row in link.rows)
+    for effect in proof.effects:
+        assert effect.verdict == verdict
+        assert low <= effect.in_sigma <= high, effect
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in ALL_DRIVES if name not in EFFECTS])
+def test_chain_holds_for_the_other_drives(name: str) -> None:
+    _holds(name, QUICK)
 
 
 # --- the chain can fail: mutants of the model, of the filters, of the emitted text
+
+
+@lru_cache
+def _literal(drive: str) -> Literal:
+    """By the drive's text, for a variant has another literal form; only where nothing is patched."""
+    return literal_package(Drive.model_validate_json(drive))
 
 
 def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
@@ -100,7 +115,10 @@ def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
     truth = Package(drive, package.model, package.steps, package.files)
     short = make_trajectory(drive.model_dump(), steps=60)
     shipped = GeneratedFolder(folder, checked=False)
-    literal = Literal(package.steps, shipped.module) if shipped.module.COVARIANCE == "P" else literal_package(drive)
+    if shipped.module.COVARIANCE == "P":
+        literal = Literal(package.steps, shipped.module)
+    else:
+        literal = _literal(drive.model_dump_json())
     return Prover(truth, literal, shipped, short, (short, 10), QUICK, lambda text: None)
 
 
@@ -224,7 +242,7 @@ def test_mutants_of_the_generated_python_are_caught(
     pattern: str, replacement: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5, form="literal")
+    package = shipped_package(drive.name, "literal")
     text = package.files["paper_spmsm.py"]
     mutated = re.sub(pattern, replacement, text, count=0)
     assert mutated != text
@@ -239,14 +257,14 @@ FAST_MUTANTS = [
     (r"(odd_theta_next_1 = \w+ \* \w+) \+", r"\1 -", "17"),
     (r"innovation_i_alpha = i_alpha_meas -", "innovation_i_alpha = i_alpha_meas +", "25, 34"),
     (r"D_new_1 = ", "D_new_1 = 1.000001 * ", "26, 32"),
-    (r"(def _polynomial_small_angle_f64.*?)-0\.16666666666666666", r"\1-0.16666", "17"),  # a coarse sine
+    (r"(def _polynomial_small_angle_4_f64.*?)-0\.6666666666666666", r"\1-0.66666", "17"),  # a coarse sine
 ]
 
 
 @pytest.mark.parametrize(("pattern", "replacement", "equation"), FAST_MUTANTS)
 def test_mutants_of_the_fast_form_are_caught(pattern: str, replacement: str, equation: str, tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5)
+    package = shipped_package(drive.name)
     text = package.files["paper_spmsm.py"]
     mutated = re.sub(pattern, replacement, text, flags=re.DOTALL)
     assert mutated != text
@@ -261,7 +279,7 @@ C_MUTANTS = [
     ("fast", "i_alpha_meas - i_alpha_pred", "i_alpha_meas + i_alpha_pred", "innovation", "25"),
     ("fast", "#define GAIN_V 0.023952097f", "#define GAIN_V 0.0239521f", "x_pred", "16"),
     ("fast", "POLE_PAIRS_SAMPLE_TIME + L_31", "POLE_PAIRS_SAMPLE_TIME - L_31", "odd_i_alpha_next", "15"),
-    ("fast", "#define SINC_1 -0.16666666f", "#define SINC_1 -0.16666667f", "turn", "14"),
+    ("fast", "#define SINC_1 -0.6665821f", "#define SINC_1 -0.6665822f", "time_update", "17"),
     ("literal", "i_alpha_meas - y_i_alpha_pred", "i_alpha_meas + y_i_alpha_pred", "innovation", "25"),
     ("literal", "P_21 - S_20 * S_10", "P_21 - S_20 * S_11", "S", "13"),
     ("literal", "- (KPyy_20 * K_20 + KPyy_21 * K_21)", "- (KPyy_20 * K_20 - KPyy_21 * K_21)", "P", "26"),
@@ -273,7 +291,7 @@ def test_mutants_of_the_generated_c_are_caught_and_located(
     form: str, old: str, new: str, stage: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5, form=form)
+    package = shipped_package(drive.name, form)
     text = package.files["paper_spmsm_ckf.c"]
     assert old in text
     write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": text.replace(old, new)})
@@ -286,7 +304,7 @@ def test_mutants_of_the_generated_c_are_caught_and_located(
 def test_reordered_float_operations_are_caught(tmp_path: Path) -> None:
     """Mathematically equal, not the same bits: (a + b) + c against a + (b + c)."""
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5)
+    package = shipped_package(drive.name)
     text = package.files["paper_spmsm_ckf.c"]
     mutated = re.sub(
         r"= DECAY_I \* i_alpha \+ (\w+ \* \w+) \+ (GAIN_V \* v_alpha)", r"= DECAY_I * i_alpha + (\1 + \2)", text
@@ -308,7 +326,7 @@ def test_contraction_would_be_caught() -> None:
     ):
         pytest.skip("this processor has no fused multiply-add")
     drive = load_drive("paper_spmsm")
-    package = generate(drive, samples=5)
+    package = shipped_package(drive.name)
     prover = _prover(drive, package, GENERATED / drive.name)
     link = prover._bits("ckf").link(("-O2", "-march=native", "-ffp-contract=fast"))
     assert not link.passed
@@ -325,16 +343,8 @@ def test_stale_and_edited_folders_are_refused(tmp_path: Path) -> None:
     write_folder(tmp_path / drive.name, generate(other).files)
     with pytest.raises(UserError, match="is stale"):
         prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
-    write_folder(tmp_path / drive.name, generate(drive).files)
+    write_folder(tmp_path / drive.name, shipped_package(drive.name).files)
     path = tmp_path / drive.name / "paper_spmsm_ckf.c"
     path.write_text(path.read_text().replace("0.25f", "0.26f", 1))
     with pytest.raises(UserError, match="was edited by hand"):
         prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
-
-
-def test_effects_are_measured_not_asserted() -> None:
-    """On the paper's drive ICKF - CKF is rounding, on ipmsm_flux many orders more, with both gains."""
-    for name, low, high in (("paper_spmsm", 0.0, 1e-12), ("ipmsm_flux", 1e-3, np.inf)):
-        proof, _ = verify(name, QUICK)
-        for effect in proof.effects:
-            assert low <= effect.in_sigma <= high, effect

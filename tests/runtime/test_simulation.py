@@ -15,13 +15,23 @@ from model.machines import MACHINES
 from model.machines.base import Parameters, Rotor
 from model.plant import plant_initial_state
 from model.quantities import Constants
+from runtime.drive.motor import true_motor
 from runtime.drive.scenario import RPM, SCENARIOS, Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
-from tests.conftest import DRIVES
+from tests.conftest import DRIVES, variant
 
 HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
+
+#: Factors on the true motor, and the keys of a drive file they stand for.
+KEYS = {
+    "R": "stator_resistance",
+    "L_d": "inductance_d",
+    "L_q": "inductance_q",
+    "psi_m": "magnet_flux",
+    "J": "inertia",
+}
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +39,14 @@ def simulators() -> dict[str, Simulator]:
     return {name: Simulator(find_folder(name), "ickf") for name in DRIVES}
 
 
-def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) -> None:
+@pytest.mark.parametrize(
+    "factors", [{}, {"R": 1.2, "L_d": 0.8, "L_q": 0.8, "psi_m": 0.9, "J": 1.7}], ids=["", "varied"]
+)
+def test_plant_against_dop853(drive: Drive, factors: dict[str, float], simulators: dict[str, Simulator]) -> None:
     """0.1 s with a voltage that changes every sample and a load: 1e-7 of each state's range, against rtol 1e-10."""
     simulator = simulators[drive.name]
+    motor = {KEYS[name]: getattr(drive.motor, KEYS[name]) * factor for name, factor in factors.items()}
+    drive = variant(drive, motor=motor)
     par, machine = (
         Parameters.numeric(drive),
         MACHINES[drive.model.machine](Parameters.numeric(drive), Constants(named=False)),
@@ -53,6 +68,7 @@ def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) ->
     exact = np.array(plant_initial_state(drive)[:4])
     ours = simulator._ffi.new("double[6]", plant_initial_state(drive))
     advance = getattr(simulator._library, f"{drive.name}_plant_advance")
+    data = simulator._ffi.new("double[6]", true_motor(simulator.folder, factors).tolist())
     trace = []
     for u in voltages:
         exact = solve_ivp(
@@ -63,7 +79,7 @@ def test_plant_against_dop853(drive: Drive, simulators: dict[str, Simulator]) ->
             rtol=1e-10,
             atol=1e-12,
         ).y[:, -1]
-        advance(ours, [float(c) for c in u], load_torque, T / 8, 8)
+        advance(ours, data, [float(c) for c in u], load_torque, T / 8, 8)
         trace.append((exact, np.array([ours[k] for k in range(4)])))
     exact_trace, our_trace = (np.array(part) for part in zip(*trace, strict=True))
     scale = np.max(np.abs(exact_trace), axis=0)

@@ -16,8 +16,9 @@ import pytest
 
 from runtime.board.frames import Frame, encode
 from runtime.board.record import COLUMNS, Receiver, Recording, UnpluggedError, record
-from runtime.board.recorded import RecordFile, read_inputs
+from runtime.board.recorded import RecordFile
 from runtime.errors import UserError
+from runtime.replay.data import read_recorded
 from runtime.report.live import AXES, _draw
 from tests.target.command import call
 
@@ -81,7 +82,9 @@ def test_a_recording_survives_a_crash_and_is_recorded_data(suffix: str, tmp_path
             RecordFile(path, COLUMNS)
     file.append(rows[600:])
     file.close()
-    u, y = read_inputs(path)
+    recorded = read_recorded(path)
+    u, y = recorded.u, recorded.y
+    np.testing.assert_allclose(recorded.t, [row[0] for row in rows])
     assert u.shape == y.shape == (1000, 2)
     np.testing.assert_array_equal(u[:, 0].astype(np.float32), np.array([row[1] for row in rows], dtype=np.float32))
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
@@ -105,16 +108,6 @@ def test_live_curves_are_drawn_from_what_has_come() -> None:
     _draw(figure, recording)
     assert [len(axes.lines) for axes in figure.axes] == [len(names) for names in AXES.values()]
     pyplot.close(figure)
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [("t,u_alpha\n0,1\n", "lacks the column u_beta"), ("", "lacks the column"), ("t,u_alpha\n0,x\n", "cannot be read")],
-)
-def test_bad_recorded_data_is_one_line(text: str, expected: str, tmp_path: Path) -> None:
-    (tmp_path / "d.csv").write_text(text)
-    with pytest.raises(UserError, match=expected):
-        read_inputs(tmp_path / "d.csv")
 
 
 def test_record_command_until_ctrl_c(tmp_path: Path) -> None:

@@ -1,0 +1,15 @@
+"""The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller."""
+
+from __future__ import annotations
+
+from tests.mutants.catalogue.control import CONTROL
+from tests.mutants.catalogue.data import data_mutants
+from tests.mutants.catalogue.fast import FORM
+from tests.mutants.catalogue.filters import FILTERS
+from tests.mutants.catalogue.model import MODEL
+from tests.mutants.catalogue.passes import ARITHMETIC, PASS
+from tests.mutants.mutant import Mutant
+
+SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL)
+
+__all__ = ["SOURCES", "data_mutants"]

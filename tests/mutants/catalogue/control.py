@@ -1,0 +1,121 @@
+"""A wrong controller, a wrong motor to simulate with."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+SURFACE, SALIENT = ("controller paper_spmsm",), ("controller ipmsm_flux",)
+PLANT = ("regenerated spmsm_load_torque tests/runtime/test_simulation.py -k 'dop853 and spmsm_load_torque'",)
+
+_ROWS = (
+    ("speed error reversed", "error_omega = omega_ref - omega", "error_omega = omega - omega_ref", SURFACE),
+    ("decoupling's sign", "(-omega_e * (L_q * i_q),", "(omega_e * (L_q * i_q),", SURFACE),
+    ("L_d for L_q", "(-omega_e * (L_q * i_q),", "(-omega_e * (L_d * i_q),", SALIENT),
+    ("back-EMF not fed forward", "omega_e * (L_d * i_d + psi_m)", "omega_e * (L_d * i_d)", SURFACE),
+    ("decoupling with mechanical speed", "omega_e = pole_pairs * omega", "omega_e = omega", SURFACE),
+    ("gains of d and q exchanged", "v_d = gain.current_d_p * error[0]", "v_d = gain.current_q_p * error[0]", SALIENT),
+    ("d integrator forgotten", "* error[0] + z_d + feed_forward[0]", "* error[0] + feed_forward[0]", SURFACE),
+    ("circle too large", "v_max = (1 / SQRT_3) * v_link", "v_max = (2 / 3) * v_link", SURFACE),
+    (
+        "limited at twice the circle",
+        "ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max)",
+        "ca.fmax(0.25 * (v_d * v_d + v_q * v_q), v_max * v_max)",
+        SURFACE,
+    ),
+    (
+        "one axis limited",
+        "v_d_lim, v_q_lim = shrink * v_d, shrink * v_q",
+        "v_d_lim, v_q_lim = shrink * v_d, v_q",
+        SURFACE,
+    ),
+    ("no anti-windup on q", "(error[1] + (v_q_lim - v_q) / gain.current_q_p)", "error[1]", SURFACE),
+    ("anti-windup's sign on d", "(v_d_lim - v_d) / gain.current_d_p", "(v_d - v_d_lim) / gain.current_d_p", SURFACE),
+    ("angle not advanced", "acting = theta + omega_e * gain.advance", "acting = theta", SURFACE),
+    ("torque unlimited above", "ca.fmax(-limit, ca.fmin(limit, wanted))", "ca.fmax(-limit, wanted)", SURFACE),
+    ("no anti-windup of speed", "(error + (torque - wanted) / gain.speed_p)", "error", SURFACE),
+    ("factor 1.5 lost", "per_ampere = 1.5 * drive", "per_ampere = drive", SURFACE),
+    ("MTPA's sign", "i_d = half - ca.sqrt(", "i_d = half + ca.sqrt(", SALIENT),
+    ("MTPA: torque of i_d forgotten", "i_q = i_q / (1 - ratio * i_d)", "i_q = i_q / (1 + ratio * i_d)", SALIENT),
+    ("MTPA: saliency's factor", "m.magnet_flux / (2 * saliency)", "m.magnet_flux / saliency", SALIENT),
+    (
+        "phases b and c exchanged",
+        "half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]",
+        "half, cross = -0.5 * v[0], -(SQRT_3 / 2) * v[1]",
+        SURFACE,
+    ),
+    ("common mode's factor", "common = 0.5 * (highest + lowest)", "common = highest + lowest", SURFACE),
+    (
+        "duty not cut above",
+        "[ca.fmin(ca.fmax(value, 0.0), 1.0) for value in raw]",
+        "[ca.fmax(value, 0.0) for value in raw]",
+        SURFACE,
+    ),
+    (
+        "dead time reversed",
+        "return [gain.dead_share * sign for sign in signs]",
+        "return [-gain.dead_share * sign for sign in signs]",
+        SURFACE,
+    ),
+    (
+        "dead time of any current",
+        "ca.fmax(-1.0, ca.fmin(1.0, phase / gain.dead_current))",
+        "phase / gain.dead_current",
+        SURFACE,
+    ),
+    (
+        "dead time: axes",
+        "half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[1]",
+        "half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[0]",
+        SURFACE,
+    ),
+    ("Clarke's factor", "(1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b", "(1 / SQRT_3) * i_a + (1 / SQRT_3) * i_b", SURFACE),
+    ("link's floor", "LEAST_LINK = 1.0", "LEAST_LINK = 10.0", SURFACE),
+    (
+        "limits of commands",
+        "2.0 * drive.operating_box.speed, 2.0 * drive",
+        "1.0 * drive.operating_box.speed, 2.0 * drive",
+        SURFACE,
+    ),
+    ("first DC link", "return 0.0, drive.control.dc_link", "return 0.0, 0.5 * drive.control.dc_link", SURFACE),
+    ("speed gain without the factor 2", "2 * c.speed_bandwidth * m.inertia", "c.speed_bandwidth * m.inertia", SURFACE),
+    (
+        "integral gain without T",
+        "current_i=c.current_bandwidth * m.stator_resistance * T",
+        "current_i=c.current_bandwidth * m.stator_resistance",
+        SURFACE,
+    ),
+    ("delay not designed for", "advance=(0.5 + delay) * T", "advance=0.5 * T", SURFACE),
+    (
+        "believed at another angle",
+        "i, named = model.measure(x)",
+        "i, named = model.measure([*x[:3], -x[3], *x[4:]])",
+        SALIENT,
+    ),
+    ("sensed angle of less", "SENSED_MAX = 1000.0", "SENSED_MAX = 100.0", SURFACE),
+)
+
+_PLANT = (
+    ("weights of RK4", "k1[j] + 2 * (k2[j] + k3[j]) + k4[j]", "k1[j] + (k2[j] + k3[j]) + k4[j]", PLANT),
+    ("reach of the third slope", "enumerate((0.0, 0.5, 0.5, 1.0))", "enumerate((0.0, 0.5, 1.0, 1.0))", PLANT),
+    ("load accelerates", "machine.torque(z, rotor) - load - par.D", "machine.torque(z, rotor) + load - par.D", PLANT),
+    ("friction's sign", "- load - par.D * omega", "- load + par.D * omega", PLANT),
+    (
+        "rotor's phasor turns back",
+        "-omega_e * rotor.sin, omega_e * rotor.cos]",
+        "omega_e * rotor.sin, omega_e * rotor.cos]",
+        PLANT,
+    ),
+    ("theta by mechanical speed", "return [*dz, d_omega, omega_e,", "return [*dz, d_omega, omega,", PLANT),
+    ("inertia for its reciprocal", "J=1 / per_J", "J=per_J", PLANT),
+    ("last slope at the first point", "sixth * (k1[j]", "sixth * (k2[j]", PLANT),
+)
+
+
+def _of(kind: str, file: str, rows: tuple[tuple[str, str, str, tuple[str, ...]], ...]) -> tuple[Mutant, ...]:
+    return tuple(Mutant(kind, f"{file}: {name}", checks, file, old, new) for name, old, new, checks in rows)
+
+
+CONTROL = (
+    *_of("controller", "model/controller.py", _ROWS),
+    *_of("plant", "model/plant.py", _PLANT),
+)

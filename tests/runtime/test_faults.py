@@ -1,0 +1,438 @@
+"""Faults of the machine around the commands, with real processes: killed, interrupted, full, read-only, no compiler."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from codegen.folder import difference, edited_files, with_manifest
+from model.drive import DRIVES
+from runtime.errors import UserError
+from runtime.estimator import compiler
+from runtime.estimator.folder import GENERATED
+from runtime.files import whole_file, write_text
+
+ROOT = Path(__file__).parents[2]
+#: One filter is enough to generate here.
+PAPER = (DRIVES / "paper_spmsm.toml").read_text(encoding="utf-8").replace('["ckf", "ickf"]', '["ckf"]')
+
+
+def start(*arguments: str, cwd: Path, **more: object) -> subprocess.Popen[str]:
+    """A command in a process of its own, in a group of its own as a shell would start it."""
+    extra: dict[str, str] = more.pop("environment", {})  # type: ignore[assignment]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", **extra}
+    return subprocess.Popen(
+        [sys.executable, *arguments], cwd=cwd, env=environment, text=True, encoding="utf-8",
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0, **more,  # type: ignore[call-overload]
+    )  # fmt: skip
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    out, err = process.communicate(timeout=300)
+    return process.returncode, out, err
+
+
+def call(*arguments: str, cwd: Path, **more: object) -> tuple[int, str, str]:
+    return finish(start("-m", "runtime", *arguments, cwd=cwd, **more))
+
+
+def refused(result: tuple[int, str, str]) -> str:
+    """Exit code 2 and one line, which is returned."""
+    code, _, err = result
+    assert code == 2, err
+    (line,) = err.splitlines()
+    assert line.startswith("pmsm-ickf: ")
+    return line
+
+
+# --- killed ---
+
+#: Writes three folders over and over, from two sets of files by turns.
+WRITER = """
+import sys, itertools
+from pathlib import Path
+from codegen.folder import with_manifest, write_folder
+def files(mark):
+    return with_manifest({f"{k}.c": mark * 20_000 for k in range(20)}, {"drive": "x", "filters": {}})
+print("ready", flush=True)
+for mark in itertools.cycle(sys.argv[1]):
+    for name in ("x", "y", "z"):
+        write_folder(Path(name), files(mark), force=False)
+"""
+
+
+def files_of(mark: str) -> dict[str, str]:
+    return with_manifest({f"{k}.c": mark * 20_000 for k in range(20)}, {"drive": "x", "filters": {}})
+
+
+def whole(folder: Path, marks: str) -> bool:
+    return any(difference(folder, files_of(mark)) == "" for mark in marks)
+
+
+@pytest.mark.slow
+def test_a_folder_is_the_old_or_the_new_one_whenever_its_writer_is_killed(tmp_path: Path) -> None:
+    chance = random.Random(1)
+    seen = set()
+    for _ in range(40):
+        process = start("-c", WRITER, "ab", cwd=tmp_path)
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(chance.uniform(0.0, 0.08))
+        process.kill()
+        process.communicate()
+        for name in ("x", "y", "z"):
+            if (tmp_path / name).exists():
+                assert whole(tmp_path / name, "ab"), name
+        left = [path.name for path in tmp_path.iterdir() if path.name.startswith(".")]
+        assert len(left) <= 3, "what was left is removed when its folder is next written"
+        seen |= {bool(left)}
+    assert seen == {False, True} or seen == {True}, "some kills hit a write"
+
+
+@pytest.mark.slow
+def test_two_writers_at_once_leave_no_mixture(tmp_path: Path) -> None:
+    writers = [start("-c", WRITER, mark, cwd=tmp_path) for mark in ("a", "b", "ba")]
+    try:
+        for writer in writers:
+            assert writer.stdout is not None
+            writer.stdout.readline()
+        for _ in range(200):
+            for name in ("x", "y", "z"):
+                if (tmp_path / name).exists():
+                    assert edited_files(tmp_path / name) == [], "files and manifest are one writer's"
+        assert all(writer.poll() is None for writer in writers), "none was refused or failed"
+    finally:
+        for writer in writers:
+            writer.kill()
+            writer.communicate()
+
+
+@pytest.mark.slow
+def test_generate_killed_while_it_writes_two_drives(tmp_path: Path) -> None:
+    """Old folders are exchanged for new ones; a kill leaves each either, and the next run ends well."""
+    chance = random.Random(2)
+    drives = ("first", "second")
+
+    def state(resistance: str) -> None:
+        for name in drives:
+            text = PAPER.replace("paper_spmsm", name).replace("2.875", resistance)
+            (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+
+    words = ("generate", "first.toml", "second.toml")
+    expected: dict[str, list[dict[str, bytes]]] = {name: [] for name in drives}
+
+    def contents(name: str) -> dict[str, bytes]:
+        folder = tmp_path / "generated" / name
+        return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+    values = ("1.2", "1.3")
+    for value in values:
+        state(value)
+        assert call(*words, cwd=tmp_path)[0] == 0
+        for name in drives:
+            expected[name].append(contents(name))
+    for k in range(4):
+        state(values[k % 2])
+        process = start("-m", "runtime", *words, cwd=tmp_path)
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "writing" in line:
+                break
+        time.sleep(chance.uniform(0.0, 0.02))
+        process.kill()
+        process.communicate()
+        for name in drives:
+            assert contents(name) in expected[name]
+    assert call(*words, cwd=tmp_path)[0] == 0
+    assert call(*words, "--check", cwd=tmp_path)[0] == 0
+
+
+# --- interrupted ---
+
+
+def interrupted(cwd: Path, *arguments: str, after: str | float) -> tuple[int, str, str]:
+    """Ctrl-C to the whole group, as a terminal sends it, after a time or once a word was printed."""
+    process = start("-m", "runtime", *arguments, cwd=cwd)
+    assert process.stdout is not None
+    if isinstance(after, str):
+        for line in process.stdout:
+            if after in line:
+                break
+        time.sleep(0.1)
+    else:
+        time.sleep(after)
+    os.killpg(process.pid, signal.SIGINT)
+    return finish(process)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "after"),
+    [
+        (("generate", "--out", "out", "ipmsm_flux"), "generating"),
+        (("verify", "paper_spmsm", "--json", "f"), "generating"),
+        (("verify", "paper_spmsm", "spmsm_load_torque", "--json", "f"), "generating"),
+        (("simulate", "--controller", "numpy", "--json", "f", "--out", "out"), "%"),
+        (("compare", "paper_spmsm", "spmsm_load_torque", "--json", "f", "--out", "out"), ":"),
+        (("replay", "paper_spmsm", "data.csv", "--backend", "numpy", "--json", "f", "--out", "out.npz"), 3.0),
+        (("--help",), 0.7),
+    ],
+)
+def test_ctrl_c_is_one_line_and_130(arguments: tuple[str, ...], after: str | float, tmp_path: Path) -> None:
+    rows = "\n".join(f"{k * 2e-5:.6f},1,0,0.1,0" for k in range(200_000))
+    (tmp_path / "data.csv").write_text(f"t,u_alpha,u_beta,i_alpha,i_beta\n{rows}\n")
+    code, _, err = interrupted(tmp_path, *arguments, after=after)
+    if arguments == ("--help",):  # so early that it may have ended already, or the interpreter not begun
+        assert code in {0, 130, -signal.SIGINT}
+        return
+    assert (code, err.splitlines()) == (130, ["pmsm-ickf: interrupted"])
+    assert [path.name for path in tmp_path.iterdir()] == ["data.csv"], "nothing is left behind"
+
+
+# --- full, read-only ---
+
+
+def may_mount() -> bool:
+    return shutil.which("unshare") is not None and not subprocess.run(
+        ["unshare", "-rm", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False
+    ).returncode  # fmt: skip
+
+
+needs_mount = pytest.mark.skipif(not may_mount(), reason="this machine does not let us mount (unshare -rm)")
+
+
+def mounted(tmp_path: Path, script: str) -> subprocess.CompletedProcess[str]:
+    """A shell script in which ``$GENERATE`` is the command; what it mounts is gone afterwards."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "GENERATE": f"{sys.executable} -m runtime generate"}
+    return subprocess.run(
+        ["unshare", "-rm", "sh", "-ec", script], cwd=tmp_path, env=environment, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+
+
+@needs_mount
+def test_a_full_disk_leaves_the_old_folder(tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
+    (tmp_path / "other.toml").write_text(PAPER.replace("paper_spmsm", "mine").replace("2.875", "1.2"))
+    script = """
+        mount -t tmpfs -o size=1m none full
+        $GENERATE mine.toml --out full >&2
+        head -c 2m /dev/zero > full/filler 2>/dev/null || true
+        $GENERATE other.toml --out full && exit 99 || test $? = 2
+        rm full/filler
+        $GENERATE mine.toml --out full --check
+        ls -A full
+        """
+    done = mounted(tmp_path, script)
+    assert done.returncode == 0, done.stderr
+    assert "No space left on device; it is left as it was." in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout.split()[-1] == "mine"
+
+
+@needs_mount
+def test_a_read_only_disk_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "fixed").mkdir()
+    script = """
+        mount -t tmpfs -o ro none fixed
+        $GENERATE paper_spmsm --out fixed && exit 99 || test $? = 2
+        """
+    done = mounted(tmp_path, script)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[-1] == (
+        "pmsm-ickf: cannot write 'fixed/paper_spmsm': Read-only file system; it is left as it was."
+    )
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("limit", [0, 1000, 30_000])
+def test_a_file_size_limit_leaves_the_old_folder(tmp_path: Path, limit: int) -> None:
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    shutil.copytree(GENERATED / "paper_spmsm", tmp_path / "out" / "mine")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
+    words = ("generate", "mine.toml", "--out", "out", "--force")
+    line = refused(call(*words, cwd=tmp_path, preexec_fn=limited, environment={"PATH": "/nowhere"}))
+    assert line == "pmsm-ickf: cannot write 'out/mine': File too large; it is left as it was."
+    (tmp_path / "mine.toml").unlink()
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_results_that_do_not_fit_leave_the_old_file(tmp_path: Path) -> None:
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
+
+    data = str(ROOT / "tests" / "data" / "spmsm_step.npz")
+    (tmp_path / "f.npz").write_bytes(b"old")
+    (tmp_path / "f.json").write_bytes(b"old")
+    for option, name in (("--out", "f.npz"), ("--json", "f.json")):
+        words = ("replay", "spmsm_load_torque", data, "--backend", "numpy", option, name)
+        line = refused(call(*words, cwd=tmp_path, preexec_fn=limited))
+        assert line == f"pmsm-ickf: cannot write '{name}': File too large."
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"f.npz": b"old", "f.json": b"old"}
+
+
+def test_a_file_is_the_old_one_until_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "f.json"
+    write_text(path, "old")
+
+    def broken() -> None:
+        with whole_file(path) as file:
+            file.write(b"new, but")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken()
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["f.json"]
+    write_text(path, "new")
+    assert path.read_text() == "new"
+    (tmp_path / "link").symlink_to(path)
+    write_text(tmp_path / "link", "through the link")
+    assert (path.read_text(), (tmp_path / "link").is_symlink()) == ("through the link", True)
+    write_text(Path("/dev/null"), "gone")
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode), "a device is not replaced"
+    for bad in (tmp_path, path / "below", tmp_path / "no" / "folder", tmp_path / ("x" * 300)):
+        with pytest.raises(UserError, match="cannot write"):
+            write_text(bad, "x")
+
+
+# --- compilers and their cache ---
+
+SOURCES = {"a.c": "int answer(void) { return 42; }\n"}
+FAKES: dict[str, tuple[str, str]] = {
+    "fails": ("echo 'a.c:1: error: no\nmore' >&2; exit 1", "failed on a.c: a.c:1: error: no"),
+    "fails silently": ("exit 3", "failed on a.c: it does not say why"),
+    "speaks no UTF-8": (r"printf 'error \377\n' >&2; exit 1", "failed on a.c: error \ufffd"),
+    "crashes": ("kill -SEGV $$", "crashed on a.c: Segmentation fault"),
+    "makes nothing": ("exit 0", "made no program"),
+    "hangs": ("sleep 1000 & sleep 1000", "did not end within 1 s on a.c"),
+    "reads the keyboard": ("read x; exit 4", "failed on a.c: it does not say why"),
+}
+
+
+def fake(path: Path, script: str) -> str:
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize("what", FAKES)
+def test_a_compiler_that(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script, expected = FAKES[what]
+    monkeypatch.setattr(compiler, "PATIENCE", 1)
+    monkeypatch.setenv("CC", fake(tmp_path / "cc", script))
+    monkeypatch.setenv("PMSM_ICKF_CACHE", str(tmp_path / "cache"))
+    with pytest.raises(UserError) as error:
+        compiler.build_library(SOURCES, {})
+    assert expected in str(error.value)
+    assert len(str(error.value).splitlines()) == 1
+    assert list((tmp_path / "cache").iterdir()) == []
+    if what == "hangs":
+        listed = subprocess.run(["ps", "-eo", "pgid,args"], capture_output=True, text=True, check=True).stdout
+        assert not [line for line in listed.splitlines() if str(tmp_path) in line], "it was ended, children too"
+
+
+def test_a_program_of_another_machine_as_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cc").write_bytes(b"\x7fELF" + bytes(100))
+    (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    monkeypatch.setenv("PMSM_ICKF_CACHE", str(tmp_path / "cache"))
+    with pytest.raises(UserError, match="cannot be started: Exec format error"):
+        compiler.build_library(SOURCES, {})
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut off", "overwritten", "no seal", "bad seal"])
+def test_a_damaged_library_is_built_again(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PMSM_ICKF_CACHE", str(tmp_path))
+    library = compiler.build_library(SOURCES, {})
+    good = library.read_bytes()
+    seal = library.with_name(f"{library.name}.sha256")
+    if "seal" in damage:
+        seal.unlink()
+        if damage == "bad seal":
+            seal.write_bytes(b"\xff")
+    else:
+        bad = {"empty": b"", "cut off": good[:1000], "overwritten": good[:500] + bytes(len(good) - 500)}[damage]
+        library.unlink()
+        library.write_bytes(bad)
+    again = compiler.build_library(SOURCES, {})
+    import cffi
+
+    ffi = cffi.FFI()
+    ffi.cdef("int answer(void);")
+    assert compiler.open_library(ffi, again).answer() == 42
+    assert again.read_bytes() == good
+    assert sorted(path.name for path in tmp_path.iterdir()) == [library.name, seal.name]
+
+
+def test_a_library_the_system_will_not_load_is_one_line(tmp_path: Path) -> None:
+    import cffi
+
+    (tmp_path / "no.so").write_bytes(b"no library")
+    with pytest.raises(UserError, match=r"no\.so' cannot be loaded: .*PMSM_ICKF_CACHE"):
+        compiler.open_library(cffi.FFI(), tmp_path / "no.so")
+
+
+@pytest.mark.parametrize("where", ["a file", "below a file", "/proc/none"])
+def test_a_cache_that_cannot_be_written(where: str, tmp_path: Path) -> None:
+    (tmp_path / "a file").write_text("mine")
+    cache = {"a file": tmp_path / "a file", "below a file": tmp_path / "a file" / "x"}.get(where, Path(where))
+    words = ("simulate", "--scenario", "no_load", "--filters", "ckf")
+    line = refused(call(*words, cwd=tmp_path, environment={"PMSM_ICKF_CACHE": str(cache)}))
+    assert "cannot write the compiled filter" in line
+    assert "Set PMSM_ICKF_CACHE" in line
+
+
+def test_a_broken_cross_compiler_is_told_in_the_report(tmp_path: Path) -> None:
+    fake(tmp_path / "arm-none-eabi-gcc", "exit 1")
+    (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
+    path = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    code, _, err = call("generate", "mine.toml", cwd=tmp_path, environment=path)
+    assert code == 0, err
+    report = (tmp_path / "generated" / "mine" / "REPORT.md").read_text(encoding="utf-8")
+    assert "not measured: arm-none-eabi-gcc failed on it" in report
+
+
+# --- names ---
+
+
+@pytest.mark.parametrize(
+    ("name", "locale"),
+    [
+        ("a blank and a quote'\"$(x)", "C.UTF-8"),
+        ("Müller Größe 电机", "C.UTF-8"),
+        ("Müller Größe 电机", "POSIX"),
+        (os.fsdecode(b"\xff\xfe"), "POSIX"),
+    ],
+)
+def test_blanks_and_other_letters_in_every_path(name: str, locale: str, tmp_path: Path) -> None:
+    place = tmp_path / name
+    place.mkdir()
+    (place / f"{name}.toml").write_text(PAPER.replace("paper_spmsm", "mine"), encoding="utf-8")
+    shutil.copy(GENERATED.parent / "tests" / "data" / "spmsm_step.npz", place / f"{name}.npz")
+    home = {"HOME": str(place), "PMSM_ICKF_CACHE": "", "LC_ALL": locale, "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    run: Callable[..., tuple[int, str, str]] = lambda *words: call(*words, cwd=place, environment=home)  # noqa: E731
+    code, _, err = run("generate", f"{name}.toml", "--out", f"{name} out")
+    assert code == 0, err
+    words = ("replay", "spmsm_load_torque", f"{name}.npz", "--out", f"{name} e.npz", "--json", f"{name}.json")
+    code, _, err = run(*words)
+    assert code == 0, err
+    assert (place / f"{name} e.npz").is_file()
+    assert any((place / ".cache" / "pmsm-ickf").iterdir())
+    (place / f"{name}.toml").write_text("[motor")
+    refused(run("generate", f"{name}.toml"))

@@ -1,0 +1,75 @@
+"""A sample of the mutants, and that the machinery cannot flatter. All of them: python -m tests.mutants."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.mutants.__main__ import SAMPLE, drawn
+from tests.mutants.catalogue import SOURCES, data_mutants
+from tests.mutants.emitted import C_OPERATORS, Code, emitted_mutants, next_float
+from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source
+from tests.mutants.table import KINDS, page, rows
+
+
+def test_a_sample_is_killed(tmp_path: Path) -> None:
+    """In a process of its own: a mutated module must be the first of its name."""
+    command = [sys.executable, "-m", "tests.mutants", "--sample", "--jobs", "2", "--json", f"{tmp_path}/mutants.json"]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert found.returncode == 0, found.stdout + found.stderr
+    fates = json.loads((tmp_path / "mutants.json").read_text(encoding="utf-8"))["mutants"]
+    assert len(fates) >= len(SAMPLE)
+    assert all(entry["fate"] == "killed" for entry in fates)
+
+
+def test_no_mutant_is_stale() -> None:
+    for mutant in SOURCES:
+        compile(mutated_source(mutant), mutant.file, "exec")
+    with pytest.raises(StaleMutantError, match="0 times"):
+        mutated_source(replace(SOURCES[0], old="no such text"))
+
+
+@pytest.fixture(scope="module")
+def emitted() -> list[Mutant]:
+    return emitted_mutants()
+
+
+def test_no_two_are_the_same_and_every_kind_has_some(emitted: list[Mutant]) -> None:
+    assert {mutant.kind for mutant in (*SOURCES, *emitted)} | {"data"} == set(KINDS)
+    assert len({(m.file, m.old, m.new) for m in SOURCES}) == len(SOURCES)
+    assert len({(m.file, m.text) for m in emitted}) == len(emitted)
+
+
+def test_fewer_are_a_part_of_more_and_hold_every_sort(emitted: list[Mutant]) -> None:
+    made = [*data_mutants(), *emitted]
+    sorts = {(m.kind, m.sort) for m in made}
+    few, more = ({m.digest for m in drawn(made, each)} for each in (1, 2))
+    assert len(few) == len(sorts)
+    assert few < more
+    assert drawn(made, None) == made
+
+
+def test_a_crash_is_no_kill() -> None:
+    mutant = Mutant("model", "one", ("model paper_spmsm",))
+    outcomes = [Outcome(mutant, "link model"), Outcome(mutant, crash="NameError: x"), Outcome(mutant)]
+    assert rows(outcomes) == [("model", 3, 1, "link model 1")]
+    text = page([*outcomes, Outcome(replace(mutant, equivalent="a tie"))], {"model": 3}, "a command")
+    assert "**1 of 3 killed.**" in text
+    assert "NameError" in text
+    assert "a tie" in text
+
+
+def test_places_are_code() -> None:
+    text = (
+        '#include "a.h"\n/* a - b */\nstatic float32 smaller(float32 a, float32 b)\n{\n    return (a < b) ? a : b;\n}\n'
+    )
+    text += "static void f(void)\n{\n    const float32 c = a - b; /* a - b */\n}\n"
+    (edit,) = C_OPERATORS["plus for minus"](Code.c(text))
+    assert text[: edit[0]].endswith("c = a")
+    assert not list(C_OPERATORS["< for <=, > for >="](Code.c(text)))
+    assert next_float("0.1f") == "0.100000009f"
