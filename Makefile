@@ -5,22 +5,26 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test firmware quick lint types check bench clean
+.PHONY: run test firmware quick mutants lint types check bench clean
 
 run: $(VENV)/.ready
 	$(BIN)/pmsm-ickf run
 
 test: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # The generated C away from the host. Debian: gcc-avr avr-libc simavr, gcc-arm-none-eabi libnewlib-arm-none-eabi
 # qemu-system-arm, clang cppcheck frama-c-base valgrind. Without them `make test` skips, saying so.
 firmware: $(VENV)/.ready
 	$(BIN)/pmsm-ickf firmware
 
-# The tests without the slow ones: half a minute.
+# The tests without the slow ones.
 quick: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
+
+# The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. Half an hour.
+mutants: $(VENV)/.ready-dev
+	$(BIN)/python -m tests.mutants
 
 # Cost beside peers, then how fast the drive simulates. A peer that cannot be installed is named in its row.
 bench: $(VENV)/.ready

@@ -17,6 +17,7 @@ from costs import ours
 from costs.counting import figure, host_instructions
 from costs.step_tables import X86, Length, inputs_of
 from costs.table import Row, Table
+from model.adaptive import Adaptive
 from model.drive import Drive, load_drive
 from model.machines import MACHINES
 from model.machines.base import Parameters
@@ -49,7 +50,10 @@ def problem(mechanics: type[Mechanics]) -> ours.Problem:
     drive = load_drive("spmsm_load_torque")
     parameters, constants = Parameters.numeric(drive), Constants(named=True)
     machine = MACHINES[drive.model.machine](parameters, constants)
-    model = StateSpaceModel(machine, mechanics(parameters, constants), drive.model.discretization, constants)
+    none_adaptive = Adaptive((), 0.0, parameters, constants)
+    model = StateSpaceModel(
+        machine, mechanics(parameters, constants), drive.model.discretization, none_adaptive, constants
+    )
     return ours.Problem(_tuned(drive, model), model, (0.0,) * len(model.states))
 
 
@@ -75,13 +79,12 @@ def parts(step: Any, listings: dict[str, Listing]) -> Counter[str]:
     for block in accepted_path(step.body):
         listing = listings[block.name]
         done: list[int] = []
-        for section in listing.sections:
+        for stage in block.stages:
             before = weight(listing.graph, done)
-            done += [statement.node for statement in section.statements if statement.function is None]
-            done += [
-                listing.graph.op(op, s.node) for s in section.statements if s.function for op in s.function.operations
-            ]
-            found[PARTS.get(section.equation, "update")] += weight(listing.graph, done) - before
+            done += [node for node in listing.stages[stage.name] if node in listing.live]
+            found[PARTS.get(stage.equation, "update")] += weight(listing.graph, done) - before
+        whole = weight(listing.graph, [node for nodes in listing.outputs.values() for node in nodes])
+        found["update"] += whole - weight(listing.graph, done)
     return found
 
 
