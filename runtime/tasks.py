@@ -6,11 +6,8 @@ import json
 import multiprocessing
 import os
 import queue
-import signal
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +31,7 @@ from runtime.firmware.tasks import run_gates
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, check_ready, generated_folder, verify
 from runtime.report.chapter import Chapter
+from runtime.workers import workers
 
 Progress = Callable[[str], None]
 
@@ -106,20 +104,16 @@ def _generate_all(
     drives: Sequence[str], out: Path | None, check: bool, form: str, progress: Progress
 ) -> list[InMemory]:
     """Several drives at once where there are cores."""
-    workers = min(len(drives), os.cpu_count() or 1)
-    if workers == 1:
+    count = min(len(drives), os.cpu_count() or 1)
+    if count == 1:
         progress(f"{drives[0]}: generating")
         return [_generate(drive, out, check, form) for drive in drives]
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        futures = [pool.submit(_generate, drive, out, check, form) for drive in drives]
+    with workers(count) as submit:
+        futures = [submit(_generate, drive, out, check, form) for drive in drives]
         results = []
         for drive, future in zip(drives, futures, strict=True):
             progress(f"{drive}: generating")
-            try:
-                results.append(future.result())
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+            results.append(future.result())
         return results
 
 
@@ -141,9 +135,9 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
     names = list(drives) or shipped_drives()
     for name in names:
         check_ready(name)
-    workers = min(len(names), os.cpu_count() or 1)
-    if workers > 1:
-        results = _verify_parallel(names, workers, progress)
+    count = min(len(names), os.cpu_count() or 1)
+    if count > 1:
+        results = _verify_parallel(names, count, progress)
     else:
         results = [_verify_one(name, progress) for name in names]
     if json_path is not None:
@@ -157,46 +151,17 @@ def _verify_one(drive: str, progress: Progress) -> tuple[Proof, Evidence]:
     return verify(drive, progress=lambda text: progress(f"{drive}: {text}"))
 
 
-def _verify_parallel(names: Sequence[str], workers: int, progress: Progress) -> list[tuple[Proof, Evidence]]:
-    """One process a drive; their words arrive through a queue. Ctrl-C is this process's affair, which ends them."""
-    with (
-        multiprocessing.Manager() as manager,
-        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_quietly) as pool,
-    ):
+def _verify_parallel(names: Sequence[str], count: int, progress: Progress) -> list[tuple[Proof, Evidence]]:
+    """One process a drive; their words arrive through a queue."""
+    with multiprocessing.Manager() as manager, workers(count) as submit:
         words = manager.Queue()
-        started: set[int | None] = set()
-        try:
-            with _without_ctrl_c():  # inherited by what starts in here
-                others = {child.pid for child in multiprocessing.active_children()}
-                futures = [pool.submit(_verify_one, name, words.put) for name in names]
-                started = {child.pid for child in multiprocessing.active_children()} - others
-            while not all(future.done() for future in futures):
-                try:
-                    progress(words.get(timeout=0.2))
-                except queue.Empty:
-                    continue
-            return [future.result() for future in futures]
-        except KeyboardInterrupt:
-            for child in multiprocessing.active_children():
-                if child.pid in started:
-                    child.terminate()
-            pool.shutdown(cancel_futures=True)
-            raise
-
-
-@contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """Ctrl-C waits until the end of the block; a process started in it never sees one."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _end_quietly() -> None:
-    """A worker that is told to end removes its temporary files and says nothing."""
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
+        futures = [submit(_verify_one, name, words.put) for name in names]
+        while not all(future.done() for future in futures):
+            try:
+                progress(words.get(timeout=0.2))
+            except queue.Empty:
+                continue
+        return [future.result() for future in futures]
 
 
 @dataclass(frozen=True)
@@ -264,16 +229,12 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
     written = generate_drives(names, None, progress=progress)
     results = verify_drives(names, None, progress)
     chapters = []
-    workers = min(len(names), os.cpu_count() or 1)
+    count = min(len(names), os.cpu_count() or 1)
     # Emulators and gates are processes of their own: threads start them while this one simulates.
-    with (
-        ThreadPoolExecutor(workers) as threads,
-        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_quietly) as processes,
-    ):
+    with ThreadPoolExecutor(count) as threads, workers(count) as submit:
+        earned = [submit(_earned, name) for name in names]
+        gated = [threads.submit(run_gates, GeneratedFolder(generated_folder(name)), progress) for name in names]
         try:
-            with _without_ctrl_c():
-                earned = [processes.submit(_earned, name) for name in names]
-            gated = [threads.submit(run_gates, GeneratedFolder(generated_folder(name)), progress) for name in names]
             for name, (proof, evidence), gates, passes in zip(names, results, gated, earned, strict=True):
                 drive = load_drive(name)
                 kinds = KINDS if name == "paper_spmsm" else drive.filter.kinds
@@ -284,7 +245,6 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
                 chapters.append(Chapter(*made, gates.result(), passes.result()))
         except BaseException:
             threads.shutdown(wait=False, cancel_futures=True)
-            processes.shutdown(wait=False, cancel_futures=True)
             raise
     progress("writing the report page")
     page = build / "report" / "index.html"
