@@ -135,11 +135,7 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
     names = list(drives) or shipped_drives()
     for name in names:
         check_ready(name)
-    count = min(len(names), os.cpu_count() or 1)
-    if count > 1:
-        results = _verify_parallel(names, count, progress)
-    else:
-        results = [_verify_one(name, progress) for name in names]
+    results = _verify_all(names, progress)
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
         facts = {"passed": all(p["passed"] for p in proofs), "drives": proofs}
@@ -151,8 +147,11 @@ def _verify_one(drive: str, progress: Progress) -> tuple[Proof, Evidence]:
     return verify(drive, progress=lambda text: progress(f"{drive}: {text}"))
 
 
-def _verify_parallel(names: Sequence[str], count: int, progress: Progress) -> list[tuple[Proof, Evidence]]:
-    """One process a drive; their words arrive through a queue."""
+def _verify_all(names: Sequence[str], progress: Progress) -> list[tuple[Proof, Evidence]]:
+    """One process a drive where there are cores; their words arrive through a queue."""
+    count = min(len(names), os.cpu_count() or 1)
+    if count == 1:
+        return [_verify_one(name, progress) for name in names]
     with multiprocessing.Manager() as manager, workers(count) as submit:
         words = manager.Queue()
         futures = [submit(_verify_one, name, words.put) for name in names]
