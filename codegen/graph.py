@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import casadi as ca
 
@@ -27,8 +26,7 @@ _FOLD: dict[str, Callable[..., float]] = {
 }
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):
     """One operation. ``name`` is set for inputs and named constants, ``value`` and ``formula`` for constants."""
 
     op: str
@@ -52,31 +50,34 @@ class Graph:
         #: What passes made of this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
         self.rewritten: dict[tuple[Any, ...], tuple[Graph, dict[int, int]]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
+        self._constants: dict[int, float] = {}
 
     def __getitem__(self, index: int) -> Node:
         return self.nodes[index]
 
-    def _add(self, node: Node, key: tuple[Any, ...]) -> int:
+    def _add(self, key: tuple[Any, ...], *node: Any) -> int:
         if key not in self._index:
             self._index[key] = len(self.nodes)
-            self.nodes.append(node)
+            self.nodes.append(Node(*node))
         return self._index[key]
 
     def input(self, name: str) -> int:
         """A scalar that enters the block."""
-        return self._add(Node("input", name=name), ("input", name))
+        return self._add(("input", name), "input", (), name)
 
     def const(self, value: float, name: str = "", formula: str = "") -> int:
         """A number; one with a name keeps it in print, ``formula`` beside it."""
-        return self._add(Node("const", name=name, value=value, formula=formula), ("const", name, repr(value)))
+        index = self._add(("const", name, repr(value)), "const", (), name, value, formula)
+        self._constants[index] = value
+        return index
 
     def op(self, op: str, *args: int) -> int:
         """An operation; the few rewrites here change no bit of its result, and constants are folded in double."""
-        simplified = self._rewrite(op, args)
-        if simplified is not None:
-            return simplified
-        key = (op, *(sorted(args) if op in COMMUTATIVE else args))
-        return self._add(Node(op, tuple(args)), key)
+        if not self._constants.keys().isdisjoint(args):
+            simplified = self._rewrite(op, args)
+            if simplified is not None:
+                return simplified
+        return self._add((op, *(sorted(args) if op in COMMUTATIVE else args)), op, args)
 
     def adopt(self, node: Node, args: list[int]) -> int:
         """A node of another graph, its arguments given in this one."""
@@ -85,7 +86,7 @@ class Graph:
         return self.const(node.value, node.name, node.formula) if node.op == "const" else self.op(node.op, *args)
 
     def _rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
-        constants = [self.nodes[arg].value if self.nodes[arg].op == "const" else None for arg in args]
+        constants = [self._constants.get(arg) for arg in args]
         if op in _FOLD and None not in constants:
             return self.const(_FOLD[op](*constants))
         if op == "mul" and 1.0 in constants:
@@ -100,17 +101,15 @@ class Graph:
 
     def reachable(self, roots: Iterable[int]) -> list[int]:
         """All nodes the roots depend on, arguments before users."""
-        seen: dict[int, None] = {}
-        stack = [(root, False) for root in reversed(list(roots))]
+        nodes, seen = self.nodes, dict[int, None]()
+        stack = list(roots)[::-1]
         while stack:
-            index, expanded = stack.pop()
-            if index in seen:
-                continue
-            if expanded:
-                seen[index] = None
-                continue
-            stack.append((index, True))
-            stack.extend((arg, False) for arg in reversed(self.nodes[index].args))
+            index = stack.pop()
+            if index < 0:  # ~index: its arguments are done
+                seen[~index] = None
+            elif index not in seen:
+                stack.append(~index)
+                stack += nodes[index].args[::-1]
         return list(seen)
 
 

@@ -60,18 +60,23 @@ def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELI
     roots = list(dict.fromkeys(roots))
     key = (tuple(roots), pipelines)
     if key not in graph.rewritten:
-        results = [run_pipeline(graph, roots, pipeline) for pipeline in pipelines]
+        made: Made = {(): (graph, {node: node for node in graph.reachable(roots)})}
+        results = [_run_pipeline(made, roots, pipeline) for pipeline in pipelines]
         graph.rewritten[key] = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
     return graph.rewritten[key]
 
 
-def run_pipeline(graph: Graph, roots: list[int], passes: tuple[Pass, ...]) -> tuple[Graph, dict[int, int]]:
-    """Passes one after another."""
-    whole = {node: node for node in graph.reachable(roots)}
-    for step in passes:
-        graph, moved = step(graph, [whole[root] for root in roots])
-        whole = {old: moved[new] for old, new in whole.items() if new in moved}
-    return graph, whole
+#: What the first passes of some pipeline made, and where the nodes of the first graph went.
+Made = dict[tuple[Pass, ...], tuple[Graph, dict[int, int]]]
+
+
+def _run_pipeline(made: Made, roots: list[int], passes: tuple[Pass, ...]) -> tuple[Graph, dict[int, int]]:
+    """Passes one after another; what several pipelines begin with is done once."""
+    if passes not in made:
+        graph, whole = _run_pipeline(made, roots, passes[:-1])
+        new, moved = passes[-1](graph, [whole[root] for root in roots])
+        made[passes] = new, {old: moved[now] for old, now in whole.items() if now in moved}
+    return made[passes]
 
 
 __all__ = [

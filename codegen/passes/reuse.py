@@ -75,7 +75,7 @@ def _pair(
     """Two other products, none of them ``barred``, whose product is ``top``."""
     number, factors = parts[top]
     for first, (one, some) in parts.items():
-        if first == top or first in barred or not some or not some <= factors:
+        if first == top or first in barred or not some or not some.keys() <= factors.keys() or not some <= factors:
             continue
         for second in known.get(frozenset((factors - some).items()), ()):
             if second not in barred and math.isclose(one * parts[second][0], number, rel_tol=SAME):

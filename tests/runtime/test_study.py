@@ -16,27 +16,14 @@ import pytest
 from scipy import stats
 
 from runtime.drive.fleet import Outcomes
-from runtime.drive.scenario import Scenario
 from runtime.errors import UserError
-from runtime.estimator.folder import find_folder
 from runtime.report.study_figures import write_figures
 from runtime.study import run as running
 from runtime.study import store as storing
 from runtime.study.analysis import comparisons, paired, quantiles, study_facts, success, success_over, wilson
-from runtime.study.package import pack
-from runtime.study.run import Group, Study, run_study, state_study
+from runtime.study.run import Group, run_study, state_study
 from runtime.study.statement import VARIABLES, Statement, parse_range, parse_ranges
-
-DRIVE = "spmsm_load_torque"
-SHORT = Scenario("short", ramp=0.03, load=3.0, load_at=0.05, duration=0.08)
-VARY = ("theta=-90:90", "R=0.8:1.2", "noise=0.02:0.1:log", "load=0:3")
-
-
-def _statement(seed: int = 1, vary: tuple[str, ...] = VARY, drive: str = DRIVE) -> tuple[Statement, list[Any]]:
-    packages = [pack(find_folder(drive), kind) for kind in ("ckf", "ickf")]
-    subjects = tuple((package.drive, package.kind) for package in packages)
-    digests = tuple(package.digest for package in packages)
-    return Statement(subjects, digests, SHORT, parse_ranges(vary), seed), packages
+from tests.runtime.studies import DRIVE, SHORT, VARY, same_study, stated
 
 
 @pytest.fixture
@@ -48,21 +35,21 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_draws_depend_on_seed_and_index_alone() -> None:
-    whole = _statement()[0].draw(0, 1000)
+    whole = stated()[0].draw(0, 1000)
     for first, count in ((0, 1), (1, 2), (7, 500), (996, 4), (513, 30)):
-        part = _statement()[0].draw(first, count)
+        part = stated()[0].draw(first, count)
         for name, column in part.items():
             np.testing.assert_array_equal(column, whole[name][first : first + count])
-    fewer = _statement(vary=("R=0.8:1.2",))[0].draw(0, 1000)
+    fewer = stated(vary=("R=0.8:1.2",))[0].draw(0, 1000)
     for name in ("R", "seed"):
         np.testing.assert_array_equal(fewer[name], whole[name])
-    other = _statement(seed=2)[0].draw(0, 1000)
+    other = stated(seed=2)[0].draw(0, 1000)
     assert not np.any(other["R"] == whole["R"])
     assert len(np.unique(whole["seed"])) == 1000
 
 
 def test_draws_are_even_and_independent() -> None:
-    drawn = _statement()[0].draw(0, 20_000)
+    drawn = stated()[0].draw(0, 20_000)
     assert stats.kstest(drawn["R"], "uniform", (0.8, 0.4)).pvalue > 1e-3
     assert stats.kstest(drawn["theta"], "uniform", (-90, 180)).pvalue > 1e-3
     assert stats.kstest(np.log(drawn["noise"]), "uniform", (np.log(0.02), np.log(5))).pvalue > 1e-3
@@ -71,7 +58,7 @@ def test_draws_are_even_and_independent() -> None:
 
 
 def test_both_inductances_vary_together_and_angles_turn_into_radians() -> None:
-    cases = _statement(vary=("L=0.9:1.1", "theta=180"))[0].cases(0, 5)
+    cases = stated(vary=("L=0.9:1.1", "theta=180"))[0].cases(0, 5)
     np.testing.assert_array_equal(cases.L_d, cases.L_q)
     np.testing.assert_allclose(cases.theta, np.pi)
 
@@ -121,18 +108,9 @@ def test_unknown_words_of_a_study() -> None:
 # --- what is done stays done
 
 
-def _same(a: Study, b: Study) -> None:
-    assert len(a.groups) == len(b.groups)
-    for one, two in zip(a.groups, b.groups, strict=True):
-        assert (one.drive, one.kind) == (two.drive, two.kind)
-        np.testing.assert_array_equal(one.index, two.index)
-        for name, column in one.outcomes.columns().items():
-            np.testing.assert_array_equal(column, getattr(two.outcomes, name), name)
-
-
 def test_an_interrupted_study_goes_on(small_chunks: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C in the fourth chunk: three are kept, only the others are run, and all is as if nothing had happened."""
-    statement, packages = _statement()
+    statement, packages = stated()
     whole = run_study(statement, packages, 60, tmp_path / "whole")
     assert [len(group.index) for group in whole.groups] == [60, 60]
     calls = []
@@ -153,11 +131,11 @@ def test_an_interrupted_study_goes_on(small_chunks: None, tmp_path: Path, monkey
     again = run_study(statement, packages, 60, tmp_path / "broken")
     assert not again.interrupted
     assert len(calls) == 4 + 3
-    _same(whole, again)
+    same_study(whole, again)
 
 
 def test_more_runs_add_to_what_is_there(small_chunks: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    statement, packages = _statement()
+    statement, packages = stated()
     run_study(statement, packages, 30, tmp_path / "study")
     seen: list[int] = []
     original = storing.Store.save
@@ -166,17 +144,17 @@ def test_more_runs_add_to_what_is_there(small_chunks: None, tmp_path: Path, monk
     )
     more = run_study(statement, packages, 60, tmp_path / "study")
     assert sorted(seen) == [24, 24, 48, 48], "the first chunk of each filter was whole"
-    _same(more, run_study(statement, packages, 60, tmp_path / "fresh"))
+    same_study(more, run_study(statement, packages, 60, tmp_path / "fresh"))
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "text"])
 def test_a_damaged_chunk_is_run_again(damage: str, small_chunks: None, tmp_path: Path) -> None:
-    statement, packages = _statement()
+    statement, packages = stated()
     whole = run_study(statement, packages, 24, tmp_path)
     path = next((tmp_path / "runs").glob("*_ckf_*.npz"))
     raw = path.read_bytes()
     path.write_bytes({"cut": raw[: len(raw) // 2], "empty": b"", "text": b"hello"}[damage])
-    _same(whole, run_study(statement, packages, 24, tmp_path))
+    same_study(whole, run_study(statement, packages, 24, tmp_path))
     assert path.read_bytes() != b"hello"
 
 
@@ -196,13 +174,13 @@ def test_a_chunk_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.parametrize(("change", "word"), [({"seed": 2}, "seed"), ({"vary": ("R=0.9:1.1",)}, "vary")])
 def test_another_study_in_the_same_folder_is_refused(change: dict[str, Any], word: str, tmp_path: Path) -> None:
-    run_study(*_statement(), 4, tmp_path)
+    run_study(*stated(), 4, tmp_path)
     with pytest.raises(UserError, match=f"holds another study \\({word} there: .* now: "):
-        run_study(*_statement(**change), 4, tmp_path)
+        run_study(*stated(**change), 4, tmp_path)
 
 
 def test_changed_code_is_another_study(tmp_path: Path) -> None:
-    statement, packages = _statement()
+    statement, packages = stated()
     run_study(statement, packages, 4, tmp_path)
     files = dict(packages[0].files)
     name = f"{DRIVE}_ckf_foc.c"
@@ -270,7 +248,7 @@ def test_success_over_a_variable() -> None:
 
 def test_a_linear_measurement_makes_both_filters_one(tmp_path: Path) -> None:
     """Iterating is idle there: the paired difference is zero, with no width. Figures are drawn of it all."""
-    study = run_study(*_statement(), 64, tmp_path)
+    study = run_study(*stated(), 64, tmp_path)
     assert {(item.mean, item.low, item.high) for item in comparisons(study)} == {(0.0, 0.0, 0.0)}
     paths = write_figures(study)
     assert [path.name for path in paths] == [
@@ -285,7 +263,7 @@ def test_a_linear_measurement_makes_both_filters_one(tmp_path: Path) -> None:
 
 
 def test_figures_where_nothing_locked(tmp_path: Path) -> None:
-    study = run_study(*_statement(vary=("theta=150:180", "psi_m=0.4:0.5")), 20, tmp_path)
+    study = run_study(*stated(vary=("theta=150:180", "psi_m=0.4:0.5")), 20, tmp_path)
     assert success(study.groups[0]).successes == 0
     write_figures(study)
     json.dumps(study_facts(study), allow_nan=False)
@@ -342,75 +320,3 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     done = subprocess.run([*words, "512"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert kept.items() <= {path: path.stat().st_mtime_ns for path in runs.glob("*.npz")}.items()
-
-
-# --- the cluster
-
-
-def test_what_a_cluster_needs_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from runtime.study import cluster
-
-    statement, packages = _statement()
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
-    with pytest.raises(UserError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
-        run_study(statement, packages, 4, tmp_path, scheduler="tcp://127.0.0.1:1")
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(UserError, match=r"--scheduler needs Dask: pip install 'pmsm-ickf\[study\]'"):
-        run_study(statement, packages, 4, tmp_path, scheduler="tcp://127.0.0.1:1")
-
-
-@pytest.mark.slow
-def test_a_killed_worker_loses_no_finished_run(small_chunks: None, tmp_path: Path) -> None:
-    """Three processes, one killed on the way; what was finished is not run again, and all is as on one machine."""
-    distributed = pytest.importorskip("distributed")
-    statement, packages = _statement(drive="paper_spmsm", vary=VARY)
-    runs = 1200
-    here = run_study(statement, packages, runs, tmp_path / "here")
-    there = tmp_path / "there"
-    killed: list[int] = []
-    before: dict[Path, int] = {}
-    with distributed.LocalCluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        with distributed.Client(cluster) as client:
-            pids = list(client.run(os.getpid).values())
-        assert len(set(pids)) == 3
-
-        def watch(done: int, of: int, what: str) -> None:
-            if not killed and of // 4 <= done < of:
-                before.update({path: path.stat().st_mtime_ns for path in (there / "runs").glob("*.npz")})
-                killed.append(pids[0])
-                os.kill(pids[0], signal.SIGKILL)
-
-        study = run_study(statement, packages, runs, there, cluster.scheduler_address, watch)
-    assert killed
-    assert len(before) >= 2
-    assert before.items() <= {path: path.stat().st_mtime_ns for path in (there / "runs").glob("*.npz")}.items()
-    _same(here, study)
-
-
-@pytest.mark.parametrize(
-    ("error", "message"),
-    [
-        (
-            RuntimeError("no memory\nand more"),
-            r"runs 24 to 47 failed on the cluster at 'tcp://x' \(RuntimeError: no memory\)",
-        ),
-        (UserError("no C compiler found"), "^no C compiler found$"),
-    ],
-)
-def test_what_fails_on_a_worker_is_one_line(error: Exception, message: str) -> None:
-    from runtime.study.cluster import _result
-
-    class Failed:
-        def result(self) -> Any:
-            raise error
-
-    with pytest.raises(UserError, match=message):
-        _result(Failed(), storing.Chunk(0, 24, 24), "tcp://x")
-
-
-def test_a_worker_with_another_version_is_refused() -> None:
-    from runtime.study.cluster import _run_chunk, _Task
-
-    statement, packages = _statement()
-    with pytest.raises(UserError, match="another version of pmsm-ickf"):
-        _run_chunk(packages[0], _Task(SHORT, statement.cases(0, 1), "of other code"))
