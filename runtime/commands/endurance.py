@@ -10,10 +10,9 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from model.drive import shipped_drives
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, counting
 from runtime.files import write_text
 
 Drives = Annotated[
@@ -100,8 +99,5 @@ def soak(
 @contextmanager
 def _bar(what: str, total: int) -> Iterator[Callable[[str, int], None]]:
     """A progress bar, where there is a terminal, of so many executions or steps."""
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, TextColumn("{task.description}"), console=console, transient=True,
-                  disable=not console.is_terminal) as progress:  # fmt: skip
-        task = progress.add_task("", total=total)
-        yield lambda name, more: progress.update(task, advance=more, description=escape(name))
+    with counting(what, total=total) as update:
+        yield lambda name, more: update(advance=more, description=escape(name))

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import TaskProgressColumn
 
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, counting
 from runtime.errors import UserError
 
 
@@ -62,10 +62,8 @@ def replay(
     folder = drive_folder(drive)
     settings = Settings(kind, backend, dtype, _numbers(x0), theta0)
     recorded = read_recorded(data, rename or [], scale or [])
-    columns = (TextColumn("replaying"), BarColumn(), TaskProgressColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-        result = run(folder, recorded, settings, lambda share: bar.update(task, completed=share))
+    with counting("replaying", TaskProgressColumn(), total=1.0) as update:
+        result = run(folder, recorded, settings, lambda share: update(completed=share))
     for note in result.notes:
         console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False, soft_wrap=True)
     console.print(replay_tables(result), highlight=False)

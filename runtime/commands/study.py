@@ -10,11 +10,10 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from typer.core import TyperGroup
 
 from model.drive import shipped_drives
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, counting
 from runtime.study.statement import USUAL, VARIABLES
 
 
@@ -155,13 +154,5 @@ def tune(
 @contextmanager
 def bar(what: str) -> Iterator[Any]:
     """A progress bar, where there is a terminal, that says what is being run."""
-    columns = (
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("", total=None)
-        yield lambda done, of, name: progress.update(task, completed=done, total=of, description=escape(name))
+    with counting(what) as update:
+        yield lambda done, of, name: update(completed=done, total=of, description=escape(name))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
 from runtime.errors import stop_if_interrupted
 
@@ -34,3 +36,18 @@ def working() -> Iterator[Callable[[str], None]]:
 
         yield write
     stop_if_interrupted()
+
+
+@contextmanager
+def counting(what: str, *columns: ProgressColumn, total: float | None = None) -> Iterator[Callable[..., None]]:
+    """A progress bar, where there is a terminal; what it yields takes the keys of Rich's ``Progress.update``."""
+    columns = columns or (MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    shown = console.is_terminal
+    with Progress(TextColumn(what), BarColumn(), *columns, console=console, transient=True, disable=not shown) as bar:
+        task = bar.add_task("", total=total)
+
+        def update(**keys: Any) -> None:
+            stop_if_interrupted()
+            bar.update(task, **keys)
+
+        yield update

@@ -301,7 +301,7 @@ def test_without_matplotlib_nothing_is_run(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     """The signal in the middle of a long study; the same command with fewer runs finds its chunks there."""
-    words = [sys.executable, "-m", "runtime.cli", "study", "paper_spmsm", "--out", str(tmp_path), "--runs"]
+    words = [sys.executable, "-m", "runtime", "study", "paper_spmsm", "--out", str(tmp_path), "--runs"]
     process = subprocess.Popen([*words, "1000000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     runs = tmp_path / "runs"
     for _ in range(1200):
