@@ -27,6 +27,9 @@ OPTIMISATIONS: tuple[tuple[str, ...], ...] = (("-O0",), ("-O2",), ("-O3", "-marc
 #: Pieces the trajectory is cut into for the lane form: no multiple of any vector's length.
 PIECES = 21
 
+#: Angles at which the last bit of each coefficient of sine and cosine shows, sought among four million.
+TELLING = (1.5846115350723267, -1.4174660444259644, 3.141575574874878, 1.687328815460205, 1.6679680347442627)
+
 
 def same_bits(a: Array, b: Array) -> Array:
     """Entry by entry: identical bit patterns (so NaN equals the same NaN, and 0 differs from -0)."""
@@ -59,6 +62,7 @@ class Bits:
             *_rows("trajectory", self.trace, trace),
             *_rows("box", self.lanes, self._box(backend)),
             *_rows("box, wide turns", self.wide, self._box(backend, self._wide_words())),
+            *_rows("box, angle alone unknown", self.sharp, self._sharp(backend)),
             *_rows("pieces", self.pieces[:4], (pieces := self._run_pieces(backend))[:4]),
             *_kept_rows(self.pieces[4:], pieces[4:]),
         )
@@ -75,6 +79,7 @@ class Bits:
             *_kept_rows(*(run[4:] for run in runs)),
             *_rows("box", self.lanes, self._box(backend)),
             *_rows("box, wide turns", self.wide, self._box(backend, self._wide_words())),
+            *_rows("box, angle alone unknown", self.sharp, self._sharp(backend)),
         )
         return self._link("NumPy float32 = each lane of a batch in C, bit for bit", data, rows, self._first_lane(*runs))
 
@@ -93,20 +98,50 @@ class Bits:
         """What NumPy makes of the box where every column turns far."""
         return self._box(NumpyBackend(self.folder.module, self.step.kind, "float32"), self._wide_words())
 
+    @cached_property
+    def sharp(self) -> tuple[Array, ...]:
+        """What NumPy makes of the box where everything is known but the angle."""
+        return self._sharp(NumpyBackend(self.folder.module, self.step.kind, "float32"))
+
+    def _sharp(self, backend: CBackend | NumpyBackend) -> tuple[Array, ...]:
+        """One step at rest, nothing uncertain or about to be but the angle, every other measurement rejected.
+
+        What only a bend moves is then no longer rounded off in what is larger.
+        """
+        module = self.folder.module
+        x, y, words = self.box.x.copy(), self.box.y.copy(), np.zeros_like(self.box_words)
+        x[2], x[module.ANGLE, : len(TELLING)], y[0, ::2] = 0.0, TELLING, np.nan
+        Q = 1e-12 * np.array(module.DEFAULTS["Q"])
+        for place, state in enumerate(self._order):
+            words[place * (place + 3) // 2] = 1e6 * Q[state]
+        backend.reset(x.astype(np.float32), self._turned(words, 2 * UNKNOWN, power=3))
+        self._set(backend, {"Q": np.tile(Q[:, None], words.shape[1])})
+        return backend.run(self.box.u.astype(np.float32)[None], y.astype(np.float32)[None])
+
     def _wide_words(self) -> Array:
         """The draws' covariances, but the angle as uncertain along every column as a bend is well seen at."""
-        words: Array = self.box_words.copy()
-        n = len(self.x0)
-        angle = getattr(self.folder.module, "ORDER", tuple(range(n))).index(self.folder.module.ANGLE)
+        return self._turned(self.box_words.copy(), 2 * LIMIT)
+
+    def _turned(self, words: Array, widest: float, power: int = 1) -> Array:
+        """Covariances in which theta turns along every column, in place; a form without columns as it is.
+
+        A column's d^2 is ``widest`` times a power of a number that is uniform in 0 .. 1.
+        """
+        n, angle = len(self.x0), self._order.index(self.folder.module.ANGLE)
         if self.folder.module.COVARIANCE != "LD":
             return words
         rng = np.random.default_rng(2)
         row = angle * (angle + 1) // 2
         for column in range(angle):
-            z = rng.uniform(0, 2 * LIMIT / n, words.shape[1])
+            z = rng.uniform(0, 1, words.shape[1]) ** power * widest / n
             words[row + column] = np.sqrt(z / words[column * (column + 3) // 2])
-        words[row + angle] = rng.uniform(0, 2 * LIMIT / n, words.shape[1])
+        words[row + angle] = rng.uniform(0, 1, words.shape[1]) ** power * widest / n
         return words
+
+    @property
+    def _order(self) -> tuple[int, ...]:
+        """Which state has which row of the covariance's words."""
+        return tuple(getattr(self.folder.module, "ORDER", range(len(self.x0))))
 
     def _run_pieces(self, backend: CBackend | NumpyBackend) -> tuple[Array, ...]:
         """The trajectory cut up, its pieces side by side, each with a tuning of its own."""
@@ -160,7 +195,7 @@ class Bits:
         Turns that halved are exactly what counts as small, that are exactly not too wide, that are too wide by the
         angle's own column; wide in one column alone, and in all. A variance below nothing, which must meet its floor.
         """
-        n, order = len(self.x0), getattr(self.folder.module, "ORDER", tuple(range(len(self.x0))))
+        n, order = len(self.x0), self._order
         angle, omega = order.index(self.folder.module.ANGLE), order.index(2)
         place = {(i, j): i * (i + 1) // 2 + j for i in range(n) for j in range(i + 1)}
         for lane, z in ((7, 4 * UNKNOWN), (10, 4 * LIMIT), (13, UNKNOWN)):
@@ -197,16 +232,20 @@ class Bits:
             tuned["nis_max"] = np.where(lane % 4 == 1, 1.0, given["nis_max"])
             tuned["nis_weight"] = given["nis_weight"] * 2.0 ** (lane % 3)
             tuned["nis"] = np.where(lane == 5, 4e9, 0.0)  # absurd, but nothing to repair
+        self._set(backend, tuned)
+        for each in [backend.filter] if isinstance(backend, NumpyBackend) else backend.filters:
+            each.max_iterations = given["max_iterations"] + 1
+
+    @staticmethod
+    def _set(backend: CBackend | NumpyBackend, tuned: dict[str, Array]) -> None:
+        """Tuning of every lane, each entry (lanes,) or (entries, lanes)."""
         single = {name: np.asarray(value, dtype=np.float32) for name, value in tuned.items()}
         if isinstance(backend, NumpyBackend):
-            values = {name: tuple(value) if value.ndim == 2 else value for name, value in single.items()}
-            vars(backend.filter).update(values, max_iterations=given["max_iterations"] + 1)
+            vars(backend.filter).update({name: tuple(v) if v.ndim == 2 else v for name, v in single.items()})
             return
-        for k in range(PIECES):
-            c = backend.filters[k]
-            for name, value in single.items():
-                setattr(c, name, list(value[:, k]) if value.ndim == 2 else value[k])
-            c.max_iterations = given["max_iterations"] + 1
+        for name, value in single.items():
+            for k, entry in enumerate(value.T.tolist()):
+                setattr(backend.filters[k], name, entry)
 
     def _link(self, claim: str, data: str, rows: tuple[Row, ...], first: Divergence | None) -> Link:
         return Link("D-E", claim, self.folder.drive, self.step.kind, self.step.gain, data, rows, first)

@@ -106,12 +106,10 @@ def test_no_compiler_is_said_before_work_starts(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_ones_own_motor_is_run_and_verified(tmp_path: Path) -> None:
+def test_ones_own_motor_is_verified(tmp_path: Path) -> None:
     text = (DRIVES / "spmsm_load_torque.toml").read_text().replace("spmsm_load_torque", "my_motor")
     (tmp_path / "my_motor.toml").write_text(text.replace("2.875", "2.0").replace('["ckf", "ickf"]', '["ckf"]'))
-    done = call("run", "my_motor.toml", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "my_motor" in (tmp_path / "build" / "report" / "index.html").read_text()
+    assert call("generate", "my_motor.toml", cwd=tmp_path).returncode == 0
     done = call("verify", "my_motor.toml", "--json", "proof.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     data = json.loads((tmp_path / "proof.json").read_text())
