@@ -106,7 +106,7 @@ class Bits:
     def _sharp(self, backend: CBackend | NumpyBackend) -> tuple[Array, ...]:
         """One step at rest, nothing uncertain or about to be but the angle, every other measurement rejected.
 
-        What only a bend moves is then no longer rounded off in what is larger.
+        What only a bend moves is then not rounded off in what is larger.
         """
         module = self.folder.module
         x, y, words = self.box.x.copy(), self.box.y.copy(), np.zeros_like(self.box_words)
@@ -114,7 +114,7 @@ class Bits:
         Q = 1e-12 * np.array(module.DEFAULTS["Q"])
         for place, state in enumerate(self._order):
             words[place * (place + 3) // 2] = 1e6 * Q[state]
-        backend.reset(x.astype(np.float32), self._turned(words, 2 * UNKNOWN, power=3))
+        backend.reset(x.astype(np.float32), self._turned(words, UNKNOWN))
         self._set(backend, {"Q": np.tile(Q[:, None], words.shape[1])})
         return backend.run(self.box.u.astype(np.float32)[None], y.astype(np.float32)[None])
 
@@ -122,20 +122,17 @@ class Bits:
         """The draws' covariances, but the angle as uncertain along every column as a bend is well seen at."""
         return self._turned(self.box_words.copy(), 2 * LIMIT)
 
-    def _turned(self, words: Array, widest: float, power: int = 1) -> Array:
-        """Covariances in which theta turns along every column, in place; a form without columns as it is.
-
-        A column's d^2 is ``widest`` times a power of a number that is uniform in 0 .. 1.
-        """
+    def _turned(self, words: Array, widest: float) -> Array:
+        """Covariances in which every column turns theta by a d^2 up to ``widest``, in place; P as it is."""
         n, angle = len(self.x0), self._order.index(self.folder.module.ANGLE)
         if self.folder.module.COVARIANCE != "LD":
             return words
         rng = np.random.default_rng(2)
         row = angle * (angle + 1) // 2
         for column in range(angle):
-            z = rng.uniform(0, 1, words.shape[1]) ** power * widest / n
+            z = rng.uniform(0, widest / n, words.shape[1])
             words[row + column] = np.sqrt(z / words[column * (column + 3) // 2])
-        words[row + angle] = rng.uniform(0, 1, words.shape[1]) ** power * widest / n
+        words[row + angle] = rng.uniform(0, widest / n, words.shape[1])
         return words
 
     @property

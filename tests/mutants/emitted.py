@@ -253,7 +253,7 @@ _CHECK = (
 
 
 def _why_the_same(name: str, line: str) -> str:
-    if name in _SUMS and " check = " in line:
+    if name in _SUMS and re.search(r"\bcheck = ", line):
         return _CHECK
     return "a limit that is met exactly" if name.startswith("<") and "worst <= " in line else ""
 
