@@ -22,7 +22,7 @@ firmware: $(VENV)/.ready
 quick: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
-# The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. Half an hour.
+# The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. A quarter of an hour.
 mutants: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.mutants
 
