@@ -62,10 +62,18 @@ WRONG = {"spmsm_adaptive": (10, 8, 3, 0.3), "ipmsm_adaptive": (20, 13, 5, 0.4)}
 @pytest.mark.parametrize("start", ["ramp", "step"])
 @pytest.mark.parametrize("drive", list(WRONG))
 def test_adaptive_drives_outlive_wrong_motor_data(drive: str, start: str, kind: str) -> None:
-    for seed in range(1, 5):
-        found = figures(drive, kind, start, noise=0.05, wrong=True, seed=seed)
-        reached = (found["start"], found["load"], found["end"], found["position_end"])
-        assert all(value <= limit for value, limit in zip(reached, WRONG[drive], strict=True)), (seed, found)
+    """The first four draws of the noise are all within; of more, nearly all: ``pytest -s`` prints their figures."""
+    names, limits = ("start", "load", "end", "position_end"), np.array(WRONG[drive])
+    runs = [figures(drive, kind, start, noise=0.05, wrong=True, seed=seed) for seed in range(1, 51)]
+    reached = np.array([[found[name] for name in names] for found in runs])
+    beyond = np.any(reached > limits, axis=1)
+    median, worst = np.median(reached, axis=0), np.max(reached, axis=0)
+    print(
+        f"\n{drive}, {kind}, {start}: {names} median {median.round(2)}, worst {worst.round(2)}, {beyond.sum()} beyond"
+    )
+    assert not beyond[:4].any(), reached[:4]
+    assert beyond.mean() <= 0.15
+    assert np.all(worst <= 1.5 * limits), worst
 
 
 @pytest.mark.parametrize("start", ["ramp", "step"])
