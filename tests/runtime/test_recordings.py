@@ -64,7 +64,7 @@ WRONG = {"spmsm_adaptive": (10, 8, 3, 0.3), "ipmsm_adaptive": (20, 13, 5, 0.4)}
 def test_adaptive_drives_outlive_wrong_motor_data(drive: str, start: str, kind: str) -> None:
     """The first four draws of the noise are all within; of more, nearly all: ``pytest -s`` prints their figures."""
     names, limits = ("start", "load", "end", "position_end"), np.array(WRONG[drive])
-    runs = [figures(drive, kind, start, noise=0.05, wrong=True, seed=seed) for seed in range(1, 51)]
+    runs = [figures(drive, kind, start, noise=0.05, wrong=True, seed=seed) for seed in range(1, 101)]
     reached = np.array([[found[name] for name in names] for found in runs])
     beyond = np.any(reached > limits, axis=1)
     median, worst = np.median(reached, axis=0), np.max(reached, axis=0)
