@@ -76,7 +76,7 @@ WORD = "my_machine.py:HarmonicPMSM"
         ("salient_flx", "'salient', 'salient_flux', and no 'FILE.py:CLASS' of your own. Did you mean 'salient_flux'?"),
         ("my_machine.py", "names no class. Did you mean 'my_machine.py:MyMachine'"),
         ("my_machin.py:HarmonicPMSM", "machine file 'my_machin.py' cannot be read: No such file"),
-        ("/tmp/my_machine.py:HarmonicPMSM", "give the file's path relative to the drive file"),
+        (f"{Path('my_machine.py').absolute()}:HarmonicPMSM", "give the file's path relative to the drive file"),
         ("C:/my_machine.py:HarmonicPMSM", "give the file's path relative to the drive file"),
         ("my_machine.py:HarmonicPMSN", "has no class 'HarmonicPMSN'. Did you mean 'HarmonicPMSM'?"),
         ("my_machine.py:Motor", "has no class 'Motor'. Its machines: HarmonicPMSM."),
