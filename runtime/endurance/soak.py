@@ -1,8 +1,8 @@
 """A drive's filter for a billion steps: float32 beside float64, hours of drive time in minutes.
 
 The journey of :mod:`runtime.endurance.journey` over and over, with sensor noise that never repeats, and currents that
-are lost for a while every million steps. Held to: what link C-D finds in 100 000 steps at one speed, times a factor
-with a reason; no growth from decade to decade; no status without a reason in the journey; the lock kept all along.
+are lost for a while every million steps. Held to: what 100 000 steps show as link C-D runs them, times a factor with a
+reason; no growth from decade to decade; no status without a reason in the journey; the lock kept all along.
 """
 
 from __future__ import annotations
@@ -39,8 +39,10 @@ SOURCE = Path(__file__).with_name("soak.c")
 NOISE = 0.05
 #: Steps from one loss of currents to the next: a prime, so that it strikes everywhere in the period; and how many.
 LOST_EVERY, LOST_FOR = 1_000_003, 50
-#: What the deviation of a state may be, over that of 100 000 steps at 1000 r/min: the journey's speeds are up to 2.7
-#: times those, which costs two bits of a float32 speed, and the extremes of 10^9 draws are 1.4 times those of 10^5.
+#: What the deviation of a state may be, over that of 100 000 steps at 1000 r/min or at the slowest speed that is not
+#: called slow, whichever shows more: the journey's speeds are up to 2.7 times 1000 r/min, which costs two bits of a
+#: float32 speed, and the extremes of 10^9 draws are 1.4 times those of 10^5. At the slow end the back-EMF that shows
+#: the angle is a tenth, and what rounding does to an angle lasts as much longer.
 WITHIN = 10.0
 #: What a later decade's largest deviation may be over that of the decade to 10^6 steps, which is five periods or more:
 #: extremes of noise over a thousand times the steps are 1.3 times as large, and deviations go with their products.
@@ -58,8 +60,8 @@ LOCKED = math.pi / 4
 TURNED = 1e-9
 #: Steps of one call into C, a second or less: Ctrl-C is heard between two.
 CHUNK = 500_000
-#: Steps of the reference run at speed, as in link C-D.
-REFERENCE = 100_000
+#: Steps and speed (r/min) of the reference run, as in link C-D; a second one is at the slow end.
+REFERENCE, REFERENCE_SPEED = 100_000, 1000.0
 
 #: Called with drive, steps more.
 Progress = Callable[[str, int], None]
@@ -117,8 +119,8 @@ class Decade:
 
 @dataclass
 class Soak:
-    """One filter's run. ``reference`` (n + 1,): deviation of 100 000 steps at speed, and P's; ``turned`` rad: error of
-    the truth's own angle after all periods."""
+    """One filter's run. ``reference`` (n + 1,): deviation of 100 000 steps at two speeds, the larger one, and P's;
+    ``turned`` rad: error of the truth's own angle after all periods."""
 
     drive: str
     kind: str
@@ -273,14 +275,20 @@ class Soaker:
 TWO_PI_DIGITS = "6.28318530717958647692528676655900576839433879875021"
 
 
-def reference_deviation(folder: GeneratedFolder, kind: str, steps: int = REFERENCE) -> tuple[float, ...]:
-    """Largest |float32 - float64| of each state, then of P over sigma sigma, in so many steps at 1000 r/min."""
+def reference_deviation(folder: GeneratedFolder, kind: str, slow: float, steps: int = REFERENCE) -> tuple[float, ...]:
+    """Largest |float32 - float64| of each state, then of P over sigma sigma: of so many steps at either speed.
+
+    ``slow``: the second speed, rad/s.
+    """
     parameters = folder.manifest["parameters"]
     settled = round(0.3 / parameters["model"]["sample_time"])
-    data = make_trajectory(parameters, settled + steps)
-    single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
-    found = drift(single, double, data.u, data.y)
-    return (*(float(v) for v in found.x[settled:].max(axis=0)), float(found.P[settled:].max()))
+    found = []
+    for speed in (REFERENCE_SPEED, slow * 30 / math.pi):
+        data = make_trajectory(parameters, settled + steps, speed=speed)
+        single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
+        apart = drift(single, double, data.u, data.y)
+        found.append([*apart.x[settled:].max(axis=0), apart.P[settled:].max()])
+    return tuple(float(v) for v in np.max(found, axis=0))
 
 
 def soak(runs: Sequence[tuple[str, int]], kind: str, progress: Progress = lambda name, more: None) -> list[Soak]:
@@ -306,7 +314,7 @@ def soak(runs: Sequence[tuple[str, int]], kind: str, progress: Progress = lambda
 def _soak(soaker: Soaker, steps: int, progress: Progress, over: threading.Event) -> Soak:
     folder, begun = soaker.folder, time.perf_counter()
     T = float(folder.manifest["parameters"]["model"]["sample_time"])
-    reference = reference_deviation(folder, soaker.kind)
+    reference = reference_deviation(folder, soaker.kind, SLOW * soaker.journey.base)
     result = Soak(folder.drive, soaker.kind, soaker.names, soaker.units, T, reference)
     for until in _decades(steps):
         decade, result.turned = soaker.run(until, lambda more: progress(folder.drive, more), over)

@@ -1,9 +1,10 @@
-"""Look inside a step of the generated C: the shipped text, with a probe behind every named stage entry."""
+"""Look inside a step of the generated C: the shipped text, with a probe behind every named entry."""
 
 from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
@@ -12,103 +13,133 @@ from numpy.typing import NDArray
 
 from codegen.layout import lay_out
 from model.filters.program import FilterStep
-from model.quantities import Block
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.result import Divergence
+from runtime.proof.starts import Start, set_tuning
 
 Array = NDArray[Any]
 
+#: (function, name) -> its value in every lane, in the order the C computes them.
+Entries = dict[tuple[str, str], Array]
+
+#: What a probe holds that was not passed: a NaN no arithmetic makes.
+UNTOUCHED = 0x7FABCDEF
+
 _DECLARATION = re.compile(r"^    const float32 (\w+) =[^;]*;", re.MULTILINE)
-_FUNCTION = re.compile(r"^static void (\w+)\(", re.MULTILINE)
+_FUNCTION = re.compile(r"^(?:static )?\w+ (\w+)\(.*$", re.MULTILINE)
 
 
-def locate(
-    folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array, number: int
-) -> Divergence | None:
-    """The first stage entry in which C and NumPy part in one step, or None if no named entry does.
-
-    Parameters
-    ----------
-    folder, step
-        The generated filter and the stages it is made of.
-    before : (x, covariance words)
-        The state both start from.
-    u, y : array, (2,)
-        The step's inputs.
-    number : int
-        The step's index, for the message.
-    """
-    expected = _numpy_locals(folder, step, before, u, y)
-    try:
-        found = _c_locals(folder, step, before, u, y)
-    except UserError:
-        return None  # the probed text does not compile: the caller reports the outputs instead
-    constants = step.model.constants
-    for block in step.blocks:
-        for section in lay_out(block, constants).sections:
-            names = [name for s in section.statements for name in (s.pair or (s.name,)) if name]
-            for name in names:
-                a, b = expected.get((block.name, name)), found.get((block.name, name))
-                if a is not None and b is not None and np.float32(a).tobytes() != np.float32(b).tobytes():
-                    equation, stage = _stage_of(block, name, section.equation)
-                    return Divergence(number, equation, stage, name, float(a), float(b), "identical bits")
-    return None
-
-
-def _stage_of(block: Block, name: str, equation: str) -> tuple[str, str]:
-    """Equation and name of the stage an entry belongs to; work that no stage names belongs to its section."""
-    for stage in block.stages:
-        if name in stage.names and stage.meaning:
-            return stage.equation, stage.name
-    return equation, block.name
-
-
-def _numpy_locals(
-    folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array
-) -> dict[tuple[str, str], Any]:
-    """Every local of every block at its return; of a loop, those of the last pass, as a probe keeps them."""
-    backend = NumpyBackend(folder.module, step.kind, "float32")
-    backend.reset(*before)
-    blocks = {block.name for block in step.blocks}
-    found: dict[tuple[str, str], Any] = {}
+def numpy_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
+    """Every local of every block at its return, single step from ``start``; of a loop, those of the last pass."""
+    backend = NumpyBackend(folder.module, kind, "float32")
+    start.load(backend)
+    found: Entries = {}
 
     def watch(frame: FrameType, event: str, argument: Any) -> None:
-        name = frame.f_code.co_name
-        if event == "return" and name in blocks:
-            found.update({(name, local): value for local, value in frame.f_locals.items() if np.isscalar(value)})
+        if event == "return" and frame.f_globals is vars(folder.module):
+            block = frame.f_code.co_name
+            for name, value in frame.f_locals.items():
+                if isinstance(value, np.float32 | np.ndarray) and np.asarray(value).dtype == np.float32:
+                    found[block, name] = np.broadcast_to(value, start.lanes)
 
     previous = sys.getprofile()
     sys.setprofile(watch)
     try:
-        backend.step(u, y)
+        backend.step(start.u[0], start.y[0])
     finally:
         sys.setprofile(previous)
     return found
 
 
-def _c_locals(
-    folder: GeneratedFolder, step: FilterStep, before: tuple[Array, Array], u: Array, y: Array
-) -> dict[tuple[str, str], float]:
+def c_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
+    """The same of the C, compiled plainly. Bits :data:`UNTOUCHED` where a lane did not come by.
+
+    Raises
+    ------
+    UserError
+        The text does not compile.
+    """
     import cffi
 
-    prefix, sources = c_sources(folder, step.kind, "float32")
+    prefix, sources = c_sources(folder, kind, "float32")
     text, probes = _with_probes(sources[f"{prefix}.c"])
     library = build_library({**sources, f"{prefix}.c": text}, {}, ("-O0",))
     ffi = cffi.FFI()
     plain = declarations(sources[f"{prefix}.h"], prefix, "float32").replace("void runner_run", "void not_linked_run")
     ffi.cdef(plain + f"\nextern float32 probes[{max(1, len(probes))}];")
     loaded = open_library(ffi, library)
-    filters = ffi.new(f"{prefix}_t *")
-    getattr(loaded, f"{prefix}_init")(filters)
-    for name, values in zip(("x", folder.module.COVARIANCE), before, strict=True):
-        for k, value in enumerate(values):
-            getattr(filters, name)[k] = float(value)
-    getattr(loaded, f"{prefix}_step")(filters, [float(v) for v in u], [float(v) for v in y])
-    return {key: float(loaded.probes[k]) for k, key in enumerate(probes)}
+    values = np.frombuffer(ffi.buffer(loaded.probes), dtype=np.uint32)
+    kept = np.empty((len(probes), start.lanes), dtype=np.uint32)
+    step = getattr(loaded, f"{prefix}_step")
+    u, y = start.u[0].T.tolist(), start.y[0].T.tolist()
+    for lane in range(start.lanes):
+        filters = ffi.new(f"{prefix}_t[1]")
+        getattr(loaded, f"{prefix}_init")(filters)
+        filters[0].x = start.x[:, lane].tolist()
+        setattr(filters[0], folder.module.COVARIANCE, start.words[:, lane].tolist())
+        set_tuning(filters, {name: value[..., lane : lane + 1] for name, value in start.tuning.items()})
+        values[:] = UNTOUCHED
+        step(filters, u[lane], y[lane])
+        kept[:, lane] = values[: len(probes)]
+    return dict(zip(probes, kept.view(np.float32), strict=True))
+
+
+def parted(expected: Entries, found: Entries) -> Iterator[tuple[tuple[str, str], Array, int]]:
+    """Entry by entry, in the order of the C: in which lanes it has other bits, and how many lanes were compared."""
+    for key, value in found.items():
+        passed = value.view(np.uint32) != UNTOUCHED
+        if key in expected:
+            wanted = np.ascontiguousarray(expected[key])
+            yield key, passed & (wanted.view(np.uint32) != value.view(np.uint32)), int(passed.sum())
+
+
+def first_parted(
+    step: FilterStep, expected: Entries, found: Entries, number: int, where: str = ""
+) -> Divergence | None:
+    """The first entry of a stage with other bits, in the first lane that has them; None if there is none.
+
+    Parameters
+    ----------
+    step
+        The stages the filter is made of: they have the equations' numbers.
+    expected, found
+        NumPy's entries and the C's.
+    number : int
+        The step's index, for the message; ``where`` follows the entry's name there, with the lane.
+    """
+    for (function, name), different, _ in parted(expected, found):
+        place = _stage_of(step, function, name) if different.any() else None
+        if place is not None:
+            lane = int(np.argmax(different))
+            a, b = (float(entries[function, name][lane]) for entries in (expected, found))
+            element = f"{name}, {where} {lane}" if where else name
+            return Divergence(number, *place, element, a, b, "identical bits")
+    return None
+
+
+def locate(folder: GeneratedFolder, step: FilterStep, start: Start, number: int) -> Divergence | None:
+    """The first entry in which C and NumPy part in one step from ``start``, or None if no named entry does."""
+    try:
+        found = c_entries(folder, step.kind, start)
+    except UserError:
+        return None  # the probed text does not compile: the caller reports the outputs instead
+    return first_parted(step, numpy_entries(folder, step.kind, start), found, number)
+
+
+def _stage_of(step: FilterStep, function: str, name: str) -> tuple[str, str] | None:
+    """Equation and name of an entry's stage; work that no stage names belongs to its section; None for what is read."""
+    for block in (block for block in step.blocks if block.name == function):
+        for stage in block.stages:
+            if name in stage.names and stage.meaning:
+                return stage.equation, stage.name
+        for section in lay_out(block, step.model.constants).sections:
+            if any(name in (s.pair or (s.name,)) for s in section.statements):
+                return section.equation, block.name
+    return None
 
 
 def _with_probes(source: str) -> tuple[str, list[tuple[str, str]]]:
@@ -117,10 +148,8 @@ def _with_probes(source: str) -> tuple[str, list[tuple[str, str]]]:
     functions = [(match.start(), match.group(1)) for match in _FUNCTION.finditer(source)]
 
     def add(match: re.Match[str]) -> str:
-        owner = [name for start, name in functions if start < match.start()]
-        if not owner:
-            return match.group(0)
-        probes.append((owner[-1], match.group(1)))
+        owner = [name for start, name in functions if start < match.start()][-1]
+        probes.append((owner, match.group(1)))
         return f"{match.group(0)} probes[{len(probes) - 1}] = {match.group(1)};"
 
     text = _DECLARATION.sub(add, source)

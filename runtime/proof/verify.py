@@ -31,6 +31,7 @@ from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.link_foc import link_control
 from runtime.proof.link_guard import link_data, link_guard
+from runtime.proof.link_text import link_text
 from runtime.proof.motors import Plant
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.result import IterationEffect, Link, Proof
@@ -203,7 +204,7 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B, B-C, guard, data, D-E each way it is compiled, controller; C-D and D-chip on the long run."""
+        """A-B, B-C, guard, data, text, D-E each way it is compiled, controller; C-D and D-chip on the long run."""
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
         self.progress(f"{label}: A-B-C, reference along the trajectory")
@@ -212,6 +213,8 @@ class Prover:
         found += self._box(kind)
         self.progress(f"{label}: inputs to reject, and what is loaded")
         found += [*self._guards(kind), link_data(self.folder, kind, step.gain, self._parameters, self._motor)]
+        self.progress(f"{label}: the C's expressions and NumPy's")
+        found.append(link_text(self.folder, kind, step.gain))
         self.progress(f"{label}: D-E, compiling and comparing bits")
         bits = self._bits(kind)
         found += [*(bits.link(optimisation) for optimisation in self.effort.optimisations), bits.lane_link()]

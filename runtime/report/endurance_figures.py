@@ -19,7 +19,7 @@ def write_soak_figure(soaks: Sequence[Soak], folder: Path) -> Path:
 
 
 def soak_figure(soaks: Sequence[Soak]) -> str:
-    """Largest deviation of speed and angle in each decade of steps, over that of link C-D; both axes logarithmic."""
+    """Largest deviation of speed and angle in each decade of steps over the reference; both axes logarithmic."""
     figure, axes = pyplot().subplots(1, 2, figsize=(7.5, 2.8), sharey=True)
     for axis, name in zip(axes, ("omega", "theta"), strict=True):
         for result in soaks:
@@ -29,6 +29,6 @@ def soak_figure(soaks: Sequence[Soak]) -> str:
         axis.axhline(WITHIN, color="#c8553d", lw=0.8, ls="--")
         axis.set_xlabel("steps")
         axis.set_title(name, fontsize=9)
-    axes[0].set_ylabel("largest |float32 - float64|,\nover that of link C-D")
+    axes[0].set_ylabel("largest |float32 - float64|,\nover that of 100 000 steps at two speeds")
     axes[1].legend(fontsize=7)
     return svg_text(figure)

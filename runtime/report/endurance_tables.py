@@ -78,10 +78,10 @@ def soak_table(result: Soak) -> Table:
         ]
         table.add_row(f"{one.until:.0e}", *cells, str(one.rejected), status)
     *states, covariance = result.reference
-    table.add_row("link C-D", *(f"{value:.1e}" for value in states), "", "", f"{covariance:.0e}", style="dim")
+    table.add_row("reference", *(f"{value:.1e}" for value in states), "", "", f"{covariance:.0e}", style="dim")
     table.caption = (
         "float32 against float64, largest of each decade, at speed and slow; lost: steps without currents; "
-        "status: unexpected ones"
+        "status: unexpected ones; reference: 100 000 steps at 1000 r/min and at the slow end"
     )
     table.caption_justify = "left"
     return table

@@ -237,25 +237,8 @@ PYTHON_OPERATORS: dict[str, Operator] = {
     ),
 }
 
-#: Places that say too little: constants that only say how far a column turns an angle (see test_selftest.py), limits
-#: that only tell which of two values is taken, and the period's reciprocal, whose product is rounded to an integer.
-_IDLE_CONSTANTS = re.compile(
-    r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SOUND|MOST_REPAIRS|BELOW_PI|ROUND\w*|\w+_(?:SQ_\w+|X\d+|BY\d+)) "
-    r"|.* \+ ROUND - ROUND;"
-)
-
-
-_SUMS = {"a + (b + c)", "minus for plus"}
-_CHECK = (
-    "a sum of which is only asked whether its size is below 1e9: the order of adding shows at that number alone, "
-    "a term's sign where two absurd terms cancel, and then the innovations tell"
-)
-
-
-def _why_the_same(name: str, line: str) -> str:
-    if name in _SUMS and re.search(r"\bcheck = ", line):
-        return _CHECK
-    return "a limit that is met exactly" if name.startswith("<") and "worst <= " in line else ""
+#: Places that say too little: limits that only tell which of two ways is taken, each good at the limit itself.
+_IDLE_CONSTANTS = re.compile(r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SOUND|MOST_REPAIRS) ")
 
 
 def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int = 1) -> Iterator[tuple[str, Edit]]:
@@ -290,7 +273,7 @@ def _mutants(
             text=text[:start] + new + text[end:],
             group=f"{drive} {filter_kind}",
             sort=name,
-            equivalent=_why_the_same(name, line),
+            equivalent="a limit that is met exactly" if name.startswith("<") and "worst <= " in line else "",
         )
 
 

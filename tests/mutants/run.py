@@ -72,7 +72,7 @@ class EmittedBench:
         self.motor, self.data = second_motor(self.truth), self.truth.model_dump()
         self.step = build_steps(self.truth, "literal")[1][kind]
         self.record = bits_of(self.folder, self.truth, kind, self.step)
-        _ = self.record.pieces, self.record.wide
+        _ = self.record.entries
 
     def __call__(self, mutant: Mutant) -> Verdict:
         found = self.shortly(mutant)
@@ -104,24 +104,32 @@ class EmittedBench:
 
         yield self.filter(folder, record).link(("-O0",))
         yield link_data(folder, self.kind, self.step.gain, self.data, self.motor)
+        yield self.text(folder, self.kind)
+
+    def text(self, folder: Any, kind: str) -> Any:
+        from runtime.proof.link_text import link_text
+
+        return link_text(folder, kind, self.step.gain)
 
     def lanes(self, folder: Any, record: Any) -> Iterator[Any]:
         import runtime.estimator.lanes as lanes
 
         lanes.OPTIMISATION = ("-O0",)
         yield self.filter(folder, record).lane_link()
+        yield self.text(folder, self.kind)
 
     def foc(self, folder: Any, record: Any) -> Iterator[Any]:
         from runtime.proof.link_foc import _bits, link_control
 
         yield _bits(folder, self.kind, self.step.gain, self.data)
         yield from link_control(folder, self.kind, self.step.gain, self.data, self.motor)
+        yield self.text(folder, self.kind)
 
     def module(self, folder: Any, record: Any) -> Iterator[Any]:
         """The mutated module's bits against the shipped C, for either filter; then the controller's."""
         from codegen.generate import build_steps
 
-        steps, draws = len(record.u), record.box.x.shape[1]
+        steps, draws = len(record.u), record.singles[0].lanes
         for kind, step in build_steps(self.truth, "literal")[1].items():
             yield bits_of(folder, self.truth, kind, step, steps, draws).link(("-O0",))
         yield from self.foc(folder, record)

@@ -115,7 +115,7 @@ def test_ones_own_motor_is_verified(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "proof.json").read_text())
     assert data["passed"] is True
     (drive,) = data["drives"]
-    names = {"model", "data", "A-B", "B-C", "guard", "controller", "C-D", "D-E", "D-chip"}
+    names = {"model", "data", "text", "A-B", "B-C", "guard", "controller", "C-D", "D-E", "D-chip"}
     assert {link["name"] for link in drive["links"]} == names
     assert all(row["worst"] <= row["allowed"] for link in drive["links"] for row in link["rows"])
 

@@ -57,7 +57,7 @@ def _holds(name: str, effort: Effort | None = None) -> Proof:
     seen: list[str] = []
     proof, _ = verify(name, effort, seen.append)
     assert proof.passed, list(proof.failures())
-    expected = {"model", "A-B", "B-C", "guard", "data", "C-D", "D-E", "controller", "D-chip"}
+    expected = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
     assert {link.name for link in proof.links} == expected
     assert {link.variant for link in proof.links if link.name == "A-B"} == {
         "ckf",

@@ -1,0 +1,194 @@
+"""Where link D-E starts: draws of the operating box made harder in several ways, and the trajectory cut to pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.box import BoxSamples
+from codegen.certificate import full_matrices
+from codegen.small_angle import LIMIT, UNKNOWN
+from runtime.estimator.c_backend import CBackend
+from runtime.estimator.numpy_backend import NumpyBackend
+
+Array = NDArray[Any]
+
+#: Pieces the trajectory is cut into: no multiple of any vector's length.
+PIECES = 21
+
+#: Angles at which the last bit of each coefficient of sine and cosine shows, sought among four million.
+TELLING = (1.5846115350723267, -1.4174660444259644, 3.141575574874878, 1.687328815460205, 1.6679680347442627)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Filters side by side, a lane each: where they start, what they are told, how they are tuned.
+
+    Parameters
+    ----------
+    where : str
+        In few words, for the tables.
+    x : array, (n, lanes)
+    words : array, (packed, lanes)
+        Of the covariance, as the module keeps it.
+    u, y : array, (steps, 2, lanes)
+    tuning : dict
+        Fields of the filter, each (lanes,) or (entries, lanes).
+    """
+
+    where: str
+    x: Array
+    words: Array
+    u: Array
+    y: Array
+    tuning: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def lanes(self) -> int:
+        return int(self.x.shape[1])
+
+    def load(self, backend: CBackend | NumpyBackend) -> None:
+        """Every lane as it starts."""
+        backend.reset(self.x.copy(), self.words.copy())
+        if isinstance(backend, NumpyBackend):
+            for name, value in self.tuning.items():
+                if name == "max_iterations":  # one number for all lanes of an array
+                    backend.filter.max_iterations = int(value[0])
+                else:
+                    single = value.astype(np.float32)
+                    setattr(backend.filter, name, tuple(single) if single.ndim == 2 else single)
+        else:
+            set_tuning(backend.filters, self.tuning)
+
+
+def set_tuning(filters: Any, tuning: dict[str, Array]) -> None:
+    """Fields of C structs, a lane each."""
+    for name, value in tuning.items():
+        for k, entry in enumerate(value.T.tolist()):
+            setattr(filters[k], name, entry)
+
+
+def from_box(module: ModuleType, box: BoxSamples) -> Iterator[Start]:
+    """Single steps from the draws of the operating box: as they are, turned far, all known but the angle."""
+    x, u, y = (a.astype(np.float32) for a in (box.x, box.u[None], box.y[None]))
+    words = module.pack(full_matrices(box.P, len(x))).astype(np.float32)
+    yield Start("box", x, words, u, y)
+    yield Start("box, wide turns", x, _turned(module, words, 2 * LIMIT), u, y)
+    yield _sharp(module, x, u, y)
+
+
+def _sharp(module: ModuleType, x: Array, u: Array, y: Array) -> Start:
+    """At rest, nothing uncertain or about to be but the angle, every other measurement rejected.
+
+    What only a bend moves is then not rounded off in what is larger. The last lane has pivots, a state and innovations
+    within what is sound, and an L that is not.
+    """
+    x, y, lanes = x.copy(), y.copy(), x.shape[1]
+    x[2], x[module.ANGLE, : len(TELLING)], y[0, 0, ::2] = 0.0, TELLING, np.nan
+    Q = 1e-12 * np.array(module.DEFAULTS["Q"])
+    words = np.zeros((len(x) * (len(x) + 1) // 2, lanes), dtype=np.float32)
+    order = _order(module)
+    for place, state in enumerate(order):
+        words[place * (place + 3) // 2] = 1e6 * Q[state]
+    words = _turned(module, words, UNKNOWN)
+    tuning = {"Q": np.tile(Q[:, None], lanes)}
+    if module.COVARIANCE == "LD":
+        column, row = sorted(order.index(axis) for axis in (0, 1))
+        x[module.ANGLE, -1], words[:, -1], tuning["Q"][:, -1] = 0.0, 0.0, 1e-30
+        words[[k * (k + 3) // 2 for k in range(len(x))], -1] = 1e-30
+        words[row * (row + 1) // 2 + column, -1] = 1e10
+        tuning["nis"] = np.where(np.arange(lanes) == lanes - 1, 2 * module.DEFAULTS["nis_max"], 0.0)
+    return Start("box, angle alone unknown", x, words, u, y, tuning)
+
+
+def _turned(module: ModuleType, given: Array, widest: float) -> Array:
+    """Covariances in which every column turns theta by a d^2 up to ``widest``; P as it is."""
+    words, order = given.copy(), _order(module)
+    if module.COVARIANCE != "LD":
+        return words
+    n, angle = len(order), order.index(module.ANGLE)
+    rng, row = np.random.default_rng(2), angle * (angle + 1) // 2
+    for column in range(angle):
+        z = rng.uniform(0, widest / n, words.shape[1])
+        words[row + column] = np.sqrt(z / words[column * (column + 3) // 2])
+    words[row + angle] = rng.uniform(0, widest / n, words.shape[1])
+    return words
+
+
+def _order(module: ModuleType) -> tuple[int, ...]:
+    """Which state has which row of the covariance's words."""
+    return tuple(getattr(module, "ORDER", range(len(module.STATES))))
+
+
+# --- pieces of the trajectory
+
+
+def pieces(module: ModuleType, u: Array, y: Array) -> Start:
+    """The trajectory (steps, 2) cut up, its pieces side by side, each with a tuning of its own.
+
+    Every third piece starts with an angle so uncertain that its turns are wide, one each with turns that are
+    exactly what counts as small, and as not too wide. Three inputs are to be rejected, four are just allowed.
+    """
+    steps, limits = len(u) // PIECES, module.DEFAULTS
+    u, y = (a[: steps * PIECES].reshape(PIECES, steps, 2).transpose(1, 2, 0).copy() for a in (u, y))
+    u[steps // 2, 0, 1], y[steps // 3, 1, 2], y[steps // 4, 0, -1] = np.nan, np.inf, 1e9
+    for axis, lane in ((0, 4), (1, 7)):
+        u[-1, axis, lane], y[-1, axis, lane + 1] = limits["u_max"], limits["y_max"]
+    uncertain = np.where(np.arange(PIECES) % 3 == 0, np.float32(16), np.float32(1))
+    words = module.pack(np.diag(limits["P_0"])).astype(np.float32)[:, None] * uncertain
+    x = np.repeat(np.array(limits["x_0"], dtype=np.float32)[:, None], PIECES, axis=1)
+    spread = np.arange(PIECES, dtype=np.float32) - np.float32(9.5)
+    x[2], x[module.ANGLE] = 20 * spread, 0.25 * spread  # at rest a turn turns nothing
+    x[2, 12], x[module.ANGLE, 12] = 0.0, 3.1415925  # where sine is all that is left of pi's parts
+    _corner(module, x, words)
+    return Start("pieces", x, words, u, y, _tuning(module))
+
+
+def _corner(module: ModuleType, x: Array, words: Array) -> None:
+    """What state and covariance are at their worst, in place: D is its diagonal in either form while L is 1.
+
+    Turns that halved are exactly what counts as small, that are exactly not too wide, that are too wide by the
+    angle's own column; wide in one column alone, and in all. A variance below nothing, which must meet its floor.
+    """
+    n, order = len(x), _order(module)
+    angle, omega = order.index(module.ANGLE), order.index(2)
+    place = {(i, j): i * (i + 1) // 2 + j for i in range(n) for j in range(i + 1)}
+    for lane, z in ((7, 4 * UNKNOWN), (10, 4 * LIMIT), (13, UNKNOWN)):
+        words[place[angle, angle], lane], words[place[omega, omega], lane] = z / n, 0.0
+    if module.COVARIANCE != "LD":
+        return  # a Cholesky factor has no floor: one of these would be no number, and no number has many bits
+    for column in range(angle):
+        wide = np.sqrt(2 * LIMIT / n / words[place[column, column], 1])
+        words[place[angle, column], 2 + 3 * column] = words[place[angle, column], 1] = wide
+    words[place[angle, angle], 1] = 2 * LIMIT / n
+    words[place[angle, 0], 10] = words[place[angle, 0], 2]  # a wide one beside it: else nobody asks again
+    x[2, 6] = 2e12
+    words[0, 3], words[0, 9] = np.nan, -1e13  # no number, and absurd: to be restarted
+    words[place[angle, angle], 0] = 8 * UNKNOWN / n  # unknown, but nothing else to repair
+    Q = np.array(module.DEFAULTS["Q"])[list(order)]
+    for i in range(n):
+        for j in range(n):
+            words[place[j, j], 14 + i] = -0.25 * Q[j] if i == j else 1e-3 * Q[j]
+
+
+def _tuning(module: ModuleType) -> dict[str, Array]:
+    """Q, R, P_0 and limits of each lane are data, so is its first mean; N_max is the drive file's plus one."""
+    given, lane = module.DEFAULTS, np.arange(PIECES)
+    one_axis_worse = np.where(lane % 5 == 3, np.array([[64.0], [1.0]]), np.where(lane % 5 == 1, [[1.0], [64.0]], 1.0))
+    tuned = {
+        "Q": np.outer(given["Q"], 2.0 ** (lane % 3)),
+        "R": np.outer(given["R"], 2.0 ** (lane % 2)) * one_axis_worse,
+        "P_0": np.outer(given["P_0"], 2.0 ** (lane % 2)),
+        "tolerance": np.where(lane % 5 == 4, 0.0, given["tolerance"] * 2.0 ** (lane % 4)),
+        "max_iterations": np.full(PIECES, given["max_iterations"] + 1),
+    }
+    if "nis_max" in given:
+        tuned["nis_max"] = np.where(lane % 4 == 1, 1.0, given["nis_max"])
+        tuned["nis_weight"] = given["nis_weight"] * 2.0 ** (lane % 3)
+        tuned["nis"] = np.where(lane == 5, 4e9, 0.0)  # absurd, but nothing to repair
+    return tuned
