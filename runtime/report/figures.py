@@ -13,6 +13,9 @@ from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence
 from runtime.report.tables import COUNTS, stages_by_equation
 
+#: Where a logarithmic axis shows no deviation at all.
+NONE = 1e-17
+
 COLOURS = {"ckf": "#3b6ea8", "ickf, cubature gain": "#c8553d", "ickf, jacobian gain": "#e0a030", "truth": "#444444"}
 
 
@@ -56,14 +59,13 @@ def stage_figure(proof: Proof) -> str:
     figure, axes = pyplot().subplots(figsize=(7.5, 0.19 * len(stages) + 1.1))
     labels = [f"({equation})  {stage}" for equation, stage in stages]
     for variant in dict.fromkeys(variant for cells in stages.values() for variant in cells):
-        points = [(max(cells[variant], 1e-17), k) for k, cells in enumerate(stages.values()) if variant in cells]
+        points = [(max(cells[variant], NONE), k) for k, cells in enumerate(stages.values()) if variant in cells]
         worst, rows = zip(*points, strict=True)
         axes.plot(worst, rows, "o", ms=4.5, alpha=0.85, color=COLOURS.get(variant), label=variant)
     axes.axvline(ALLOWED, color="#444444", lw=1, ls="--")
     axes.text(ALLOWED, -0.9, "allowed ", ha="right", va="center", fontsize=8)
-    axes.set(
-        xscale="log", xlim=(5e-18, 1e-9), xlabel="worst deviation on the row's scale", ylim=(len(stages) - 0.4, -1.4)
-    )
+    axes.set(xscale="log", xlim=(NONE / 2, 1e-9), ylim=(len(stages) - 0.4, -1.4))
+    axes.set_xlabel("worst deviation on the row's scale (leftmost: none at all)")
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return svg_text(figure)
@@ -91,8 +93,10 @@ def effect_figure(evidence: Evidence) -> str:
     """ICKF minus CKF in sigmas along the trajectory."""
     figure, axes = pyplot().subplots(figsize=(7.5, 2.4))
     for gain, difference in evidence.effects.items():
-        time, top = _envelope(evidence.t, np.maximum(difference, 1e-17))
-        axes.semilogy(time, top, lw=1, color=COLOURS[f"ickf, {gain} gain"], label=f"{gain} gain")
+        time, top = _envelope(evidence.t, difference)
+        axes.semilogy(
+            time, np.where(top > 0, top, np.nan), lw=1, color=COLOURS[f"ickf, {gain} gain"], label=f"{gain} gain"
+        )
     axes.set(xlabel="time, s", ylabel="ICKF - CKF, sigmas")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return svg_text(figure)
