@@ -190,7 +190,7 @@ def _bits(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str
         getattr(library, f"{foc}_init")(c, delay)
         gains = gains_of(parameters, delay)
         loaded += int(np.sum(np.asarray(list(c.gain), single) != np.asarray(gains, single)))
-        loaded += int(c.delay != delay) + int(c.sensored != 0)
+        loaded += int(c.delay != delay) + int(c.sensored != 0) + int(list(c.sensed) != [0.0, 0.0])
         gains[6] = dead
         c.gain[6], c.sensored = single(dead), sensored
         twin = _controller(module, gains, sensored, delay, single)
