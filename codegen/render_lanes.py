@@ -32,7 +32,8 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
     target = F28335
     model = about.model
     place = angle_place(step)
-    printer = LanesPrinter(target, len(model.states))
+    skips = sum(is_turns(block) for block in step.blocks) > 1  # those behind the measurement's guard
+    printer = LanesPrinter(target, len(model.states), skips)
     operations = [listings[block.name].operations() for block in step.blocks]
     spread = common_spread(listings[block.name] for block in step.blocks)
     scalar = f"{about.drive.name}_{step.kind}"
@@ -76,6 +77,7 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         trig_note=trig_note(target),
         sin_cos=_inlined(sin_cos_text(printer)),
         turns=spread is not None,
+        skips=skips,
         **(turn_context(printer, spread) if spread is not None else {}),
         zero=printer.format_literal(0.0),
         wrap_angle=_inlined(printer.format_helper(wrap_listing(target.precision))),

@@ -24,9 +24,11 @@ COPIED = frozenset({"x_j", "integrator", "s"})
 class LanesPrinter(CPrinter):
     """Prints the same expressions as :class:`CPrinter`, arrays of ``lanes`` around them."""
 
-    def __init__(self, target: Target, states: int) -> None:
+    def __init__(self, target: Target, states: int, skips: bool = False) -> None:
         super().__init__(target)
         self.states = states
+        #: Some wide turns are not for lanes whose measurement is rejected.
+        self.skips = skips
         #: The type that holds one number of every lane.
         self.array = f"lanes{target.tag}"
 
@@ -87,10 +89,11 @@ class LanesPrinter(CPrinter):
             watched = [f"{pad}watch_pivots(LD_pred, f->Q, f->status);"] if is_watched(block) else []
             return [wrap_line(f"{_call(block)};", pad, INDENT), *watched]
         words, z, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
-        columns, skipped = len(block.outputs[0].entries), "NULL" if words.startswith("f->") else "rejected"
+        arguments = [f"&{words}[ANGLE_ROW]", z, turn, str(len(block.outputs[0].entries))]
+        arguments += ["NULL" if words.startswith("f->") else "rejected"] if self.skips else []
         return [
             f"{pad}if ({_call(block)} != 0) {{",
-            f"{pad}{INDENT}widen_lanes(&{words}[ANGLE_ROW], {z}, {turn}, {columns}, {skipped}, f->status);",
+            f"{pad}{INDENT}widen_lanes({', '.join(arguments)}, f->status);",
             f"{pad}}}",
         ]
 

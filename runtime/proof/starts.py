@@ -74,36 +74,79 @@ def set_tuning(filters: Any, tuning: dict[str, Array]) -> None:
 
 
 def from_box(module: ModuleType, box: BoxSamples) -> Iterator[Start]:
-    """Single steps from the draws of the operating box: as they are, turned far, all known but the angle."""
+    """Single steps from draws of the operating box: as they are, turned far, angle alone unknown, one corner a lane."""
     x, u, y = (a.astype(np.float32) for a in (box.x, box.u[None], box.y[None]))
     words = module.pack(full_matrices(box.P, len(x))).astype(np.float32)
     yield Start("box", x, words, u, y)
     yield Start("box, wide turns", x, _turned(module, words, 2 * LIMIT), u, y)
     yield _sharp(module, x, u, y)
+    corners = _corners(module, x, u, y)
+    if corners is not None:
+        yield corners
 
 
 def _sharp(module: ModuleType, x: Array, u: Array, y: Array) -> Start:
     """At rest, nothing uncertain or about to be but the angle, every other measurement rejected.
 
-    What only a bend moves is then not rounded off in what is larger. The last lane has pivots, a state and innovations
-    within what is sound, and an L that is not.
+    What only a bend moves is then not rounded off in what is larger.
     """
-    x, y, lanes = x.copy(), y.copy(), x.shape[1]
+    x, y = x.copy(), y.copy()
     x[2], x[module.ANGLE, : len(TELLING)], y[0, 0, ::2] = 0.0, TELLING, np.nan
     Q = 1e-12 * np.array(module.DEFAULTS["Q"])
-    words = np.zeros((len(x) * (len(x) + 1) // 2, lanes), dtype=np.float32)
-    order = _order(module)
-    for place, state in enumerate(order):
-        words[place * (place + 3) // 2] = 1e6 * Q[state]
-    words = _turned(module, words, UNKNOWN)
-    tuning = {"Q": np.tile(Q[:, None], lanes)}
-    if module.COVARIANCE == "LD":
-        column, row = sorted(order.index(axis) for axis in (0, 1))
-        x[module.ANGLE, -1], words[:, -1], tuning["Q"][:, -1] = 0.0, 0.0, 1e-30
-        words[[k * (k + 3) // 2 for k in range(len(x))], -1] = 1e-30
-        words[row * (row + 1) // 2 + column, -1] = 1e10
-        tuning["nis"] = np.where(np.arange(lanes) == lanes - 1, 2 * module.DEFAULTS["nis_max"], 0.0)
-    return Start("box, angle alone unknown", x, words, u, y, tuning)
+    words = _diagonal(module, 1e6 * Q, x.shape[1])
+    tuning = {"Q": np.tile(Q[:, None], x.shape[1])}
+    return Start("box, angle alone unknown", x, _turned(module, words, UNKNOWN), u, y, tuning)
+
+
+def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
+    """One thing at a time, in one lane of many healthy ones: beside another, it might not be what is noticed.
+
+    A pivot's, a state's, the innovations' size is sound but for one entry; one column alone turns far, or too far to
+    know the angle; a turn halved is exactly what counts as small.
+    """
+    if module.COVARIANCE != "LD":
+        return None
+    order, n = _order(module), len(x)
+    angle, omega, half = order.index(module.ANGLE), order.index(2), 0.5 * module.SAMPLE_TIME * module.POLE_PAIRS
+    absurd = [k for k in range(n) if k != module.ANGLE]
+    apart, far = 16, [(column, z) for column in range(angle + 2) for z in (2 * LIMIT, 1.5 * UNKNOWN)]
+    lanes = apart * (1 + len(absurd) + 2 + len(far))
+    x, u, y = (a[..., np.arange(lanes) % x.shape[1]] for a in (x, u, y))
+    Q, nis = np.tile(np.array(module.DEFAULTS["Q"])[:, None], lanes), np.zeros(lanes)
+    words = _diagonal(module, Q[:, 0], lanes)
+    place = iter(range(7, lanes, apart))
+    # --- an L that is absurd behind pivots, state and innovations that are not
+    lane = next(place)
+    column, row = sorted(order.index(axis) for axis in (0, 1))
+    x[2, lane], x[module.ANGLE, lane] = 0.0, 0.0
+    Q[:, lane], nis[lane] = 1e-30, 2 * module.DEFAULTS["nis_max"]
+    words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
+    words[row * (row + 1) // 2 + column, lane] = 1e10
+    # --- each state, with no measurement whose innovation would tell
+    for state, lane in zip(absurd, place, strict=False):
+        x[:, lane], y[0, :, lane], Q[:, lane] = 0.0, np.nan, 1e-30
+        x[state, lane] = 2e9
+        words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
+    # --- turns of the angle's own column: once and twice halved, exactly small
+    for power, lane in zip((1, 2), place, strict=False):
+        words[angle * (angle + 3) // 2, lane] = np.float32(LIMIT / n) * np.float32(4) ** power
+    # --- each column alone, and the speed's in half a step
+    for (column, z), lane in zip(far, place, strict=False):
+        if column == angle + 1:
+            words[omega * (omega + 3) // 2, lane] = z / n / half**2
+        elif column == angle:
+            words[angle * (angle + 3) // 2, lane] = z / n
+        else:
+            words[angle * (angle + 1) // 2 + column, lane] = np.sqrt(z / n / words[column * (column + 3) // 2, lane])
+    return Start("box, one corner", x, words, u, y, {"Q": Q, "nis": nis})
+
+
+def _diagonal(module: ModuleType, variances: Array, lanes: int) -> Array:
+    """The words of a covariance without correlations, (n,) in every lane."""
+    words = np.zeros((len(variances) * (len(variances) + 1) // 2, lanes), dtype=np.float32)
+    for k, state in enumerate(_order(module)):
+        words[k * (k + 3) // 2] = variances[state]
+    return words
 
 
 def _turned(module: ModuleType, given: Array, widest: float) -> Array:

@@ -48,14 +48,25 @@ def test_wide_turns_are_beyond_what_counts_as_small(drive: str) -> None:
 
 @pytest.mark.parametrize("drive", ["paper_spmsm", "ipmsm_flux"])
 def test_an_absurd_factor_hides_behind_what_is_sound(drive: str) -> None:
-    """The last lane is restarted for its L alone: pivots, prediction and innovations are within what is sound."""
-    module, start = _folder(drive).module, _singles(drive)["box, angle alone unknown"]
-    assert _status(drive, start)[0, -1] & module.RESTARTED
+    """One lane is restarted for its L alone: pivots, prediction and innovations are within what is sound."""
+    module, start, lane = _folder(drive).module, _singles(drive)["box, one corner"], 7
+    assert _status(drive, start)[0, lane] & module.RESTARTED
     entries = numpy_entries(_folder(drive), "ickf", start)
-    made = {name: float(v[-1]) for (block, name), v in entries.items() if block == "time_update"}
+    made = {name: float(v[lane]) for (block, name), v in entries.items() if block == "time_update"}
     assert max(abs(v) for name, v in made.items() if name.startswith("D_pred") or name.endswith("_pred")) < 1e6
     assert max(abs(v) for name, v in made.items() if name.startswith("L_pred")) > module.SOUND
-    assert start.tuning["nis"][-1] < module.SOUND
+    assert start.tuning["nis"][lane] < module.SOUND
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_corner_is_alone_among_healthy_lanes(drive: str) -> None:
+    """So that in lanes nobody beside it asks for what it needs."""
+    module, start = _folder(drive).module, _singles(drive)["box, one corner"]
+    status = _status(drive, start)[0] & ~(module.NOT_CONVERGED | module.DIVERGED)
+    assert set(np.flatnonzero(status) % 16) == {7}
+    absurd = len(module.STATES) - 1
+    assert (status[7::16][1 : 1 + absurd] & module.RESTARTED).all()
+    assert (status[7::16][1 + absurd :] & module.COVARIANCE_REPAIRED).sum() >= module.ORDER.index(module.ANGLE) + 1
 
 
 def test_telling_angles_are_rested_at() -> None:

@@ -166,9 +166,9 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
     return status;
 }
 
-/* The same in lanes, one by one; those that are marked as skipped (NULL: none) stay. */
+/* The same in lanes, one by one. */
 static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__restrict turn, int count,
-    const int *__restrict skipped, int *__restrict status)
+    int *__restrict status)
 {
     int k;
     int lane;
@@ -186,7 +186,7 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
             own_turn[(2 * k) + 1] = turn[(2 * k) + 1].of[lane];
             total = total + own_z[k];
         }
-        if ((total > SMALL_TURN) && ((skipped == NULL) || (skipped[lane] == 0))) {
+        if (total > SMALL_TURN) {
             status[lane] |= widen(own_row, own_z, own_turn, count);
             for (k = 0; k < ANGLE_COLUMNS; k++) {
                 row[k].of[lane] = own_row[k];
@@ -1351,7 +1351,7 @@ void spmsm_adaptive_ickf_lanes_step(spmsm_adaptive_ickf_lanes_t *f, const lanes 
     const int any_rejected = guard(f, u, y, rejected);
 
     if (time_update_turns(f->LD, z, turn) != 0) {
-        widen_lanes(&f->LD[ANGLE_ROW], z, turn, 2, NULL, f->status);
+        widen_lanes(&f->LD[ANGLE_ROW], z, turn, 2, f->status);
     }
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     watch_pivots(LD_pred, f->Q, f->status);
