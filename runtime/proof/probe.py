@@ -51,7 +51,7 @@ def numpy_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
     try:
         backend.step(start.u[0], start.y[0])
     finally:
-        sys.setprofile(previous)
+        sys.setprofile(previous if callable(previous) else None)  # a C profiler cannot be set from here again
     return found
 
 
