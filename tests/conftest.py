@@ -18,6 +18,8 @@ os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pm
 DRIVES = ("paper_spmsm", "ipmsm_flux", "spmsm_load_torque")
 #: All of them, for what is cheap or must hold for each.
 ALL_DRIVES = tuple(shipped_drives())
+#: What a proof consists of.
+LINKS = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
 
 
 def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:

@@ -188,11 +188,11 @@ def pieces(module: ModuleType, u: Array, y: Array) -> Start:
     spread = np.arange(PIECES, dtype=np.float32) - np.float32(9.5)
     x[2], x[module.ANGLE] = 20 * spread, 0.25 * spread  # at rest a turn turns nothing
     x[2, 12], x[module.ANGLE, 12] = 0.0, 3.1415925  # where sine is all that is left of pi's parts
-    _corner(module, x, words)
+    _at_their_worst(module, x, words)
     return Start("pieces", x, words, u, y, _tuning(module))
 
 
-def _corner(module: ModuleType, x: Array, words: Array) -> None:
+def _at_their_worst(module: ModuleType, x: Array, words: Array) -> None:
     """What state and covariance are at their worst, in place: D is its diagonal in either form while L is 1.
 
     Turns that halved are exactly what counts as small, that are exactly not too wide, that are too wide by the

@@ -22,7 +22,7 @@ from runtime.report.drive_figures import run_figure, sweep_figure
 from runtime.report.drive_tables import claims, sweep_cell
 from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
 from runtime.report.firmware_table import remarks
-from runtime.report.tables import COUNTS, stages_by_equation
+from runtime.report.tables import COUNTS, stages_by_equation, whole_links
 
 #: Templates of the pages.
 ENVIRONMENT = jinja2.Environment(
@@ -72,6 +72,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "constants": equations.constants,
         "stages": stages,
         "fast": fast,
+        "whole": whole_links(proof),
         "earned": earned,
         "earned_kind": kind,
         "operations": OPERATIONS,

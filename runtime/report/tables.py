@@ -42,6 +42,7 @@ def proof_tables(proof: Proof) -> RenderableType:
     tables = [
         _unchecked(proof) if proof.unchecked else _derivation(proof),
         *(_stages(proof, name) for name in TITLES),
+        _whole(proof),
         _bits(proof),
         _drift(proof, "C-D", AT_SPEED),
         _drift(proof, "D-chip", ON_CHIP),
@@ -126,6 +127,32 @@ def _deviation(worst: float | None, stage: str, allowed: float) -> Text:
     if stage in COUNTS:
         return Text("yes" if worst == 0 else f"no: {worst:g}", style="" if worst == 0 else "bold red")
     return Text(f"{worst:.1e}" if worst else "0", style="" if worst <= allowed else "bold red")
+
+
+#: Links that are shown as a line each.
+WHOLE = ("guard", "data", "controller", "text")
+
+
+def whole_links(proof: Proof) -> list[tuple[Link, str]]:
+    """Links of :data:`WHOLE`, each with its figure: of what is allowed, or how many differ where nothing may."""
+    links = sorted((link for link in proof.links if link.name in WHOLE), key=lambda link: WHOLE.index(link.name))
+    return [(link, _used(link)) for link in links]
+
+
+def _used(link: Link) -> str:
+    differ = sum(row.worst for row in link.rows if not row.allowed)
+    if differ or not any(row.allowed for row in link.rows):
+        return f"{differ:.0f} differ"
+    return f"{100 * link.used:.2g} % of allowed"
+
+
+def _whole(proof: Proof) -> Table:
+    table = _table("guard, data, controller, text", "link", "filter", "claim", "on", "numbers", "worst", "")
+    for column in table.columns[1:4]:
+        column.justify = "left"
+    for link, used in whole_links(proof):
+        table.add_row(link.name, link.variant, link.claim, link.data, f"{link.compared:,}", used, _mark(link.passed))
+    return table
 
 
 def _bits(proof: Proof) -> Table:

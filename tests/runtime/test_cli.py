@@ -15,6 +15,7 @@ from model.drive import DRIVES
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.static.tool import PACKAGES as STATIC_PACKAGES
 from runtime.firmware.tools import PACKAGES
+from tests.conftest import LINKS
 
 PAPER = (DRIVES / "paper_spmsm.toml").read_text()
 
@@ -115,8 +116,7 @@ def test_ones_own_motor_is_verified(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "proof.json").read_text())
     assert data["passed"] is True
     (drive,) = data["drives"]
-    names = {"model", "data", "text", "A-B", "B-C", "guard", "controller", "C-D", "D-E", "D-chip"}
-    assert {link["name"] for link in drive["links"]} == names
+    assert {link["name"] for link in drive["links"]} == LINKS
     assert all(row["worst"] <= row["allowed"] for link in drive["links"] for row in link["rows"])
 
 

@@ -23,7 +23,7 @@ from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
-from tests.conftest import ALL_DRIVES, DRIVES, shipped_package, variant
+from tests.conftest import ALL_DRIVES, DRIVES, LINKS, shipped_package, variant
 
 QUICK = Effort(
     trajectory=0.004,
@@ -57,8 +57,7 @@ def _holds(name: str, effort: Effort | None = None) -> Proof:
     seen: list[str] = []
     proof, _ = verify(name, effort, seen.append)
     assert proof.passed, list(proof.failures())
-    expected = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
-    assert {link.name for link in proof.links} == expected
+    assert {link.name for link in proof.links} == LINKS
     assert {link.variant for link in proof.links if link.name == "A-B"} == {
         "ckf",
         "ickf, cubature gain",
