@@ -29,6 +29,6 @@ def soak_figure(soaks: Sequence[Soak]) -> str:
         axis.axhline(WITHIN, color="#c8553d", lw=0.8, ls="--")
         axis.set_xlabel("steps")
         axis.set_title(name, fontsize=9)
-    axes[0].set_ylabel("largest |float32 - float64|,\nover that of 100 000 steps at two speeds")
-    axes[1].legend(fontsize=7)
+    axes[0].set_ylabel("largest |float32 - float64|\nover that of 100 000 steps", fontsize=8)
+    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
     return svg_text(figure)
