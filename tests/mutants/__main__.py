@@ -89,9 +89,13 @@ def main() -> int:
     parser.add_argument("--json", type=Path, default=ROOT / "build" / "mutants.json")
     parser.add_argument("--again", action="store_true", help="keep what the last runs killed: for one in pieces")
     parser.add_argument("--each", type=int, default=None, help="of those made by rule so many of each sort")
+    parser.add_argument(
+        "--places", type=int, help="others than are published: of the emitted text, so many of each sort"
+    )
+    parser.add_argument("--seed", type=int, default=SEED, help="where --places draws them")
     parser.add_argument("--sample", action="store_true", help="only the few that the test suite runs")
     options, console, start = parser.parse_args(), Console(), time.monotonic()
-    every = everything(options.each)
+    every = emitted_mutants(options.places, options.seed) if options.places else everything(options.each)
     outcomes = known(every, options.json) if options.again else []
     done = {outcome.mutant.digest for outcome in outcomes}
     choices = SAMPLE if options.sample else (options.words,)
@@ -114,7 +118,7 @@ def main() -> int:
     for kind, count, dead, by in rows(outcomes):
         table.add_row(kind, str(count), str(dead), by)
     console.print(table)
-    if len(outcomes) == len(every):
+    if len(outcomes) == len(every) and not options.places:
         made = Counter(m.kind for m in everything() if not m.equivalent)
         command = f"python -m tests.mutants{f' --each {options.each}' if options.each else ''}"
         (ROOT / "docs" / "mutants.md").write_text(page(outcomes, made, command), encoding="utf-8")

@@ -241,7 +241,7 @@ PYTHON_OPERATORS: dict[str, Operator] = {
 _IDLE_CONSTANTS = re.compile(r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SOUND|MOST_REPAIRS) ")
 
 
-def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int = 1) -> Iterator[tuple[str, Edit]]:
+def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int) -> Iterator[tuple[str, Edit]]:
     """``each`` places of every operator, where there are so many."""
     for name, operator in operators.items():
         places = [
@@ -258,12 +258,12 @@ def _line(text: str, at: int) -> str:
 
 
 def _mutants(
-    kind: str, file: str, text: str, code: Code, operators: dict[str, Operator], check: str
+    kind: str, file: str, text: str, code: Code, operators: dict[str, Operator], check: str, places: int, seed: int
 ) -> Iterator[Mutant]:
-    """One of each operator; its name says what stood there."""
+    """So many of each operator; their names say what stood there."""
     drive, filter_kind = check.split()[1:3]
-    rng = random.Random(f"{SEED} {file}")
-    for name, (start, end, new) in draw(code, operators, rng):
+    rng = random.Random(f"{seed} {file}")
+    for name, (start, end, new) in draw(code, operators, rng, places):
         line = " ".join(_line(text, start).split())
         yield Mutant(
             kind=kind,
@@ -277,7 +277,7 @@ def _mutants(
         )
 
 
-def emitted_mutants() -> list[Mutant]:
+def emitted_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:
     """Of every shipped drive: both filters, their lane form, the controller, and the module."""
     found: list[Mutant] = []
     for number, drive in enumerate(drives()):
@@ -296,5 +296,6 @@ def emitted_mutants() -> list[Mutant]:
                 if kind == "lanes, C":
                     names = ("plus for minus", "last bit of a constant", "wrong operand", "a + (b + c)", "== for !=")
                     operators = {name: operators[name] for name in names}
-                found += _mutants(kind, file, text, language(text), operators, f"{check} {drive} {filter_kind}")
+                about = f"{check} {drive} {filter_kind}"
+                found += _mutants(kind, file, text, language(text), operators, about, places, seed)
     return found
