@@ -28,7 +28,7 @@ from runtime.commands.faults import faults
 from runtime.commands.replay import replay
 from runtime.commands.study import app as study
 from runtime.commands.terminal import console, working
-from runtime.errors import UserError, end_interrupted
+from runtime.errors import UserError, end_interrupted, was_interrupted
 from runtime.firmware.check import Check
 from runtime.proof.result import Proof
 from runtime.tasks import Written, generate_drives, run_all, simulate_drive, verify_drives
@@ -261,7 +261,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         end_interrupted()
     except SystemExit as end:
-        if end.code == 130:
+        if end.code == 130 or was_interrupted():
             end_interrupted()
         raise
     except (UserError, DriveError, FolderError, UnsupportedOperationError) as error:

@@ -30,10 +30,20 @@ def remember_interrupts() -> None:
         signal.signal(signal.SIGINT, remember)
 
 
+def was_interrupted() -> bool:
+    """Ctrl-C came, whether or not anybody heard it."""
+    return _interrupted.is_set()
+
+
 def stop_if_interrupted() -> None:
     """Raise the KeyboardInterrupt that was swallowed; called where nothing is half done."""
-    if _interrupted.is_set():
+    if was_interrupted():
         raise KeyboardInterrupt
+
+
+def take_interrupt() -> None:
+    """The caller has heard Ctrl-C and finishes in its own way, with what is done so far: others go on as before."""
+    _interrupted.clear()
 
 
 def end_interrupted() -> NoReturn:

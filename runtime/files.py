@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from runtime.errors import UserError
+from runtime.errors import UserError, stop_if_interrupted
 
 
 @contextmanager
@@ -21,7 +21,10 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     ------
     UserError
         If it cannot be written; what was at ``path`` is still there.
+    KeyboardInterrupt
+        A Ctrl-C that a library swallowed before: nothing is begun after it.
     """
+    stop_if_interrupted()
     place = Path(os.path.realpath(path))
     part = place.with_name(f".{os.getpid()}.part")
     try:
@@ -46,7 +49,8 @@ def write_text(path: Path, text: str) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """A folder for output, and those above it; UserError if it cannot be made."""
+    """A folder for output, and those above it; UserError if it cannot be made. Not after Ctrl-C."""
+    stop_if_interrupted()
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

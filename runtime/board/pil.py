@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from runtime.board.board import Answer, Board, Identity, check_identity
 from runtime.board.link import Counts, NoAnswerError, RefusedError, UnpluggedError
 from runtime.board.twin import Twin, word_names
-from runtime.errors import UserError
+from runtime.errors import UserError, take_interrupt
 from runtime.estimator.folder import GeneratedFolder
 
 Array = NDArray[Any]
@@ -247,6 +247,7 @@ def run_pil(
         _walk(board, judge, u.astype(np.float32), y.astype(np.float32), progress)
         result.board_repeats, result.board_bad_frames = board.line_figures()
     except KeyboardInterrupt:
+        take_interrupt()
         result.ended, result.interrupted = "interrupted", True
     except UnpluggedError as error:
         result.ended = f"{error}: is the cable plugged in?"

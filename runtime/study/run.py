@@ -15,7 +15,7 @@ from model.drive import load_drive
 from runtime.drive.experiment import KINDS, folder_with
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import find_scenario
-from runtime.errors import UserError
+from runtime.errors import UserError, take_interrupt
 from runtime.estimator.compiler import find_compiler
 from runtime.study.package import Package, pack, run_package
 from runtime.study.statement import Statement, parse_ranges
@@ -97,6 +97,7 @@ def run_study(
 
             run_there(scheduler, store, packages, missing, lambda count: progress(count + done, total, scheduler))
     except KeyboardInterrupt:
+        take_interrupt()
         return gather(store, runs, interrupted=True)
     return gather(store, runs, interrupted=False)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from model.drive import load_drive
 from runtime.drive.fleet import Cases, Fleet, Outcomes
 from runtime.drive.scenario import Scenario
-from runtime.errors import UserError
+from runtime.errors import UserError, take_interrupt
 from runtime.study.analysis import Rate, wilson
 from runtime.study.package import open_fleet
 from runtime.study.run import state_study
@@ -175,6 +175,7 @@ def tune(
             progress(done, wanted, f"{package.drive}, {kind}")
             _round(optuna, study, trials, min(TOGETHER, wanted - done))
     except KeyboardInterrupt:
+        take_interrupt()
         interrupted = True
     points = tuple(_finished(optuna, study))
     if not points:

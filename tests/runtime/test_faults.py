@@ -150,7 +150,7 @@ def interrupted(cwd: Path, *arguments: str, after: str | float) -> tuple[int, st
         (("verify", "paper_spmsm", "--json", "f"), "generating"),
         (("verify", "paper_spmsm", "spmsm_load_torque", "--json", "f"), "generating"),
         (("simulate", "--controller", "numpy", "--json", "f", "--out", "out"), "%"),
-        (("compare", "paper_spmsm", "spmsm_load_torque", "--json", "f", "--out", "out"), ":"),
+        (("compare", "paper_spmsm", "spmsm_load_torque", "ipmsm", "--json", "f", "--out", "out"), ":"),
         (("replay", "paper_spmsm", "data.csv", "--backend", "numpy", "--json", "f", "--out", "out.npz"), 3.0),
         (("--help",), 0.7),
     ],

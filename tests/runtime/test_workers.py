@@ -5,11 +5,15 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
+from runtime import errors
+from runtime.cli import main
+from runtime.files import make_folder, write_text
 from runtime.workers import workers
 
 
@@ -56,3 +60,28 @@ def test_a_worker_that_will_not_end_is_ended(tmp_path: Path) -> None:
     assert [child for child in multiprocessing.active_children() if child not in earlier] == []
     assert not Path(told.read_text()).exists(), "its temporary files went with it"
     assert not Path(told.read_text()).parent.exists()
+
+
+def test_an_interrupt_that_was_swallowed_begins_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi hears Ctrl-C and goes on; what follows it must not look finished."""
+    event = threading.Event()
+    monkeypatch.setattr(errors, "_interrupted", event)
+    write_text(tmp_path / "before", "whole")
+    event.set()
+    for work in (lambda: write_text(tmp_path / "after", "late"), lambda: make_folder(tmp_path / "out")):
+        with pytest.raises(KeyboardInterrupt):
+            work()
+    assert [path.name for path in tmp_path.iterdir()] == ["before"]
+    errors.take_interrupt()  # as study does, which keeps what is done
+    write_text(tmp_path / "kept", "in time")
+    assert (tmp_path / "kept").read_text() == "in time"
+
+
+def test_one_swallowed_to_the_end_is_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    event = threading.Event()
+    event.set()
+    monkeypatch.setattr(errors, "_interrupted", event)
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "pmsm-ickf: interrupted\n"
