@@ -101,8 +101,8 @@ def _sharp(module: ModuleType, x: Array, u: Array, y: Array) -> Start:
 def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     """One thing at a time, in one lane of many healthy ones: beside another, it might not be what is noticed.
 
-    A pivot's, a state's, the innovations' size is sound but for one entry; one column alone turns far, or too far to
-    know the angle; a turn halved is exactly what counts as small.
+    An L is absurd behind pivots that are not; a state is, and no innovation tells; a turn, once or twice halved, is
+    exactly what counts as small; one column alone turns far, or too far to know the angle.
     """
     if module.COVARIANCE != "LD":
         return None
@@ -115,14 +115,14 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     Q, nis = np.tile(np.array(module.DEFAULTS["Q"])[:, None], lanes), np.zeros(lanes)
     words = _diagonal(module, Q[:, 0], lanes)
     place = iter(range(7, lanes, apart))
-    # --- an L that is absurd behind pivots, state and innovations that are not
+    # --- an L that is absurd; a mean innovation beyond its limit has it looked at
     lane = next(place)
     column, row = sorted(order.index(axis) for axis in (0, 1))
     x[2, lane], x[module.ANGLE, lane] = 0.0, 0.0
     Q[:, lane], nis[lane] = 1e-30, 2 * module.DEFAULTS["nis_max"]
     words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
     words[row * (row + 1) // 2 + column, lane] = 1e10
-    # --- each state, with no measurement whose innovation would tell
+    # --- each state
     for state, lane in zip(absurd, place, strict=False):
         x[:, lane], y[0, :, lane], Q[:, lane] = 0.0, np.nan, 1e-30
         x[state, lane] = 2e9
