@@ -106,11 +106,16 @@ def _put(tree: Tree, values: Mapping[str, Tree]) -> Tree:
 
 
 def _number(value: float) -> Tree:
-    return ("number", float(np.float32(value)))
+    return ("number", repr(float(np.float32(value))))  # as text, so that 0 is not -0
 
 
 def _negative(operand: Tree) -> Tree:
-    return ("number", -operand[1]) if operand[0] == "number" else ("neg", operand)
+    return _number(-float(operand[1])) if operand[0] == "number" else ("neg", operand)
+
+
+def _operation(sign: str, left: Tree, right: Tree) -> Tree:
+    """Two constants are no operation to compare: Python would carry it out in double."""
+    return ("constants", sign, object()) if left[0] == right[0] == "number" else (sign, left, right)
 
 
 # --- NumPy
@@ -182,7 +187,7 @@ class _PythonReader:
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return _negative(self.tree(operand))
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return (_OPERATORS[type(op)], self.tree(left), self.tree(right))
+                return _operation(_OPERATORS[type(op)], self.tree(left), self.tree(right))
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=args):
                 return ("call", _CALLS.get(name, name), *map(self.tree, args))
             case ast.Subscript(value=value, slice=ast.Constant(value=k)):
@@ -227,7 +232,9 @@ class _CReader:
         self.pairs: dict[str, Tree] = {}
         parameters = definition.decl.type.args.params if definition.decl.type.args else []
         self.ports = [p.name for p in parameters if p.name and p.name.endswith("_out")]
-        self.kept = TURN_PORTS - len(self.ports) if definition.decl.name.endswith("_turns") else 0
+        #: Turns that are wide are seen to by statements of their own; in any other block there is nothing else.
+        self.flows = definition.decl.name.endswith("_turns")
+        self.kept = TURN_PORTS - len(self.ports) if self.flows else 0
         self._statements(definition.body)
 
     def _statements(self, body: Any) -> None:
@@ -236,12 +243,12 @@ class _CReader:
                 self._statements(statement.stmt)
             elif isinstance(statement, c_ast.Decl) and statement.init is not None:
                 self._declared(statement)
-            elif isinstance(statement, c_ast.Assignment) and statement.op == "=":
-                place = self._place(statement.lvalue)
-                if place is not None:
-                    self.function.outputs[place] = self.tree(statement.rvalue)
+            elif (place := self._assigned(statement)) is not None:
+                self.function.outputs[place] = self.tree(statement.rvalue)
             elif isinstance(statement, c_ast.Return) and isinstance(statement.expr, c_ast.FuncCall):
                 self.function.outputs[0, 0] = self.tree(statement.expr)
+            elif not (self.flows or isinstance(statement, c_ast.Decl | c_ast.Return)):
+                self.function.entries[f"line {statement.coord.line}"] = ("other", str(statement))
 
     def _declared(self, declaration: Any) -> None:
         kind = getattr(getattr(declaration.type, "type", None), "names", ["?"])[0]
@@ -251,9 +258,11 @@ class _CReader:
         elif kind == "float32":
             self.function.entries[declaration.name] = tree
 
-    def _place(self, target: Any) -> tuple[int, int] | None:
-        """Port and place of what is assigned to; None if it is no output."""
-        tree = self.tree(target)
+    def _assigned(self, statement: Any) -> tuple[int, int] | None:
+        """Port and place of the output that a statement assigns; None if it does something else."""
+        if not (isinstance(statement, c_ast.Assignment) and statement.op == "="):
+            return None
+        tree = self.tree(statement.lvalue)
         if tree[0] == "index" and tree[1][0] == "name":
             owner = tree[1][1]
             if owner in self.ports:
@@ -263,14 +272,14 @@ class _CReader:
 
     def tree(self, node: Any) -> Tree:
         match node:
-            case c_ast.Constant(type="float" | "double", value=value):
+            case c_ast.Constant(type="float", value=value):  # without its f it would be a double
                 return _number(float(value.rstrip("fF")))
             case c_ast.ID(name=name):
                 return self.pairs.get(name, ("name", name))
             case c_ast.UnaryOp(op="-", expr=operand):
                 return _negative(self.tree(operand))
             case c_ast.BinaryOp(op="+" | "-" | "*" | "/" as op, left=left, right=right):
-                return (op, self.tree(left), self.tree(right))
+                return _operation(op, self.tree(left), self.tree(right))
             case c_ast.FuncCall(name=c_ast.ID(name=name), args=args):
                 return ("call", _CALLS.get(name, name), *map(self.tree, args.exprs if args else ()))
             case c_ast.StructRef(name=pair, field=c_ast.ID(name="sine" | "cosine" as part)):

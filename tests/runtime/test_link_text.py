@@ -68,6 +68,13 @@ CHANGES = {
         "",
         "time_update, C: output 1[1]",
     ),
+    "a double": ("ipmsm_flux_ickf.c", r"3\.9601994f \* cos", "3.9601994 * cos", "time_update, C: even_psi_d_next_1"),
+    "something more": (
+        "ipmsm_flux_ickf.c",
+        r"( +)LD_pred_out\[1\] = L_pred_10;\n",
+        r"\g<0>\1LD_pred_out[1] += 1.0f;\n",
+        "time_update, C: line",
+    ),
     "a block that Python does not have": (
         "ipmsm_flux_ickf.c",
         r"(?s)static void coast\(",
@@ -104,4 +111,4 @@ def test_what_is_stated_otherwise_is_told(change: str) -> None:
     kind = "ckf" if "_ckf" in file else "ickf"
     link = link_text(overlaid(folder, file, text), kind, "jacobian")
     assert not link.passed
-    assert told in [row.stage for row in link.rows if not row.passed]
+    assert any(row.stage.startswith(told) for row in link.rows if not row.passed)
