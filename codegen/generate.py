@@ -17,25 +17,26 @@ from typing import Any
 import numpy as np
 
 from codegen import __version__
-from codegen.box import sample_box
-from codegen.budget import FACTORS, Account, cycles
-from codegen.certificate import SAMPLES, Figures, certify, certify_chip
+from codegen.evidence.box import sample_box
+from codegen.evidence.budget import FACTORS, Account, cycles
+from codegen.evidence.certificate import SAMPLES, Figures, certify, certify_chip
+from codegen.evidence.ledger import Ledger, Program
+from codegen.evidence.measure import Measurer, Record
+from codegen.evidence.recording import execute, record_control, record_filter
+from codegen.evidence.selftest import control_run, gains, segments
 from codegen.fast.steps import build_fast_filter
 from codegen.folder import with_manifest
-from codegen.layout import Listing, lay_out
-from codegen.ledger import Ledger, Program
-from codegen.measure import Measurer, Record
-from codegen.notes import cost_notes, filter_notes
-from codegen.printers.python import PythonPrinter
-from codegen.recording import execute, record_control, record_filter
-from codegen.render import Description, render_filter, render_port
-from codegen.render_board import render_board
-from codegen.render_drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
-from codegen.render_lanes import render_foc_lanes, render_lanes, render_plant_lanes
-from codegen.render_module import render_module
-from codegen.render_selftest import SelfTest, render_control_selftest, render_filter_selftest
-from codegen.report import render_report
-from codegen.selftest import control_run, gains, segments
+from codegen.ir.layout import Listing, lay_out
+from codegen.passes import optimise
+from codegen.render.board import render_board
+from codegen.render.drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
+from codegen.render.filter import Description, render_filter, render_port
+from codegen.render.lanes import render_foc_lanes, render_lanes, render_plant_lanes
+from codegen.render.module import render_module
+from codegen.render.notes import cost_notes, filter_notes
+from codegen.render.printers.python import PythonPrinter
+from codegen.render.report import render_report
+from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.targets import F28335, HOST64
 from model.drive import Drive, DriveError
 from model.filters import FilterStep, build_filter
@@ -120,7 +121,7 @@ def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[
     """Stage 2: each block's tape, named and ordered; blocks that kinds share are laid out once."""
     constants = model.constants
     blocks = {block.name: block for step in steps.values() for block in step.blocks}
-    return {name: lay_out(block, constants) for name, block in blocks.items()}
+    return {name: lay_out(optimise(block), constants) for name, block in blocks.items()}
 
 
 def certify_module(

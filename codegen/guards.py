@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from codegen.fast.expr import GraphBlock
 from codegen.fast.turns import OPERATIONS
+from codegen.ir.expr import GraphBlock
 from model.filters.program import Call, IfAccepted, Node, Repeat
 from model.quantities import Block
 

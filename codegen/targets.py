@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from codegen.trig import DOUBLE, SINGLE, Precision
+from codegen.ir.trig import DOUBLE, SINGLE, Precision
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from codegen import __version__
-from codegen.budget import BudgetError
+from codegen.evidence.budget import BudgetError
 from codegen.folder import FolderError
-from codegen.graph import UnsupportedOperationError
+from codegen.ir.graph import UnsupportedOperationError
 from model.drive import DriveError, cautions, load_drive
 from runtime.commands.board import pil, record
 from runtime.commands.compare import compare

@@ -12,12 +12,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from codegen.budget import check_budget
+from codegen.evidence.budget import check_budget
+from codegen.evidence.measure import Measurer, kept_records
+from codegen.fast.ablation import Earned, earnings
 from codegen.folder import MANIFEST, difference, write_folder
 from codegen.generate import generate
-from codegen.graph import UnsupportedOperationError
-from codegen.measure import Measurer, kept_records
-from codegen.rungs import Earned, earnings
+from codegen.ir.graph import UnsupportedOperationError
 from model.drive import DriveError, load_drive, shipped_drives
 from model.state_space import build
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, run_facts, sample_time_sweep, simulate

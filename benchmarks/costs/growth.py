@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from codegen.layout import Listing
+from codegen.fast.ablation import accepted_path, build_rung
+from codegen.ir.layout import Listing
 from codegen.passes import weight
-from codegen.rungs import accepted_path, build_rung
 from costs import ours
 from costs.counting import figure, host_instructions
 from costs.step_tables import X86, Length, inputs_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from codegen.ledger import Program
-from codegen.render import Description, render_filter, render_port
-from codegen.rungs import RUNGS, Earned, Rung, build_rung, earned
+from codegen.evidence.ledger import Program
+from codegen.fast.ablation import RUNGS, Earned, Rung, build_rung, earned
+from codegen.render.filter import Description, render_filter, render_port
 from codegen.targets import F28335
 from costs.counting import Candidate
 from model.drive import Drive

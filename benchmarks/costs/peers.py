@@ -12,10 +12,10 @@ from typing import Any
 
 import casadi as ca
 
-from codegen.printers.c import CPrinter
-from codegen.render import render_port, sin_cos_text
+from codegen.ir.trig import wrap_listing
+from codegen.render.filter import render_port, sin_cos_text
+from codegen.render.printers.c import CPrinter
 from codegen.targets import F28335
-from codegen.trig import wrap_listing
 from costs.counting import Candidate
 from costs.plain import Package, ckf_step
 from model.drive import Drive

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from codegen.rungs import OPERATIONS, RUNGS, weights_text
+from codegen.fast.ablation import OPERATIONS, RUNGS, weights_text
 from costs import ours, peers
 from costs.counting import (
     Candidate,
@@ -144,7 +144,7 @@ def forms_table(length: Length, progress: Progress, drives: Sequence[str] = ()) 
 
 
 def passes_table(length: Length, progress: Progress, kind: str = "ckf", drives: Sequence[str] = ()) -> Table:
-    """What each rung of :data:`codegen.rungs.RUNGS` earns."""
+    """What each rung of :data:`codegen.fast.ablation.RUNGS` earns."""
     rows: list[Row] = []
     for name in drives or (PAPER, "ipmsm_flux", "spmsm_load_torque"):
         problem = ours.Problem.of(load_drive(name))

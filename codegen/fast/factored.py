@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from codegen.fast.expr import Expr, sum_of
+from codegen.ir.expr import Expr, sum_of
 
 Matrix = list[list[Expr]]
 

@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from codegen.fast.expr import Expr
-from codegen.graph import Graph
+from codegen.ir.expr import Expr
+from codegen.ir.graph import Graph
 from model.state_space import StateSpaceModel
 
 Pair = tuple[Expr, Expr]

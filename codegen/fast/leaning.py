@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from codegen.fast.expr import Expr, GraphBuilder, dot, sum_of
 from codegen.fast.factored import Matrix
 from codegen.fast.rows import common_factor
 from codegen.fast.tape import Tape
+from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
 
 Vector = list[Expr]
 

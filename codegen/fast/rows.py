@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from codegen.fast.expr import Expr
-from codegen.graph import Graph
+from codegen.ir.expr import Expr
+from codegen.ir.graph import Graph
 from codegen.passes.products import Folded, folded
 
 #: Constants that were multiplied in another order are the same constant.
@@ -16,7 +16,7 @@ SAME = 1e-14
 def common_factor(row: list[Expr]) -> tuple[Expr, list[Expr]]:
     """The product that every entry of a row, but for those that are zero, holds; and the row without it.
 
-    >>> from codegen.graph import Graph
+    >>> from codegen.ir.graph import Graph
     >>> g = Graph()
     >>> k, w, a, b = Expr(g, g.const(3.0, "K")), *(Expr(g, g.input(name)) for name in "wab")
     >>> scale, rest = common_factor([w * (k * a), k * 0.0, b * w * k])

@@ -26,7 +26,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from codegen.fast.expr import Expr
+from codegen.ir.expr import Expr
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Split:
 
 
 class SplitAlgebra:
-    """Replays a tape in even and odd parts (see :func:`codegen.graph.read_tape`).
+    """Replays a tape in even and odd parts (see :func:`codegen.ir.graph.read_tape`).
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class SplitAlgebra:
         return angle.apply("sin"), angle.apply("cos")
 
     def _turn(self, a: Split) -> tuple[Expr, Expr, Expr]:
-        """For d = s odd: cos d, cos d - 1 and sin d / s, by the even functions of :mod:`codegen.small_angle`."""
+        """For d = s odd: cos d, cos d - 1 and sin d / s, by the even functions of :mod:`codegen.ir.small_angle`."""
         odd = a.odd
         if self.q.is_zero() or odd.is_zero():
             return self.zero + 1.0, self.zero, odd

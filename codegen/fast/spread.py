@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codegen.fast.expr import Expr, GraphBuilder, dot, sum_of
 from codegen.fast.factored import Matrix
 from codegen.fast.frame import Frame
 from codegen.fast.leaning import Gram, Leaning
 from codegen.fast.rows import common_factor
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
+from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
 from model.filters.cubature import Rule
 from model.state_space import StateSpaceModel
 

@@ -8,7 +8,6 @@ from functools import cache
 
 import casadi as ca
 
-from codegen.fast.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
 from codegen.fast.leaning import find_leaning
@@ -16,6 +15,7 @@ from codegen.fast.split import SplitAlgebra
 from codegen.fast.spread import Spread, Spreading
 from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns
+from codegen.ir.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
 from model.filters import build_filter
 from model.filters.cubature import CUBATURE, Rule

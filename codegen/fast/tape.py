@@ -7,10 +7,10 @@ from typing import Any
 
 import casadi as ca
 
-from codegen.fast.expr import Expr, GraphBuilder
 from codegen.fast.frame import AngleFinder, Frame
 from codegen.fast.split import Split, SplitAlgebra
-from codegen.graph import read_tape
+from codegen.ir.expr import Expr, GraphBuilder
+from codegen.ir.graph import read_tape
 from model.quantities import Constant
 from model.state_space import StateSpaceModel
 

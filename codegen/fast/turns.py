@@ -1,14 +1,14 @@
 """The small angles of a block, computed in a block of their own before it.
 
 Every column of L turns an angle by some d; the block needs sin(d) / d and cos(d) - 1 (see
-:mod:`codegen.small_angle`). Apart, the usual polynomials stand in straight lines and the rare wide angle is
+:mod:`codegen.ir.small_angle`). Apart, the usual polynomials stand in straight lines and the rare wide angle is
 mended before anything depends on it, in one place.
 """
 
 from __future__ import annotations
 
-from codegen.fast.expr import Expr, GraphBlock
-from codegen.graph import Graph
+from codegen.ir.expr import Expr, GraphBlock
+from codegen.ir.graph import Graph
 from model.quantities import Port, Stage
 
 OPERATIONS = ("sinc", "cosm1")

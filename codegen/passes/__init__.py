@@ -8,15 +8,18 @@ returns a new graph with the map from old nodes to new ones. It changes no value
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 
-from codegen.graph import Graph
+from codegen.ir.expr import Expr, GraphBlock
+from codegen.ir.graph import Graph
 from codegen.passes.collect import collect
 from codegen.passes.distribute import distribute
 from codegen.passes.products import share_products
 from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
 from codegen.passes.reuse import reuse_products
 from codegen.passes.signs import pull_signs
+from model.quantities import Block, Stage
 
 Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
 Pipelines = tuple[tuple[Pass, ...], ...]
@@ -79,12 +82,34 @@ def _run_pipeline(made: Made, roots: list[int], passes: tuple[Pass, ...]) -> tup
     return made[passes]
 
 
+def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
+    """The same block over the cheapest pipeline's graph; a block that is still a tape stays as it is.
+
+    What a stage merely suggests a name for may be gone afterwards: the stage loses that entry.
+    """
+    if not isinstance(block, GraphBlock):
+        return block
+    graph, moved = run_passes(block.graph, block.roots, pipelines)
+
+    def rewritten(stage: Stage) -> Stage:
+        kept = [k for k, entry in enumerate(stage.entries) if entry.node in moved]
+        entries = tuple(Expr(graph, moved[stage.entries[k].node]) for k in kept)
+        names, rows = (tuple(values[k] for k in kept) for values in (stage.names, stage.rows))
+        return replace(stage, entries=entries, names=names, rows=rows)
+
+    outputs = tuple(
+        replace(port, entries=tuple(Expr(graph, moved[entry.node]) for entry in port.entries)) for port in block.outputs
+    )
+    return replace(block, graph=graph, outputs=outputs, stages=tuple(map(rewritten, block.stages)))
+
+
 __all__ = [
     "PIPELINES",
     "WEIGHTS",
     "Pipelines",
     "collect",
     "distribute",
+    "optimise",
     "pull_signs",
     "reuse_products",
     "run_passes",

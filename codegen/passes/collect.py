@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 
 Term = tuple[bool, list[int]]
 """A term of a sum: negative?, and its factors as nodes of the old graph."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 
 
 def distribute(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:

@@ -8,12 +8,12 @@ product are folded into one number first.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
-from codegen.graph import Graph
+from codegen.ir.constants import Folded, folded, product_name, taken_apart
+from codegen.ir.graph import Graph
 
 
 def share_products(
@@ -41,19 +41,6 @@ def share_products(
     ranks = {index: rank for rank, index in enumerate(order)}
     pairs = _share(factors, ranks)
     return _rebuild(graph, order, factors, pairs, ranks)
-
-
-#: Characters that C89 promises to tell apart.
-LONGEST_NAME = 31
-
-
-@dataclass(frozen=True)
-class Folded:
-    """Constants of one product as one number."""
-
-    value: float
-    name: str
-    formula: str
 
 
 @dataclass(frozen=True)
@@ -108,57 +95,11 @@ def _folded(graph: Graph, found: Counter[int], roots: dict[str, int]) -> Counter
 
 def _rooted(graph: Graph, index: int, roots: dict[str, int]) -> Counter[Factor]:
     """A constant as the root whose square it holds, twice, and the number that is left; else as it is."""
-    names, plain = _taken_apart(graph, index)
-    root = roots.get(_product_name(Counter(dict.fromkeys(names, 1)), 1.0)) if set(names.values()) == {2} else None
+    names, plain = taken_apart(graph, index)
+    root = roots.get(product_name(Counter(dict.fromkeys(names, 1)), 1.0)) if set(names.values()) == {2} else None
     if root is None:
         return Counter({index: 1})
     return Counter({root: 2} | ({Folded(plain, "", ""): 1} if plain != 1.0 else {}))
-
-
-def folded(graph: Graph, constants: list[int]) -> Folded:
-    """Constants of a graph as one number, named after them."""
-    constants = sorted(constants, key=lambda k: (graph[k].name, graph[k].value))
-    value = math.prod(graph[index].value for index in constants)
-    if len(constants) == 1:
-        return Folded(value, graph[constants[0]].name, graph[constants[0]].formula)
-    names, plain = Counter[str](), 1.0
-    for index in constants:
-        some, number = _taken_apart(graph, index)
-        names, plain = names + some, plain * number
-    names = Counter(dict(sorted(names.items())))
-    return Folded(value, _product_name(names, plain), _formula(names, plain))
-
-
-def _product_name(names: Counter[str], plain: float) -> str:
-    """``A_B`` for A times B, ``A_SQ`` for A times A, ``A_X4`` for 4 A, ``A_BY4`` for A / 4; else nothing."""
-    by = 0.0 < plain < 1.0
-    number = 1.0 / plain if by else plain
-    if not names or number != int(number) or any(count > 2 for count in names.values()):
-        return ""
-    parts = [name + ("_SQ" if count == 2 else "") for name, count in names.items()]
-    name = "_".join(parts + ([f"{'BY' if by else 'X'}{int(number)}"] if number != 1.0 else []))
-    return name if len(name) <= LONGEST_NAME else ""
-
-
-def _taken_apart(graph: Graph, index: int) -> tuple[Counter[str], float]:
-    """The names a constant was multiplied together from, and the number beside them."""
-    node = graph[index]
-    if not node.name:
-        return Counter(), node.value
-    tokens = node.formula.split(" * ")
-    names = Counter(token for token in tokens if token.isidentifier())
-    plain = math.prod(float(token) for token in tokens if _is_number(token))
-    if all(token.isidentifier() or _is_number(token) for token in tokens) and _product_name(names, plain) == node.name:
-        return names, plain
-    return Counter([node.name]), 1.0
-
-
-def _is_number(token: str) -> bool:
-    return token.replace(".", "", 1).isdigit()
-
-
-def _formula(names: Counter[str], plain: float) -> str:
-    return " * ".join([*([repr(plain).removesuffix(".0")] if plain != 1.0 else []), *names.elements()])
 
 
 def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[tuple[Factor, Factor]]:

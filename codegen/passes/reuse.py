@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 
 #: Constants that were multiplied in another order are the same constant.
 SAME = 1e-14

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.graph import Graph, Node
+from codegen.ir.graph import Graph, Node
 
 
 def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:

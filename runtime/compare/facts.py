@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from codegen.budget import CLOCK
+from codegen.evidence.budget import CLOCK
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.subject import Subject
 from runtime.drive.experiment import run_facts

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from codegen.equations import Readable, readable
+from codegen.render.equations import Readable, readable
 from model.drive import Drive
 from model.state_space import StateSpaceModel, build
 from runtime.drive.scenario import SCENARIOS

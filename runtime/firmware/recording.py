@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import sample_box
+from codegen.evidence.box import sample_box
 from model.drive import Drive
 from model.machines import MACHINES
 from model.state_space import build

@@ -1,7 +1,7 @@
 """Link D-chip: float32 on the host against the chip's arithmetic as modelled, running free side by side.
 
-The model (:mod:`codegen.fpu32`) divides and takes roots by Newton steps and flushes denormals. What this link says
-is modelled, not measured; it is the expectation that the user's own board is later compared with.
+The model (:mod:`codegen.evidence.fpu32`) divides and takes roots by Newton steps and flushes denormals. What this link
+says is modelled, not measured; it is the expectation that the user's own board is later compared with.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from codegen.fpu32 import FPU32, Flushed
+from codegen.evidence.fpu32 import FPU32, Flushed
 from runtime.estimator.estimator import Estimator, load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend

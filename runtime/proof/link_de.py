@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import BoxSamples
+from codegen.evidence.box import BoxSamples
 from model.filters.program import FilterStep
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.compiler import find_compiler

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from pycparser import c_ast
 
-from codegen.emitted import parse_emitted
+from codegen.evidence.emitted import parse_emitted
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.result import Link, Row
 
@@ -71,7 +71,7 @@ def link_text(folder: GeneratedFolder, kind: str, gain: str) -> Link:
 
     Raises
     ------
-    codegen.emitted.EmittedError
+    codegen.evidence.emitted.EmittedError
         A text is no C, or uses what the reader does not know.
     """
     stem = f"{folder.drive}_{kind}"

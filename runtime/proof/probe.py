@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.layout import lay_out
+from codegen.ir.layout import lay_out
+from codegen.passes import optimise
 from model.filters.program import FilterStep
 from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
@@ -136,7 +137,7 @@ def _stage_of(step: FilterStep, function: str, name: str) -> tuple[str, str] | N
         for stage in block.stages:
             if name in stage.names and stage.meaning:
                 return stage.equation, stage.name
-        for section in lay_out(block, step.model.constants).sections:
+        for section in lay_out(optimise(block), step.model.constants).sections:
             if any(name in (s.pair or (s.name,)) for s in section.statements):
                 return section.equation, block.name
     return None

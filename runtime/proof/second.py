@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import sample_box
+from codegen.evidence.box import sample_box
 from model.drive import Drive
 from model.machines import MACHINES
 from model.machines.own import MachineError, load_module, read_word, running

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import BoxSamples
-from codegen.certificate import full_matrices
-from codegen.small_angle import LIMIT, UNKNOWN
+from codegen.evidence.box import BoxSamples
+from codegen.evidence.certificate import full_matrices
+from codegen.ir.small_angle import LIMIT, UNKNOWN
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.numpy_backend import NumpyBackend
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import BoxSamples, sample_box
-from codegen.certificate import SAMPLES
+from codegen.evidence.box import BoxSamples, sample_box
+from codegen.evidence.certificate import SAMPLES
+from codegen.evidence.measure import Measurer, kept_records
 from codegen.folder import FolderError, check_unedited, difference, write_folder
 from codegen.generate import Package, generate
-from codegen.measure import Measurer, kept_records
 from model.drive import Drive, load_drive
 from model.filters import FilterStep
 from runtime.errors import UserError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from codegen.rungs import Earned
+from codegen.fast.ablation import Earned
 from model.drive import Drive
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.simulation import Run

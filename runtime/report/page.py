@@ -12,9 +12,9 @@ from markupsafe import Markup
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from codegen import __version__
-from codegen.equations import Readable, readable
+from codegen.fast.ablation import OPERATIONS, weights_text
 from codegen.folder import read_manifest
-from codegen.rungs import OPERATIONS, weights_text
+from codegen.render.equations import Readable, readable
 from runtime.files import make_folder, write_text
 from runtime.report.chapter import Chapter
 from runtime.report.cost_figures import passes_figure

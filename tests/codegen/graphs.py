@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 
 Operations = Mapping[str, Callable[..., Any]]
 

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from codegen.budget import BudgetError, check_budget, cycles
+from codegen.evidence.budget import BudgetError, check_budget, cycles
 from codegen.generate import Package, generate
 from model.drive import Budget, Drive
 from tests.conftest import shipped_package, variant

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.layout import lay_out
-from codegen.rungs import RUNGS, build_rung, earned, earnings
+from codegen.fast.ablation import RUNGS, build_rung, earned, earnings
+from codegen.ir.layout import lay_out
+from codegen.passes import optimise
 from model.drive import Drive, load_drive
 from model.state_space import build
 from runtime.errors import UserError
@@ -111,7 +112,7 @@ def test_the_last_rung_is_the_shipped_form(drive: Drive) -> None:
 
     model, steps = build_steps(drive)
     for kind, step in steps.items():
-        shipped = earned(RUNGS[-1], step, {b.name: lay_out(b, model.constants) for b in step.blocks})
+        shipped = earned(RUNGS[-1], step, {b.name: lay_out(optimise(b), model.constants) for b in step.blocks})
         assert shipped == earned(RUNGS[-1], *build_rung(model, kind, drive.filter.gain, RUNGS[-1]))
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.fast.expr import Expr
 from codegen.fast.factored import Measured, decorrelated, factor, from_packed, to_packed
-from codegen.graph import Graph
+from codegen.ir.expr import Expr
+from codegen.ir.graph import Graph
 from tests.codegen.graphs import FLOAT, evaluate
 
 Array = np.ndarray

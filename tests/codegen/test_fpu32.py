@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.fpu32 import FPU32, TINY, Flushed, divide, flush, inverse_root_seed, reciprocal_seed, square_root
+from codegen.evidence.fpu32 import FPU32, TINY, Flushed, divide, flush, inverse_root_seed, reciprocal_seed, square_root
 from model.drive import Drive
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GENERATED, GeneratedFolder
@@ -183,8 +183,8 @@ def test_flush_to_zero_is_that_of_real_hardware() -> None:
 
 def test_generated_code_runs_on_it_unchanged(drive: Drive) -> None:
     """The same module, the same lanes: flushing alone changes no bit in the box, Newton steps change few."""
-    from codegen.box import sample_box
-    from codegen.certificate import one_step
+    from codegen.evidence.box import sample_box
+    from codegen.evidence.certificate import one_step
     from codegen.generate import build_steps
 
     module: dict[str, Any] = vars(GeneratedFolder(GENERATED / drive.name).module)
@@ -202,7 +202,7 @@ def test_generated_code_runs_on_it_unchanged(drive: Drive) -> None:
 
 def test_a_rejected_lane_runs_on_it_too(drive: Drive) -> None:
     """NaN, infinite and far inputs: selections between lanes, and the guard's comparisons, as on the host."""
-    from codegen.certificate import filter_state
+    from codegen.evidence.certificate import filter_state
 
     module: dict[str, Any] = vars(GeneratedFolder(GENERATED / drive.name).module)
     kind = module["KINDS"][0]
@@ -238,8 +238,8 @@ def test_flush_keeps_what_is_normal() -> None:
 
 def test_the_self_tests_allowance_covers_the_model(drive: Drive) -> None:
     """What the firmware's self-test lets pass on the chip: the recorded steps again, with the model's / and root."""
-    from codegen.recording import execute, record_filter, run_filter
-    from codegen.selftest import segments
+    from codegen.evidence.recording import execute, record_filter, run_filter
+    from codegen.evidence.selftest import segments
     from model.state_space import build
 
     text = (GENERATED / drive.name / f"{drive.name}.py").read_text()

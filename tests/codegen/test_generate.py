@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from pycparser import c_ast, c_parser
 
+from codegen.evidence.measure import Measurer, kept_records
 from codegen.folder import difference
 from codegen.generate import generate
-from codegen.measure import Measurer, kept_records
 from model.drive import Drive, load_drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT, interrupt_files
@@ -171,8 +171,8 @@ def test_report_says_what_was_proved(name: str) -> None:
 
 def test_certificate_bounds_other_draws() -> None:
     """The certificate's worst case is not beaten by more than a little on draws it has not seen."""
-    from codegen.box import sample_box
-    from codegen.certificate import certify
+    from codegen.evidence.box import sample_box
+    from codegen.evidence.certificate import certify
     from codegen.generate import build_steps
 
     drive = load_drive("paper_spmsm")

@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.graph import Graph, UnsupportedOperationError, read_tape
-from codegen.layout import lay_out
-from codegen.printers.c import CPrinter
-from codegen.printers.python import PythonPrinter
+from codegen.ir.graph import Graph, UnsupportedOperationError, read_tape
+from codegen.ir.layout import lay_out
+from codegen.ir.trig import DOUBLE, wrap_listing
+from codegen.render.printers.c import CPrinter
+from codegen.render.printers.python import PythonPrinter
 from codegen.targets import HOST64
-from codegen.trig import DOUBLE, wrap_listing
 from model.filters.program import BlockBuilder
 from model.quantities import Block
 from runtime.estimator.compiler import build_library

@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from codegen.fast.expr import Expr, GraphBuilder
 from codegen.fast.factored import from_packed
 from codegen.fast.leaning import _along, find_leaning
 from codegen.fast.rows import common_factor
 from codegen.fast.tape import Tape
-from codegen.graph import Graph
+from codegen.ir.expr import Expr, GraphBuilder
+from codegen.ir.graph import Graph
 from model.drive import load_drive
 from model.state_space import build
 from tests.codegen.graphs import FLOAT, evaluate

@@ -8,13 +8,13 @@ from typing import Any
 import casadi as ca
 import pytest
 
-from codegen.budget import cycles
-from codegen.emitted import EmittedError, code_of, parse_emitted
-from codegen.layout import Listing, lay_out
-from codegen.ledger import Program
-from codegen.printers.c import CPrinter
+from codegen.evidence.budget import cycles
+from codegen.evidence.emitted import EmittedError, code_of, parse_emitted
+from codegen.evidence.ledger import Program
+from codegen.ir.layout import Listing, lay_out
+from codegen.ir.trig import sin_cos_listing, wrap_listing
+from codegen.render.printers.c import CPrinter
 from codegen.targets import F28335
-from codegen.trig import sin_cos_listing, wrap_listing
 from model.controller import clarke_block
 from model.drive import Drive
 from model.filters.program import BlockBuilder

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from codegen.evidence.ledger import Program
+from codegen.evidence.measure import NOT_FOUND, Measurer, kept_records
 from codegen.folder import write_folder
 from codegen.generate import generate
-from codegen.ledger import Program
-from codegen.measure import NOT_FOUND, Measurer, kept_records
 from model.drive import load_drive
 from runtime.estimator.folder import GENERATED
 
@@ -57,8 +57,8 @@ def test_a_missing_measurement_is_made_up_for_only_when_writing(monkeypatch: pyt
     files, kept = committed()
     missing = {STEP: {"source_sha256": kept[STEP]["source_sha256"], "not_measured": NOT_FOUND}}
     made = ({STEP: 72, "time_update": 100}, 1000)
-    monkeypatch.setattr("codegen.measure.compile_object", lambda files, source: made)
-    monkeypatch.setattr("codegen.measure.compiler_version", lambda: "1.2.3")
+    monkeypatch.setattr("codegen.evidence.measure.compile_object", lambda files, source: made)
+    monkeypatch.setattr("codegen.evidence.measure.compiler_version", lambda: "1.2.3")
     monkeypatch.setattr(shutil, "which", lambda name: f"bin/{name}")
     assert record(Measurer(missing, compile=True), files) == missing[STEP]
     found = record(Measurer(missing, compile=True, retry=True), files)

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 from codegen.passes import (
     PIPELINES,
     distribute,

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from codegen.evidence.recording import Recording, execute, record_control, record_filter, run_control, run_filter
+from codegen.evidence.selftest import BEYOND, NOT_A_NUMBER, Segment, control_run, gains, segments
 from codegen.generate import build_steps
-from codegen.recording import Recording, execute, record_control, record_filter, run_control, run_filter
-from codegen.selftest import BEYOND, NOT_A_NUMBER, Segment, control_run, gains, segments
 from model.drive import Drive, load_drive
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder

@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from codegen.small_angle import (
+from codegen.ir.small_angle import (
     COSM1_COEFFICIENTS,
     DOUBLINGS,
     LIMIT,
@@ -17,7 +17,7 @@ from codegen.small_angle import (
     coefficients,
     small_angle_bound,
 )
-from codegen.trig import DOUBLE, SINGLE
+from codegen.ir.trig import DOUBLE, SINGLE
 from runtime.estimator.folder import find_folder
 
 #: Beyond the limit the angle is made of halves: each doubling at most quadruples an error of cos(d) - 1 (the slope of

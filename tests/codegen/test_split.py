@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from codegen.fast.expr import Expr
 from codegen.fast.split import Split, SplitAlgebra
-from codegen.graph import Graph, read_tape
+from codegen.ir.expr import Expr
+from codegen.ir.graph import Graph, read_tape
 from model.drive import Drive, load_drive
 from model.state_space import StateSpaceModel, build
 from tests.codegen.graphs import FLOAT, SYMBOLIC, evaluate

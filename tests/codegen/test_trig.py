@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codegen.printers.python import PythonPrinter
-from codegen.trig import (
+from codegen.ir.trig import (
     COS_COEFFICIENTS,
     DOUBLE,
     SIN_COEFFICIENTS,
@@ -23,6 +22,7 @@ from codegen.trig import (
     split_pi,
     wrap_listing,
 )
+from codegen.render.printers.python import PythonPrinter
 
 NAMESPACE: dict[str, Any] = {
     "np": np,

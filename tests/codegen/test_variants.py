@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.box import sample_box
+from codegen.evidence.box import sample_box
 from codegen.fast import steps as fast_steps
 from codegen.fast.frame import turns_freely
 from codegen.generate import build_steps, lay_out_steps
-from codegen.printers.python import PythonPrinter
-from codegen.render import Description
-from codegen.render_drive import controller_context
-from codegen.render_module import render_module
+from codegen.render.drive import controller_context
+from codegen.render.filter import Description
+from codegen.render.module import render_module
+from codegen.render.printers.python import PythonPrinter
 from model.drive import Drive, load_drive
 from model.filters import FilterStep
 from model.machines import MACHINES

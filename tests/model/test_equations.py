@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from codegen.equations import equations
+from codegen.render.equations import equations
 from model.drive import Drive, load_drive
 from model.machines import MACHINES, Machine
 from model.machines.base import Parameters, Rotor

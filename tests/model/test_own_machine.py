@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from codegen.generate import generate
-from codegen.graph import UnsupportedOperationError
+from codegen.ir.graph import UnsupportedOperationError
 from model.drive import DRIVES, DriveError, load_drive
 from model.machines import find_machine
 from model.machines.own import title

@@ -32,10 +32,10 @@ class Fresh:
 
     def __init__(self, drive: Any, form: str) -> None:
         from codegen.generate import build_steps, lay_out_steps
-        from codegen.printers.python import PythonPrinter
-        from codegen.render import Description
-        from codegen.render_drive import controller_context
-        from codegen.render_module import render_module
+        from codegen.render.drive import controller_context
+        from codegen.render.filter import Description
+        from codegen.render.module import render_module
+        from codegen.render.printers.python import PythonPrinter
         from model.state_space import default_initial_state
 
         self.drive = drive.name
@@ -56,9 +56,9 @@ class Fresh:
 
 @cache
 def _printed(fresh: Fresh) -> dict[str, str]:
-    from codegen.render import render_filter, render_port
-    from codegen.render_drive import render_foc
-    from codegen.render_lanes import render_lanes
+    from codegen.render.drive import render_foc
+    from codegen.render.filter import render_filter, render_port
+    from codegen.render.lanes import render_lanes
     from codegen.targets import F28335
 
     files = {"pmsm_port.h": render_port()}
@@ -99,7 +99,7 @@ class Bench:
 
     def situations(self, truth: Any, kind: str, step: Any) -> list[Any]:
         """The reference along a short trajectory, and from draws of the box."""
-        from codegen.box import sample_box
+        from codegen.evidence.box import sample_box
         from model.state_space import build
         from runtime.proof.link_ab import reference_run
         from runtime.proof.second import second_motor
@@ -180,7 +180,7 @@ def _kinds(bench: Bench, truth: Any, fresh: Fresh) -> Iterator[tuple[str, Any]]:
 
 
 def _guard(bench: Bench, truth: Any, fresh: Fresh, step: Any, form: str) -> Any:
-    from codegen.box import sample_box
+    from codegen.evidence.box import sample_box
     from runtime.proof.link_guard import link_guard
     from runtime.proof.second import second_motor
     from runtime.proof.verify import _full
@@ -217,7 +217,7 @@ def controller(bench: Bench, name: str) -> Iterator[Any]:
 
 def bits_of(folder: Any, truth: Any, kind: str, step: Any, steps: int = BIT_STEPS, draws: int = BIT_DRAWS) -> Any:
     """Link D-E with the first divergence's place left out: that takes another compilation."""
-    from codegen.box import sample_box
+    from codegen.evidence.box import sample_box
     from model.state_space import build
     from runtime.proof.link_de import Bits
     from runtime.proof.trajectory import make_trajectory

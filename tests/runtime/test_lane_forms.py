@@ -10,7 +10,7 @@ import cffi
 import numpy as np
 import pytest
 
-from codegen.render_lanes import LANES
+from codegen.render.lanes import LANES
 from model.drive import Drive
 from runtime.drive.motor import true_motor
 from runtime.drive.simulation import controller_declarations

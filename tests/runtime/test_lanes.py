@@ -12,8 +12,8 @@ import pytest
 import runtime
 from codegen.folder import write_folder
 from codegen.generate import generate
-from codegen.render_lanes import LANES
-from codegen.small_angle import LIMIT
+from codegen.ir.small_angle import LIMIT
+from codegen.render.lanes import LANES
 from model.drive import Drive, load_drive
 from runtime import UserError
 from runtime.estimator import threads

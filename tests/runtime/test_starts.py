@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from codegen.box import sample_box
+from codegen.evidence.box import sample_box
 from model.drive import load_drive
 from model.state_space import build
 from runtime.estimator.folder import GENERATED, GeneratedFolder

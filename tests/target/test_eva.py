@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from codegen.folder import read_manifest
-from codegen.trig import sin_cos_bound
+from codegen.ir.trig import sin_cos_bound
 from model.drive import Drive
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.static.box import MARGIN, Interval, filter_box

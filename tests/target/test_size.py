@@ -8,8 +8,8 @@ import shutil
 
 import pytest
 
-from codegen.ledger import Program
-from codegen.measure import COMPILER, NOT_FOUND, Measurer, compiler_version
+from codegen.evidence.ledger import Program
+from codegen.evidence.measure import COMPILER, NOT_FOUND, Measurer, compiler_version
 from model.drive import Drive
 from runtime.estimator.folder import GENERATED
 

@@ -22,8 +22,8 @@ from typing import Literal
 import numpy as np
 
 from codegen.folder import read_manifest
-from codegen.small_angle import small_angle_bound
-from codegen.trig import sin_cos_bound
+from codegen.ir.small_angle import small_angle_bound
+from codegen.ir.trig import sin_cos_bound
 from runtime.firmware.check import Check
 from runtime.firmware.static.bans import parse
 from runtime.firmware.static.box import Box, filter_box, known_machine

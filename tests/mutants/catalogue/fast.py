@@ -264,7 +264,7 @@ FORM = (
     ),
     *of(
         "fast form",
-        "codegen/fast/expr.py",
+        "codegen/ir/expr.py",
         ("0 - b is b", "return -b if self.is_zero() else", "return b if self.is_zero() else", (*PAPER, *FLUX)),
         ("-1 times is 1 times", "return rest if one.value == 1.0 else -rest", "return rest", (*SPLIT, *FLUX)),
         (

@@ -141,7 +141,7 @@ PASS = (
 ARITHMETIC = (
     *of(
         "sine and cosine",
-        "codegen/trig.py",
+        "codegen/ir/trig.py",
         ("S_0", "-0.1666665705860025", "-0.1666667705860025", TRIG),
         ("S_2's sign", "-0.00019806547121805626", "0.00019806547121805626", TRIG),
         ("C_1", "-0.0013888568213324846", "-0.0013888468213324846", TRIG),
@@ -182,7 +182,7 @@ ARITHMETIC = (
     ),
     *of(
         "sine and cosine",
-        "codegen/small_angle.py",
+        "codegen/ir/small_angle.py",
         ("sinc's first", "-0.16664553389661672", "-0.16664583389661672", SMALL),
         ("cosm1's third", "-0.0013704120390129683", "-0.0013604120390129683", SMALL),
         (

@@ -12,9 +12,8 @@ from typing import Any
 
 import casadi as ca
 
-from codegen.fast.expr import GraphBlock
-from codegen.graph import Graph, read_tape
-from codegen.passes import PIPELINES, Pipelines, run_passes
+from codegen.ir.expr import GraphBlock
+from codegen.ir.graph import Graph, read_tape
 from model.quantities import Block, Constant, Stage
 
 
@@ -99,9 +98,9 @@ class Listing:
         return count
 
 
-def lay_out(block: Block, constants: list[Constant], pipelines: Pipelines = PIPELINES) -> Listing:
-    """Read a block's tape (or take its graph, through the passes), name its operations and order them."""
-    graph, outputs, stages = _passed(block, pipelines) if isinstance(block, GraphBlock) else _to_graph(block, constants)
+def lay_out(block: Block, constants: list[Constant]) -> Listing:
+    """Read a block's tape (or take its graph as it stands), name its operations and order them."""
+    graph, outputs, stages = _taken(block) if isinstance(block, GraphBlock) else _to_graph(block, constants)
     roots = [node for nodes in outputs.values() for node in nodes]
     live = frozenset(graph.reachable(roots))
     names = _name(block, graph, stages, live)
@@ -125,16 +124,10 @@ def _to_graph(block: Block, constants: list[Constant]) -> tuple[Graph, dict[str,
     return graph, output_nodes, stage_nodes
 
 
-def _passed(block: GraphBlock, pipelines: Pipelines) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
-    """A fast block's graph after all passes; what a stage only suggests a name for may have gone (-1)."""
-    nodes = {
-        **{stage.name: [entry.node for entry in stage.entries] for stage in block.stages},
-        **{f"output {port.name}": [entry.node for entry in port.entries] for port in block.outputs},
-    }
-    graph, moved = run_passes(block.graph, block.roots, pipelines)
-    stages = {stage.name: [moved.get(node, -1) for node in nodes[stage.name]] for stage in block.stages}
-    outputs = {port.name: [moved[node] for node in nodes[f"output {port.name}"]] for port in block.outputs}
-    return graph, outputs, stages
+def _taken(block: GraphBlock) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
+    outputs = {port.name: [entry.node for entry in port.entries] for port in block.outputs}
+    stages = {stage.name: [entry.node for entry in stage.entries] for stage in block.stages}
+    return block.graph, outputs, stages
 
 
 def _results(block: Block) -> list[tuple[Any, ...]]:

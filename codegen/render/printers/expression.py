@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import textwrap
 
-from codegen.layout import Listing
+from codegen.ir.layout import Listing
 
 WIDTH = 110
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.printers.c import CPrinter
-from codegen.printers.expression import wrap_line
-from codegen.recording import DRAWS, MARGIN, UNITS, Recording, execute
-from codegen.render import Description, render, sin_cos_text
-from codegen.selftest import ControlRun, Segment
+from codegen.evidence.recording import DRAWS, MARGIN, UNITS, Recording, execute
+from codegen.evidence.selftest import ControlRun, Segment
+from codegen.ir.trig import wrap_listing
+from codegen.render.filter import Description, render, sin_cos_text
+from codegen.render.printers.c import CPrinter
+from codegen.render.printers.expression import wrap_line
 from codegen.targets import F28335
-from codegen.trig import wrap_listing
 
 Array = NDArray[Any]
 

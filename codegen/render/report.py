@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.budget import CLOCK, CYCLES, FACTORS, INTERRUPT, PERIODS, Account, cycles
-from codegen.certificate import Figures
-from codegen.equations import readable, sparsity
-from codegen.ledger import OPERATIONS, Ledger
-from codegen.measure import FLAGS, Record
-from codegen.render import FILTER_TITLES, Description, render
-from codegen.render_selftest import SelfTest
-from codegen.trig import sin_cos_bound
+from codegen.evidence.budget import CLOCK, CYCLES, FACTORS, INTERRUPT, PERIODS, Account, cycles
+from codegen.evidence.certificate import Figures
+from codegen.evidence.ledger import OPERATIONS, Ledger
+from codegen.evidence.measure import FLAGS, Record
+from codegen.ir.trig import sin_cos_bound
+from codegen.render.equations import readable, sparsity
+from codegen.render.filter import FILTER_TITLES, Description, render
+from codegen.render.selftest import SelfTest
 from model.filters import FilterStep
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.selftest import ControlRun, Segment
+from codegen.evidence.selftest import ControlRun, Segment
 
 Array = NDArray[Any]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from codegen.graph import Graph
-from codegen.passes.products import folded
+from codegen.ir.constants import folded
+from codegen.ir.graph import Graph
 from model.filters.program import BlockBuilder
 from model.quantities import Block, Port, Stage
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from codegen import __version__
 from codegen.folder import digest
-from codegen.render import Description, render
+from codegen.render.filter import Description, render
 from model.filters import FilterStep
 
 #: Where the bench's files go; production needs none of them.

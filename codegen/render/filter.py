@@ -14,11 +14,11 @@ import jinja2
 
 from codegen import __version__
 from codegen.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
-from codegen.layout import Listing
-from codegen.printers.c import INDENT, STRUCT_FIELDS, CPrinter
-from codegen.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
+from codegen.ir.layout import Listing
+from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
+from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
+from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.targets import Target
-from codegen.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
 from model.drive import Drive
 from model.filters import FilterStep
 from model.filters.program import Copy, IfAccepted, Node, Repeat

@@ -1,6 +1,6 @@
 """The certificate: the generated float32 step against the same text in float64, over the operating box.
 
-And what the chip's own arithmetic is expected to add to it, by the model of :mod:`codegen.fpu32`.
+And what the chip's own arithmetic is expected to add to it, by the model of :mod:`codegen.evidence.fpu32`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from codegen.box import BoxSamples
-from codegen.fpu32 import FPU32, Flushed
+from codegen.evidence.box import BoxSamples
+from codegen.evidence.fpu32 import FPU32, Flushed
 
 SAMPLES = 2000
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from codegen.guards import SOUND
-from codegen.layout import Listing
-from codegen.printers.python import PythonPrinter
-from codegen.render import Description, has_loop, named_constants, render, tuning
-from codegen.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
-from codegen.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
+from codegen.ir.layout import Listing
+from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
+from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
+from codegen.render.filter import Description, has_loop, named_constants, render, tuning
+from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
 
 
 def render_module(
     about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], controller: dict[str, Any]
 ) -> str:
-    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render_drive`)."""
+    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render.drive`)."""
     drive, model = about.drive, about.model
     printer = PythonPrinter()
     (covariance,) = {step.covariance for step in steps.values()}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from codegen.budget import Account, cycles
-from codegen.certificate import Certificate, ChipModel
-from codegen.ledger import Ledger
+from codegen.evidence.budget import Account, cycles
+from codegen.evidence.certificate import Certificate, ChipModel
+from codegen.evidence.ledger import Ledger
 from codegen.targets import Target
 from model.filters import FilterStep
 from model.quantities import Quantity

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from codegen.layout import Listing, lay_out
-from codegen.printers.c import CPrinter
-from codegen.printers.python import PythonPrinter
-from codegen.render import Description, render, sin_cos_arithmetic, sin_cos_text, trig_note, with_ramfuncs
+from codegen.ir.layout import Listing, lay_out
+from codegen.ir.trig import DOUBLE
+from codegen.render.filter import Description, render, sin_cos_arithmetic, sin_cos_text, trig_note, with_ramfuncs
+from codegen.render.printers.c import CPrinter
+from codegen.render.printers.python import PythonPrinter
 from codegen.targets import F28335, HOST64
-from codegen.trig import DOUBLE
 from model.controller import (
     SENSED_MAX,
     Gains,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from codegen.graph import Graph
+from codegen.ir.graph import Graph
 
 
 @dataclass(frozen=True)

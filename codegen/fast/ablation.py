@@ -16,10 +16,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from codegen.fast.steps import EVERYTHING, Means, build_fast_filter
-from codegen.layout import Listing, lay_out
+from codegen.ir.layout import Listing, lay_out
 from codegen.passes import (
     WEIGHTS,
     collect,
+    optimise,
     pull_signs,
     share_reciprocals,
     spend_reciprocals,
@@ -70,7 +71,7 @@ def weights_text() -> str:
 class Earned:
     """Cost of one step built as ``rung`` says, its measurement accepted, each iterate once.
 
-    ``operations``: as :meth:`codegen.layout.Listing.operations`; ``weight``: in additions, see
+    ``operations``: as :meth:`codegen.ir.layout.Listing.operations`; ``weight``: in additions, see
     :data:`codegen.passes.WEIGHTS`.
     """
 
@@ -84,7 +85,7 @@ def build_rung(model: StateSpaceModel, kind: str, gain: str, rung: Rung) -> tupl
     means = rung.means
     step = build_fast_filter(model, kind, gain, means) if means else build_filter(model, kind, gain)
     pipelines = (means or EVERYTHING).pipelines
-    return step, {block.name: lay_out(block, model.constants, pipelines) for block in step.blocks}
+    return step, {block.name: lay_out(optimise(block, pipelines), model.constants) for block in step.blocks}
 
 
 def earnings(model: StateSpaceModel, kind: str, gain: str) -> list[Earned]:

@@ -21,10 +21,10 @@ from functools import cache
 
 import numpy as np
 
-from codegen.bounds import rounding_error
-from codegen.graph import Graph
-from codegen.layout import Listing, Section, Statement
-from codegen.trig import SINGLE, Precision, helper_listing, polynomial
+from codegen.ir.bounds import rounding_error
+from codegen.ir.graph import Graph
+from codegen.ir.layout import Listing, Section, Statement
+from codegen.ir.trig import SINGLE, Precision, helper_listing, polynomial
 
 #: Largest z the polynomials serve: |d| <= 0.7071 rad, two sigmas of theta at sigma = 20 degrees.
 LIMIT = 0.5

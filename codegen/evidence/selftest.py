@@ -1,7 +1,7 @@
 """What the self-test replays: a start, the corners of the operating box, and inputs that must be rejected.
 
 Every number is rounded to few binary digits, so that the last bit of a platform's sine cannot change what is
-generated; the bits that are expected come from executing the generated module (:mod:`codegen.recording`).
+generated; the bits that are expected come from executing the generated module (:mod:`codegen.evidence.recording`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from codegen.box import electrical_states
+from codegen.evidence.box import electrical_states
 from model.controller import Gains, design
 from model.drive import Drive
 from model.state_space import StateSpaceModel, default_initial_state

@@ -17,9 +17,9 @@ from typing import Any
 
 from pycparser import c_ast
 
-from codegen.emitted import code_of
+from codegen.evidence.emitted import code_of
+from codegen.evidence.ledger import Program, Unit
 from codegen.folder import FolderError, read_manifest
-from codegen.ledger import Program, Unit
 
 COMPILER = "arm-none-eabi-gcc"
 FLAGS = ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-std=c89", "-ffp-contract=off")

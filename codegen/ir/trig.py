@@ -14,9 +14,9 @@ from functools import cache
 
 import numpy as np
 
-from codegen.bounds import rounding_error
-from codegen.graph import Graph
-from codegen.layout import Listing, Section, Statement
+from codegen.ir.bounds import rounding_error
+from codegen.ir.graph import Graph
+from codegen.ir.layout import Listing, Section, Statement
 from model.quantities import Block, Port
 
 #: sin r = r + r^3 (S0 + S1 r^2 + ...),  cos r = 1 - r^2 / 2 + r^4 (C0 + C1 r^2 + ...)

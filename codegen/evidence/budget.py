@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from codegen.ledger import Ledger, Program
+from codegen.evidence.ledger import Ledger, Program
 from model.drive import Drive
 
 FACTORS = (2.5, 4.0, 5.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from codegen.guards import is_monitored, is_turns
-from codegen.layout import SMALL_ANGLE, Listing, Statement
-from codegen.printers.expression import ExpressionPrinter, unbroken, wrap_line
-from codegen.small_angle import coefficients
+from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
+from codegen.ir.small_angle import coefficients
+from codegen.render.printers.expression import ExpressionPrinter, unbroken, wrap_line
 from codegen.targets import Target
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block

@@ -14,7 +14,7 @@ from typing import Any
 
 from pycparser import c_ast
 
-from codegen.emitted import EmittedError, parse_emitted
+from codegen.evidence.emitted import EmittedError, parse_emitted
 
 #: In the order tables show them; ``add`` is additions, subtractions and negations.
 OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")

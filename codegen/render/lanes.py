@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from codegen.guards import SOUND, is_turns
-from codegen.layout import Listing
-from codegen.printers.lanes import LanesPrinter, lane_arrays
-from codegen.render import (
+from codegen.ir.layout import Listing
+from codegen.ir.trig import wrap_listing
+from codegen.render.drive import foc_context, plant_context
+from codegen.render.filter import (
     Description,
     angle_place,
     common_spread,
@@ -18,9 +19,8 @@ from codegen.render import (
     trig_note,
     turn_context,
 )
-from codegen.render_drive import foc_context, plant_context
+from codegen.render.printers.lanes import LanesPrinter, lane_arrays
 from codegen.targets import F28335, HOST64
-from codegen.trig import wrap_listing
 from model.filters import FilterStep
 
 #: Filters in one struct: two vectors of 256 bits, one of 512.

@@ -1,0 +1,1 @@
+"""The intermediate representation: graphs of operations, blocks made of them, and their named, ordered listings."""
