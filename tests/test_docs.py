@@ -15,7 +15,7 @@ from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT
 
 ROOT = GENERATED.parent
-DOCS = ("ccs.md", "firmware.md")
+DOCS = ("ccs.md", "firmware.md", "regenerate.md")
 
 
 def _blocks(document: str, language: str) -> list[str]:
@@ -54,6 +54,13 @@ def test_what_is_written_there_works(document: str, desk: Path) -> None:
         assert done.returncode == 0, done.stderr
     if document == "ccs.md":
         assert output.splitlines()[-1] == "0 0"
+
+
+def test_python_of_the_explorers_page_runs(desk: Path) -> None:
+    for block in _blocks("explore.md", "python"):
+        command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{block}"]
+        done = subprocess.run(command, cwd=desk, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
@@ -104,7 +111,7 @@ def test_every_generated_c_file_is_in_the_report(drive: Drive) -> None:
 
 
 @pytest.mark.parametrize(
-    "document", [*(f"docs/{name}" for name in (*DOCS, "own_machine.md")), "README.md", "ARCHITECTURE.md"]
+    "document", [*(f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")), *(f.name for f in ROOT.glob("*.md"))]
 )
 def test_links_lead_somewhere(document: str) -> None:
     path = ROOT / document

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +102,30 @@ def test_a_filter_without_adaptive_states_does_suffer() -> None:
     ).x
     worst = float(np.max(np.abs(x[:, 2] - data["omega"])) * RPM)
     assert worst > 5 * found["start"], (worst, found)
+
+
+def tables() -> dict[str, object]:
+    """Every figure of this file as rows, for docs/results.md."""
+    exact = [
+        {"drive": drive, "filter": "ckf", "speed reference": start, **figures(drive, "ckf", start)}
+        for drive in MOTOR
+        for start in ("ramp", "step")
+    ]
+    learnt = []
+    for drive in WRONG:
+        for kind in ("ckf", "ickf"):
+            for start in ("ramp", "step"):
+                runs = [figures(drive, kind, start, noise=0.05, wrong=True, seed=seed) for seed in range(1, 101)]
+                spread = {
+                    name: f"{np.median([run[name] for run in runs]):.2g} ({max(run[name] for run in runs):.2g})"
+                    for name in runs[0]
+                }
+                learnt.append({"drive": drive, "filter": kind, "speed reference": start, **spread})
+    return {
+        "exact": {"title": "Motor data exact, no noise", "rows": exact},
+        "learnt": {"title": "Motor data wrong at the start, 100 draws of the noise", "rows": learnt},
+    }
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(json.dumps(tables(), indent=1) + "\n", encoding="utf-8")
