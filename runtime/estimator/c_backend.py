@@ -58,6 +58,15 @@ class CBackend:
         self._lane_library: Any = None
 
     def reset(self, x0: Array, words: Array) -> None:
+        """Start from a state and covariance words; see :meth:`Backend.reset`.
+
+        Parameters
+        ----------
+        x0 : ndarray, (n[, B])
+            State, in the units of the model.
+        words : ndarray, (n(n+1)/2[, B])
+            The carried covariance.
+        """
         batch = x0.shape[1:]
         self._lanes = batch[0] if batch else 1
         self._batch = batch
@@ -82,10 +91,12 @@ class CBackend:
 
     @property
     def status(self) -> Array:
+        """Status bits of the last step, ([B],)."""
         return np.array(self._codes, dtype=np.int32)
 
     @property
     def iterations(self) -> Array:
+        """Measurement updates made in the last step, ([B],)."""
         counts = [self._filters[b].iterations for b in range(self._lanes)]
         return np.array(counts, dtype=np.int32).reshape(self._batch)
 
@@ -95,14 +106,25 @@ class CBackend:
         return self._filters
 
     def state(self) -> tuple[Array, Array]:
+        """Copy x and the covariance words."""
         if not self._batch:
             return self._x[0].copy(), self._words[0].copy()
         return self._x.T.copy(), self._words.T.copy()
 
     def estimate(self) -> Array:
+        """Copy x."""
         return (self._x.T if self._batch else self._x[0]).copy()
 
     def step(self, u: Array, y: Array) -> None:
+        """Step every lane once.
+
+        Parameters
+        ----------
+        u : ndarray, (2[, B])
+            Mean voltage over the interval that ends now, V.
+        y : ndarray, (2[, B])
+            Currents now, A.
+        """
         if self._batch:
             self._codes = self.run(u[None], y[None], last_only=True)[3][0]
         else:
@@ -110,6 +132,7 @@ class CBackend:
             self._codes = self._library.runner_step(self._call)
 
     def bound_step(self) -> BoundStep:
+        """Bind a single filter's step, see :meth:`Backend.bound_step`."""
         call, function = self._call, self._library.runner_step
         estimate: Callable[[], Array] = self._x[0].copy
         raw = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs")))
@@ -143,6 +166,20 @@ class CBackend:
         return step
 
     def run(self, u: Array, y: Array, last_only: bool = False) -> tuple[Array, Array, Array, Array]:
+        """Run N steps; see :meth:`Backend.run`.
+
+        Parameters
+        ----------
+        u, y : ndarray, (N, 2[, B])
+            Voltages, V, and currents, A.
+        last_only : bool
+            Keep the last step alone.
+
+        Returns
+        -------
+        tuple of ndarray
+            x, covariance words, iterations, status.
+        """
         steps = u.shape[0]
         kept = min(steps, 1) if last_only else steps
         u, y = np.ascontiguousarray(u), np.ascontiguousarray(y)
@@ -180,7 +217,16 @@ class CBackend:
 
 
 def c_sources(folder: GeneratedFolder, kind: str, dtype: str) -> tuple[str, dict[str, str]]:
-    """The C name of a filter and the texts to compile, by flat file name."""
+    """Find a filter's C name and the texts to compile, by flat file name.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    kind : str
+        Filter kind, such as "ickf".
+    dtype : {"float32", "float64"}
+        The firmware's flavour, or the host's.
+    """
     tag, place = ("", "") if dtype == "float32" else ("_f64", "host/")
     prefix = f"{folder.drive}_{kind}{tag}"
     sources = {f"{prefix}{end}": folder.text(f"{place}{prefix}{end}") for end in (".h", ".c")}
@@ -188,7 +234,17 @@ def c_sources(folder: GeneratedFolder, kind: str, dtype: str) -> tuple[str, dict
 
 
 def declarations(header: str, prefix: str, dtype: str) -> str:
-    """The header's struct and prototypes as cffi wants them: no comments, no preprocessor."""
+    """Reduce a header to what cffi wants: its struct and prototypes, without comments and preprocessor.
+
+    Parameters
+    ----------
+    header : str
+        Text of the generated header.
+    prefix : str
+        The filter's C name.
+    dtype : {"float32", "float64"}
+        What ``float32`` or ``float64`` of the port header stands for.
+    """
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
     kept = (line for line in text.splitlines() if not line.startswith(("#", "typedef double", 'extern "C"')))
     text = "\n".join(kept)

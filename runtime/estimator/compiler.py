@@ -86,7 +86,22 @@ def build_library(
 def build_program(
     sources: Mapping[str, str], defines: Mapping[str, str], optimisation: tuple[str, ...] = ("-O2",)
 ) -> Path:
-    """:func:`build_library` for a program of its own."""
+    """Compile a program of its own, as :func:`build_library` does a library.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        File texts by name.
+    defines : mapping of str to str
+        Macros for the command line.
+    optimisation : tuple of str
+        Flags; the cache keeps each combination apart.
+
+    Returns
+    -------
+    Path
+        The program in the cache.
+    """
     return _build(sources, defines, optimisation, ".bin")
 
 
@@ -100,9 +115,16 @@ def _build(sources: Mapping[str, str], defines: Mapping[str, str], more: tuple[s
 
 
 def cached(name: str, make: Callable[[Path], Path]) -> Path:
-    """A file of the cache; where it is missing or damaged, ``make`` makes it in a folder it is given.
+    """Return a file of the cache; where it is missing or damaged, make it.
 
     The file's hash lies beside it, so that what was cut off or overwritten is never loaded.
+
+    Parameters
+    ----------
+    name : str
+        The file's name in the cache; it holds a digest of what the file is made of.
+    make : callable
+        From a folder to the file made in it.
 
     Raises
     ------
@@ -133,7 +155,19 @@ def _digest(path: Path) -> str:
 
 
 def open_library(ffi: Any, library: Path) -> Any:
-    """``ffi.dlopen``, also of a path beyond the locale's letters; UserError if the system will not load it."""
+    """Open a library, also behind a path beyond the locale's letters.
+
+    Parameters
+    ----------
+    ffi : cffi.FFI
+        With the declarations made.
+    library : Path
+
+    Raises
+    ------
+    UserError
+        If the system will not load it.
+    """
     try:
         return ffi.dlopen(ffi.cast("void *", ctypes.CDLL(str(library))._handle))
     except OSError as error:
@@ -153,10 +187,19 @@ def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], 
 def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     """Run a compiler in ``folder``, which makes the file behind ``-o``.
 
+    Parameters
+    ----------
+    command : sequence of str
+        The whole command line.
+    folder : Path
+        Where it runs.
+    what : str
+        Beginning of an error's line.
+
     Raises
     ------
     UserError
-        Beginning with ``what``: it cannot be started, fails, crashes, hangs, or makes nothing.
+        It cannot be started, fails, crashes, hangs, or makes nothing.
     """
     files = ", ".join(word for word in command if word.endswith(".c"))
     try:

@@ -21,8 +21,10 @@ Array = NDArray[Any]
 class Trace:
     """What a run leaves: x (N, n), P (N, n, n), iterations (N,), status (N,); a batch adds a last axis B.
 
-    ``status`` is 0 where all is well, else bits: 1 input rejected, 2 not converged. P is worked out of the filter's
-    own ``words`` (N, n(n+1)/2) when it is first asked for.
+    ``status`` is 0 where all is well, else the sum of these bits: 1 input rejected, 2 not converged, 4 command
+    rejected (controllers), 8 covariance repaired, 16 diverged, 32 restarted; docs/firmware.md says what each asks for.
+    P is worked
+    out of the filter's own ``words`` (N, n(n+1)/2) when it is first asked for.
     """
 
     x: Array
@@ -57,7 +59,15 @@ class Backend(Protocol):
         """Status bits of the last step."""
 
     def reset(self, x0: Array, words: Array) -> None:
-        """Start from x0 (n, B) and covariance words (n(n+1)/2, B), or without B for a single filter."""
+        """Start from a state and covariance words.
+
+        Parameters
+        ----------
+        x0 : ndarray, (n[, B])
+            State; without B for a single filter.
+        words : ndarray, (n(n+1)/2[, B])
+            The filter's own covariance words.
+        """
 
     def state(self) -> tuple[Array, Array]:
         """x and the covariance words, copies."""
@@ -66,7 +76,15 @@ class Backend(Protocol):
         """x, a copy."""
 
     def step(self, u: Array, y: Array) -> None:
-        """One step of every lane."""
+        """Step every lane once.
+
+        Parameters
+        ----------
+        u : ndarray, (2[, B])
+            Mean voltage over the interval that ends now, V.
+        y : ndarray, (2[, B])
+            Currents now, A.
+        """
 
     def bound_step(self) -> Callable[[ArrayLike, ArrayLike], Array | None] | None:
         """For a single filter: step and estimate in one, where that is quicker; to be taken again after a reset.
@@ -75,7 +93,20 @@ class Backend(Protocol):
         """
 
     def run(self, u: Array, y: Array, last_only: bool = False) -> tuple[Array, Array, Array, Array]:
-        """N steps: u, y (N, 2[, B]) -> x (N, n[, B]), covariance words, iterations, status; or the last step's."""
+        """Run N steps.
+
+        Parameters
+        ----------
+        u, y : ndarray, (N, 2[, B])
+            Voltages, V, and currents, A.
+        last_only : bool
+            Keep the last step alone: N = 1 in what is returned.
+
+        Returns
+        -------
+        tuple of ndarray
+            x (N, n[, B]), covariance words, iterations, status.
+        """
 
 
 class Estimator:
@@ -213,7 +244,18 @@ class Estimator:
         return Trace(x, iterations, status, words, self.unpack)
 
     def unpack(self, words: Array) -> Array:
-        """Covariance words (N, n(n+1)/2[, B]), as a trace has them, to P (N, n, n[, B])."""
+        """Work out covariances of the filter's words.
+
+        Parameters
+        ----------
+        words : ndarray, (N, n(n+1)/2[, B])
+            As a trace has them.
+
+        Returns
+        -------
+        ndarray, (N, n, n[, B])
+            P, symmetric.
+        """
         return self._unpack(words, axis=1)
 
     def _start(self, x: Array, words: Array, batch: int | None) -> None:
@@ -261,7 +303,16 @@ def load(drive: str | Path, filter: str | None = None, backend: str = "numpy", d
 
 
 def load_folder(folder: GeneratedFolder, kind: str | None, backend: str, dtype: str) -> Estimator:
-    """:func:`load` for a folder already found."""
+    """Load a filter of a folder already found; see :func:`load`.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    kind : str or None
+        Filter kind; None: the ickf where there is one, else the first.
+    backend : {"numpy", "c"}
+    dtype : {"float32", "float64"}
+    """
     kind = kind or ("ickf" if "ickf" in folder.kinds else folder.kinds[0])
     if kind not in folder.kinds:
         raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")

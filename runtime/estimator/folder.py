@@ -30,6 +30,7 @@ class GeneratedFolder:
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
+        """The folder's manifest.json, read once."""
         where = f"'{self.path}' is not a generated folder: manifest.json"
         try:
             manifest: dict[str, Any] = json.loads((self.path / "manifest.json").read_text(encoding="utf-8"))
@@ -45,14 +46,21 @@ class GeneratedFolder:
 
     @property
     def drive(self) -> str:
+        """The drive's name."""
         return str(self.manifest["drive"])
 
     @property
     def kinds(self) -> tuple[str, ...]:
+        """The filter kinds that were generated, in the drive file's order."""
         return tuple(self.manifest["filters"])
 
     def text(self, name: str) -> str:
-        """A file's text.
+        """Read a file of the folder.
+
+        Parameters
+        ----------
+        name : str
+            Path relative to the folder.
 
         Raises
         ------
@@ -80,7 +88,13 @@ class GeneratedFolder:
 
 
 def find_folder(name: str | Path, checked: bool = True) -> GeneratedFolder:
-    """A shipped drive's folder by name, or any generated folder by path.
+    """Find a shipped drive's folder by name, or any generated folder by path.
+
+    Parameters
+    ----------
+    name : str or Path
+    checked : bool
+        Compare files with the manifest's digests as they are read.
 
     Raises
     ------

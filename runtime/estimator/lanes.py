@@ -17,7 +17,18 @@ OPTIMISATION = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
 
 
 def open_lanes(folder: GeneratedFolder, kind: str, ffi: Any, optimisation: tuple[str, ...] = OPTIMISATION) -> Any:
-    """A library with ``lanes_run`` and ``lanes_group``, which ``ffi`` has declared already."""
+    """Open a library with ``lanes_run`` and ``lanes_group``.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    kind : str
+        Filter kind.
+    ffi : cffi.FFI
+        Which has declared the two functions already.
+    optimisation : tuple of str
+        Compiler flags.
+    """
     prefix = f"{folder.drive}_{kind}"
     headers = {f"{prefix}.h": folder.text(f"{prefix}.h"), "pmsm_port.h": folder.text("pmsm_port.h")}
     generated = {f"{prefix}_lanes{end}": folder.text(f"host/{prefix}_lanes{end}") for end in (".h", ".c")}

@@ -26,6 +26,13 @@ class NumpyBackend:
         return value if isinstance(value, int) else self.math.dtype(value)
 
     def reset(self, x0: Array, words: Array) -> None:
+        """Start from a state and covariance words; see :meth:`Backend.reset`.
+
+        Parameters
+        ----------
+        x0 : ndarray, (n[, B])
+        words : ndarray, (n(n+1)/2[, B])
+        """
         self.filter.x = tuple(x0)
         setattr(self.filter, self._covariance, tuple(words))
         self.filter.u_held = tuple(np.zeros((2, *x0.shape[1:]), dtype=self.math.dtype))
@@ -35,16 +42,30 @@ class NumpyBackend:
 
     @property
     def iterations(self) -> Array:
+        """Measurement updates made in the last step, ([B],)."""
         return np.asarray(self.filter.iterations)
 
     def state(self) -> tuple[Array, Array]:
+        """Copy x and the covariance words."""
         return self.estimate(), np.array(getattr(self.filter, self._covariance), dtype=self.math.dtype)
 
     def estimate(self) -> Array:
+        """Copy x."""
         return np.array(self.filter.x, dtype=self.math.dtype)
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
         # A diverging filter shows in its numbers and its status, not in warnings from inside generated code.
+        """Step every lane once.
+
+        Parameters
+        ----------
+        u : ndarray, (2[, B])
+            Mean voltage over the interval that ends now, V.
+        y : ndarray, (2[, B])
+            Currents now, A.
+        stages : dict, optional
+            Receives every stage's entries by name.
+        """
         with np.errstate(all="ignore"):
             self.status = np.asarray(self._step(self.filter, tuple(u), tuple(y), self.math, stages))
 
@@ -52,6 +73,20 @@ class NumpyBackend:
         """Nothing is quicker than :meth:`step`."""
 
     def run(self, u: Array, y: Array, last_only: bool = False) -> tuple[Array, Array, Array, Array]:
+        """Run N steps; see :meth:`Backend.run`.
+
+        Parameters
+        ----------
+        u, y : ndarray, (N, 2[, B])
+            Voltages, V, and currents, A.
+        last_only : bool
+            Keep the last step alone.
+
+        Returns
+        -------
+        tuple of ndarray
+            x, covariance words, iterations, status.
+        """
         steps, lanes = u.shape[0], u.shape[2:]
         if last_only and steps > 1:
             for k in range(steps - 1):

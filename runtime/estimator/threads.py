@@ -32,7 +32,19 @@ def thread_count() -> int:
 
 
 def share_lanes(work: Callable[[int, int], None], lanes: int, group: int, steps: int) -> None:
-    """Call ``work(first lane, number of lanes)`` so that every lane is served once, groups kept whole."""
+    """Share lanes among threads, so that every lane is served once and groups are kept whole.
+
+    Parameters
+    ----------
+    work : callable
+        ``work(first, count)`` serves ``count`` lanes from lane ``first`` on.
+    lanes : int
+        Number of lanes.
+    group : int
+        Lanes that one call of the C takes side by side.
+    steps : int
+        Steps of each lane; little work is not worth a thread.
+    """
     groups = -(-lanes // group)
     threads = max(1, min(thread_count(), groups, lanes * steps // WORTH_IT))
     edges = [min(lanes, group * (groups * k // threads)) for k in range(threads)] + [lanes]

@@ -127,7 +127,14 @@ def read_recorded(
 
 
 def write_recorded(path: Path, columns: Mapping[str, Array]) -> None:
-    """Write .npz or .csv (with a header), by the path's suffix."""
+    """Write recorded data as .npz, or as .csv with a header, by the path's suffix.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to ndarray, (N,)
+        By the names of the data format, in SI units.
+    """
     check_suffix(path)
     if path.suffix == ".npz":
         with whole_file(path) as file:
@@ -139,7 +146,17 @@ def write_recorded(path: Path, columns: Mapping[str, Array]) -> None:
 
 
 def check_suffix(path: Path) -> None:
-    """UserError for a path that is neither .npz nor .csv."""
+    """Refuse a path that is neither .npz nor .csv.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UserError
+        Naming the suffixes that are known.
+    """
     if path.suffix not in SUFFIXES:
         raise UserError(f"'{path}': recorded data is .npz or .csv.")
 

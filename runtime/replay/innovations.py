@@ -40,7 +40,15 @@ class Innovations:
 
 
 def held_inputs(u: Array, u_max: float) -> Array:
-    """u (N, 2) as the filter takes it: a rejected row holds the last good one, at first zero."""
+    """Return the inputs as the filter takes them: a rejected row holds the last good one, at first zero.
+
+    Parameters
+    ----------
+    u : ndarray, (N, 2)
+        Voltages, V.
+    u_max : float
+        Limit of each, V.
+    """
     good = np.all(np.abs(u) <= u_max, axis=1)  # False for NaN
     last = np.maximum.accumulate(np.where(good, np.arange(len(u)), -1))
     return np.where(last[:, None] >= 0, u[last], u.dtype.type(0))

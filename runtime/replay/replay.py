@@ -66,7 +66,12 @@ class Replay:
     consistency: Consistency | None
 
     def P(self, rows: slice | Array) -> Array:
-        """Covariances (., n, n) of some rows."""
+        """Work out the covariances (., n, n) of some rows.
+
+        Parameters
+        ----------
+        rows : slice or ndarray
+        """
         return self.unpack(self.words[rows])
 
     @property
@@ -75,7 +80,12 @@ class Replay:
         return bool(np.all(np.isfinite(self.x)))
 
     def count(self, bit: int) -> int:
-        """Rows whose status has a bit."""
+        """Count the rows whose status has a bit.
+
+        Parameters
+        ----------
+        bit : int
+        """
         return int(np.count_nonzero(self.status & bit))
 
     def to_json(self) -> dict[str, Any]:
@@ -100,11 +110,21 @@ class Replay:
         }
 
     def write_json(self, path: Path) -> None:
-        """:meth:`to_json` into a file."""
+        """Write :meth:`to_json` into a file.
+
+        Parameters
+        ----------
+        path : Path
+        """
         write_text(path, json.dumps(self.to_json(), indent=2) + "\n")
 
     def write_estimates(self, path: Path) -> None:
-        """t, x, P, status as .npz; P in float32 and block by block, so that memory never holds all of it."""
+        """Write t, x, P, status as .npz; P in float32 and block by block, so that memory never holds all of it.
+
+        Parameters
+        ----------
+        path : Path
+        """
         check_estimates(path)
         n = len(self.state_names)
         with whole_file(path) as whole, zipfile.ZipFile(whole, "w") as archive:
@@ -119,7 +139,16 @@ class Replay:
 
 
 def check_estimates(path: Path) -> None:
-    """UserError for a path estimates cannot be written to."""
+    """Refuse a path that estimates cannot be written to.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    UserError
+    """
     if path.suffix != ".npz":
         raise UserError(f"'{path}': estimates are written as .npz (t, x, P, status).")
 
@@ -129,6 +158,15 @@ def replay(
     folder: GeneratedFolder, recorded: Recorded, settings: Settings, progress: Progress = lambda share: None
 ) -> Replay:
     """Run a filter over recorded data, one step a row; missing rows are bridged by prediction.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    recorded : Recorded
+    settings : Settings
+        Filter, back end, precision, start.
+    progress : callable
+        Told the share that is done, 0 .. 1.
 
     Raises
     ------
@@ -167,7 +205,18 @@ def replay(
 
 
 def start(estimator: Estimator, settings: Settings) -> Array | None:
-    """The state to start from; None: the drive's own."""
+    """Return the state to start from; None: the drive's own.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    settings : Settings
+
+    Raises
+    ------
+    UserError
+        A start of the wrong shape.
+    """
     if settings.x0 is not None and settings.theta0 is not None:
         raise UserError("--x0 holds the angle already: give it or --theta0, not both.")
     if settings.x0 is not None:

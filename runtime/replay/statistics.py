@@ -55,11 +55,17 @@ class Consistency:
         return size + (", white" if min(self.ljung_box) >= 0.01 else ", correlated in time")
 
     def to_json(self) -> dict[str, Any]:
+        """Return every figure as plain data."""
         return {**asdict(self), "verdict": self.verdict}
 
 
 def consistency(innovations: Innovations) -> Consistency | None:
-    """Statistics of a run; None if fewer than 2 LAGS measurements were taken."""
+    """Work out the statistics of a run; None if fewer than 2 LAGS measurements were taken.
+
+    Parameters
+    ----------
+    innovations : Innovations
+    """
     z = innovations.whitened()
     good = np.all(np.isfinite(z), axis=1)
     steps = int(np.count_nonzero(good))
@@ -85,7 +91,13 @@ def consistency(innovations: Innovations) -> Consistency | None:
 
 
 def mean_band(steps: int) -> tuple[float, float]:
-    """95 % of the mean of ``steps`` chi-square variables of degree 2 (Wilson and Hilferty's cube root)."""
+    """Return where 95 % of the means of chi-square variables of degree 2 lie (Wilson and Hilferty's cube root).
+
+    Parameters
+    ----------
+    steps : int
+        How many a mean is of.
+    """
     degree = 2 * steps
     spread = 2 / (9 * degree)
     low, high = (2 * (1 - spread + sign * Z_95 * math.sqrt(spread)) ** 3 for sign in (-1, 1))
@@ -93,21 +105,45 @@ def mean_band(steps: int) -> tuple[float, float]:
 
 
 def autocorrelation(z: Array, lags: int) -> Array:
-    """Of z (N,) at lags 1 .. lags, its mean taken as zero: the filter claims so."""
+    """Estimate the autocorrelation, the mean taken as zero: the filter claims so.
+
+    Parameters
+    ----------
+    z : ndarray, (N,)
+        Normalised innovations.
+    lags : int
+        Lags 1 .. lags are returned.
+    """
     power = float(z @ z)
     return np.array([float(z[lag:] @ z[:-lag]) / power if power else 0.0 for lag in range(1, lags + 1)])
 
 
 def ljung_box(correlation: Array, steps: int) -> float:
-    """p-value of Ljung and Box's test over an even number of lags."""
+    """Return the p-value of Ljung and Box's test.
+
+    Parameters
+    ----------
+    correlation : ndarray, (lags,)
+        At an even number of lags.
+    steps : int
+        Number of samples.
+    """
     lags = len(correlation)
     Q = steps * (steps + 2) * float(np.sum(correlation**2 / (steps - np.arange(1, lags + 1))))
     return chi_square_tail(Q, lags)
 
 
 def chi_square_tail(q: float, degree: int) -> float:
-    """P(chi-square > q) for an even degree: a Poisson sum.
+    """Return P(chi-square > q) for an even degree: a Poisson sum.
 
+    Parameters
+    ----------
+    q : float
+    degree : int
+        Even.
+
+    Examples
+    --------
     >>> round(chi_square_tail(31.41, 20), 4)
     0.05
     """

@@ -40,7 +40,11 @@ class CsvTable:
     first_line: int
 
     def columns(self, chosen: Sequence[int]) -> list[Array]:
-        """Columns by their numbers.
+        """Read columns by their numbers.
+
+        Parameters
+        ----------
+        chosen : sequence of int
 
         Raises
         ------
@@ -83,7 +87,11 @@ class CsvTable:
 
 
 def read_csv(path: Path) -> CsvTable:
-    """Header and dialect of a file; the numbers are read by :meth:`CsvTable.columns`.
+    """Find header and dialect of a file; the numbers are read by :meth:`CsvTable.columns`.
+
+    Parameters
+    ----------
+    path : Path
 
     Raises
     ------
@@ -120,14 +128,27 @@ def _decoded(path: Path) -> str:
 
 
 def cells(line: str, separator: str) -> list[str]:
-    """A line's cells, without quotes and blanks."""
+    """Split a line into cells, without quotes and blanks.
+
+    Parameters
+    ----------
+    line : str
+    separator : str
+    """
     if separator == " ":
         return line.replace('"', "").split()
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
 
 def is_number(cell: str, separator: str) -> bool:
-    """Whether NumPy's reader will take a cell as a number."""
+    """Whether NumPy's reader will take a cell as a number.
+
+    Parameters
+    ----------
+    cell : str
+    separator : str
+        Between cells; a comma as decimal mark is read where it is another.
+    """
     try:
         float(cell if separator == "," else cell.replace(",", "."))
     except ValueError:

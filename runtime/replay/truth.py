@@ -45,19 +45,46 @@ class Errors:
 
 
 def speed_error(x: Array, omega: Array) -> Array:
-    """Estimated minus true speed, r/min, of states x (N, n)."""
+    """Return estimated minus true speed, r/min.
+
+    Parameters
+    ----------
+    x : ndarray, (N, n)
+        Estimates.
+    omega : ndarray, (N,)
+        True mechanical speed, rad/s.
+    """
     return np.asarray((x[:, 2].astype(float) - omega) * RPM)
 
 
 def angle_error(x: Array, theta: Array) -> Array:
-    """Estimated minus true electrical angle, degrees, in [-180, 180), of states x (N, n)."""
+    """Return estimated minus true electrical angle, degrees, in [-180, 180).
+
+    Parameters
+    ----------
+    x : ndarray, (N, n)
+        Estimates.
+    theta : ndarray, (N,)
+        True electrical angle, rad.
+    """
     return np.asarray(np.degrees(np.remainder(x[:, 3].astype(float) - theta + np.pi, 2 * np.pi) - np.pi))
 
 
 def find_load_step(t: Array, load_torque: Array) -> int | None:
-    """The row at which the load jumps: it leaves its first level by half its range and settles on another one.
+    """Find the row at which the load jumps: it leaves its first level by half its range and settles on another one.
 
     A ramp is dated where half of it is done; noise about one level is no step.
+
+    Parameters
+    ----------
+    t : ndarray, (N,)
+        Time, s.
+    load_torque : ndarray, (N,)
+        N m.
+
+    Returns
+    -------
+    int or None
     """
     good = load_torque[np.isfinite(load_torque)]
     if not len(good) or np.ptp(good) == 0.0:
@@ -73,7 +100,18 @@ def find_load_step(t: Array, load_torque: Array) -> int | None:
 
 
 def errors(t: Array, x: Array, state_names: tuple[str, ...], truth: dict[str, Array]) -> Errors | None:
-    """Figures of an estimate x (N, n) against what is known of the truth; None where nothing is."""
+    """Work out figures of an estimate against what is known of the truth; None where nothing is.
+
+    Parameters
+    ----------
+    t : ndarray, (N,)
+        Time, s.
+    x : ndarray, (N, n)
+        Estimates.
+    state_names : tuple of str
+    truth : dict of str to ndarray, (N,)
+        omega (rad/s), theta (rad electrical), load_torque (N m), as far as they are known.
+    """
     if not truth:
         return None
     late = t >= t[-1] - min(STEADY, (t[-1] - t[0]) / 4)

@@ -36,8 +36,14 @@ _SPELLINGS = {"rpm": "r/min", "1/min": "r/min", "min-1": "r/min", "volt": "V", "
 
 
 def find_unit(text: str) -> Unit | None:
-    """A unit as written in a header: "ms", "µs", "N*m", "rpm"; None if it is none that is known.
+    """Find a unit as written in a header: "ms", "µs", "N*m", "rpm"; None if it is none that is known.
 
+    Parameters
+    ----------
+    text : str
+
+    Examples
+    --------
     >>> find_unit("N m")
     Unit(quantity='torque', factor=1.0)
     """
@@ -46,13 +52,24 @@ def find_unit(text: str) -> Unit | None:
 
 
 def is_unit(cell: str) -> bool:
-    """Whether a header cell is a unit alone, bare or in brackets."""
+    """Whether a header cell is a unit alone, bare or in brackets.
+
+    Parameters
+    ----------
+    cell : str
+    """
     return find_unit(cell.strip("()[] ")) is not None
 
 
 def split_unit(cell: str) -> tuple[str, str]:
-    """A header cell as name and unit.
+    """Split a header cell into name and unit.
 
+    Parameters
+    ----------
+    cell : str
+
+    Examples
+    --------
     >>> split_unit("Ia (A)"), split_unit("t [ms]"), split_unit("omega")
     (('Ia', 'A'), ('t', 'ms'), ('omega', ''))
     """

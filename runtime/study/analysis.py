@@ -55,8 +55,14 @@ class Difference:
 
 
 def wilson(successes: int, runs: int) -> Rate:
-    """Wilson's score interval: right at 0 and at 1, where the usual one has no width.
+    """Return Wilson's score interval: right at 0 and at 1, where the usual one has no width.
 
+    Parameters
+    ----------
+    successes, runs : int
+
+    Examples
+    --------
     >>> rate = wilson(10, 10)
     >>> round(rate.low, 4), rate.high
     (0.7225, 1.0)
@@ -72,18 +78,33 @@ def wilson(successes: int, runs: int) -> Rate:
 
 
 def success(group: Group) -> Rate:
-    """Runs that locked: at the end the angle within 30 degrees and the speed within a tenth of the reference."""
+    """Count runs that locked: at the end the angle within 30 degrees and the speed within a tenth of the reference.
+
+    Parameters
+    ----------
+    group : Group
+    """
     return wilson(int(np.count_nonzero(group.outcomes.locked)), len(group.index))
 
 
 def quick(group: Group) -> Rate:
-    """Runs whose rotor turned the right way with the angle within 30 degrees from :data:`QUICK` on, to the end."""
+    """Count runs whose rotor turned the right way with the angle within 30 degrees from :data:`QUICK` on, to the end.
+
+    Parameters
+    ----------
+    group : Group
+    """
     outcomes = group.outcomes
     return wilson(int(np.count_nonzero(outcomes.locked & (outcomes.lock_time <= QUICK))), len(group.index))
 
 
 def quantiles(group: Group) -> dict[str, tuple[float, ...]]:
-    """Each figure's quantiles over the runs that locked; NaN where none did."""
+    """Work out each figure's quantiles over the runs that locked; NaN where none did.
+
+    Parameters
+    ----------
+    group : Group
+    """
     locked = group.outcomes.locked
     found = {}
     for name in FIGURES:
@@ -93,7 +114,14 @@ def quantiles(group: Group) -> dict[str, tuple[float, ...]]:
 
 
 def paired(first: Group, second: Group, seed: int = 1) -> list[Difference]:
-    """Two filters of one drive, run by run: the same rotor, motor, load and noise in both."""
+    """Compare two filters of one drive run by run: the same rotor, motor, load and noise in both.
+
+    Parameters
+    ----------
+    first, second : Group
+    seed : int
+        Of the bootstrap.
+    """
     _, a, b = np.intersect1d(first.index, second.index, assume_unique=True, return_indices=True)
     if not a.size:
         return []
@@ -120,7 +148,12 @@ def _resampled(values: Array, rng: np.random.Generator) -> tuple[float, float, f
 
 
 def comparisons(study: Study) -> list[Difference]:
-    """Every other filter of a drive against its first one."""
+    """Compare every other filter of a drive with its first one.
+
+    Parameters
+    ----------
+    study : Study
+    """
     found: list[Difference] = []
     for drive in dict.fromkeys(group.drive for group in study.groups):
         first, *others = (group for group in study.groups if group.drive == drive)
@@ -130,14 +163,28 @@ def comparisons(study: Study) -> list[Difference]:
 
 
 def success_over(group: Group, variable: str, edges: Array) -> list[Rate]:
-    """Success in each slice of a variable."""
+    """Return the success in each slice of a variable.
+
+    Parameters
+    ----------
+    group : Group
+    variable : str
+        A name that was varied.
+    edges : ndarray, (slices + 1,)
+        In the variable's unit.
+    """
     slot = np.clip(np.digitize(group.drawn[variable], edges) - 1, 0, len(edges) - 2)
     locked = group.outcomes.locked
     return [wilson(int(locked[slot == k].sum()), int(np.count_nonzero(slot == k))) for k in range(len(edges) - 1)]
 
 
 def study_facts(study: Study) -> dict[str, Any]:
-    """Everything that is printed, as plain data."""
+    """Return everything that is printed as plain data.
+
+    Parameters
+    ----------
+    study : Study
+    """
     return {
         **study.statement.facts(),
         "runs": study.runs,

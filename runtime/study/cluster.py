@@ -40,7 +40,17 @@ def run_there(
     missing: Sequence[Chunk],
     progress: Callable[[int], None],
 ) -> None:
-    """Run chunks on the cluster behind ``scheduler``; each is saved here as it comes back.
+    """Run chunks on a Dask cluster; each is saved here as it comes back.
+
+    Parameters
+    ----------
+    scheduler : str
+        Its address.
+    store : Store
+    packages : sequence of Package
+    missing : sequence of Chunk
+    progress : callable
+        Told the runs done.
 
     Raises
     ------

@@ -32,7 +32,19 @@ class Package:
 
 
 def pack(folder: GeneratedFolder, kind: str) -> Package:
-    """Read what a fleet needs; UserError where the folder lacks the filter or was edited."""
+    """Read what a fleet needs.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    kind : str
+        Filter kind.
+
+    Raises
+    ------
+    UserError
+        The folder lacks the filter or was edited.
+    """
     names = [*fleet_files(folder, kind), f"{folder.drive}.py"]
     texts = [("manifest.json", (folder.path / "manifest.json").read_text(encoding="utf-8"))]
     return Package(folder.drive, kind, tuple(texts + [(name, folder.text(name)) for name in names]))
@@ -43,7 +55,12 @@ _OPEN: dict[str, tuple[Fleet, tempfile.TemporaryDirectory[str]]] = {}
 
 
 def open_fleet(package: Package) -> Fleet:
-    """The package's fleet, compiled once a process."""
+    """Open the package's fleet, compiled once a process.
+
+    Parameters
+    ----------
+    package : Package
+    """
     key = package.digest
     with _LOCK:
         if key not in _OPEN:
@@ -63,5 +80,16 @@ def run_package(
     threads: int | None = None,
     progress: Progress = lambda done, of: None,
 ) -> Outcomes:
-    """:meth:`runtime.drive.fleet.Fleet.run` wherever this process is."""
+    """Run :meth:`runtime.drive.fleet.Fleet.run` wherever this process is.
+
+    Parameters
+    ----------
+    package : Package
+    scenario : Scenario
+    cases : Cases
+    threads : int, optional
+        Default: all processors.
+    progress : callable
+        Told steps done and of how many.
+    """
     return open_fleet(package).run(scenario, cases, threads, progress)

@@ -51,7 +51,17 @@ class Study:
 def state_study(
     drives: Sequence[str], kinds: Sequence[str], scenario: str, vary: Sequence[str], seed: int
 ) -> tuple[Statement, list[Package]]:
-    """Statement and code of a study. A filter that a drive does not ship is generated for the occasion.
+    """State a study and gather its code. A filter that a drive does not ship is generated for the occasion.
+
+    Parameters
+    ----------
+    drives : sequence of str
+    kinds : sequence of str
+        Filter kinds.
+    scenario : str
+    vary : sequence of str
+        Ranges, see :func:`runtime.study.statement.parse_range`.
+    seed : int
 
     Raises
     ------
@@ -83,7 +93,21 @@ def run_study(
     scheduler: str | None = None,
     progress: Progress = lambda done, of, what: None,
 ) -> Study:
-    """Run what is missing of a study and gather all of it; an interruption (Ctrl-C) keeps what is done."""
+    """Run what is missing of a study and gather all of it; an interruption (Ctrl-C) keeps what is done.
+
+    Parameters
+    ----------
+    statement : Statement
+    packages : sequence of Package
+    runs : int
+        Of each drive with each filter, altogether.
+    out : Path
+        Where finished chunks lie.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    progress : callable
+        Told runs done, of how many, of which filter.
+    """
     store = Store(out, statement)
     missing = list(store.missing(runs))
     total = runs * len(packages)
@@ -121,7 +145,15 @@ def _run_here(
 
 
 def gather(store: Store, runs: int, interrupted: bool) -> Study:
-    """Everything that is there, by drive and filter."""
+    """Gather everything that is there, by drive and filter.
+
+    Parameters
+    ----------
+    store : Store
+    runs : int
+    interrupted : bool
+        Whether more was wanted.
+    """
     statement = store.statement
     found: list[list[tuple[Chunk, Outcomes]]] = [[] for _ in statement.subjects]
     for chunk in chunks(statement, runs):

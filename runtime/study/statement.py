@@ -60,14 +60,22 @@ class Range:
 
     @property
     def fixed(self) -> bool:
+        """Whether it is a single value."""
         return self.low == self.high
 
     @property
     def unit(self) -> str:
+        """The variable's unit; empty for a factor."""
         return VARIABLES[self.name][0]
 
     def at(self, share: Array) -> Array:
-        """Values at shares from 0 to 1."""
+        """Return the values at shares of the range.
+
+        Parameters
+        ----------
+        share : ndarray
+            0 .. 1.
+        """
         if self.log:
             return np.asarray(self.low * (self.high / self.low) ** share)
         return np.asarray(self.low + (self.high - self.low) * share)
@@ -78,7 +86,11 @@ class Range:
 
 
 def parse_range(text: str) -> Range:
-    """``name=value``, ``name=low:high`` or ``name=low:high:log``.
+    """Parse ``name=value``, ``name=low:high`` or ``name=low:high:log``.
+
+    Parameters
+    ----------
+    text : str
 
     Raises
     ------
@@ -113,7 +125,17 @@ def parse_range(text: str) -> Range:
 
 
 def parse_ranges(texts: Iterable[str]) -> tuple[Range, ...]:
-    """Several, each name once."""
+    """Parse several ranges, each name once.
+
+    Parameters
+    ----------
+    texts : iterable of str
+
+    Raises
+    ------
+    UserError
+        A name stands twice, or a range is wrong.
+    """
     ranges = tuple(parse_range(text) for text in texts)
     names = [item.name for item in ranges]
     for name in names:
@@ -138,12 +160,24 @@ class Statement:
     seed: int
 
     def draw(self, first: int, count: int) -> dict[str, Array]:
-        """Values of runs first .. first + count - 1, by variable, and each run's noise seed; angles in degrees."""
+        """Draw values by variable, and each run's noise seed; angles in degrees.
+
+        Parameters
+        ----------
+        first, count : int
+            Runs first .. first + count - 1.
+        """
         columns = {item.name: item.at(_shares(self.seed, item.name, first, count)) for item in self.ranges}
         return columns | {"seed": _stream(self.seed, "noise of the sensors", first, count)}
 
     def cases(self, first: int, count: int) -> Cases:
-        """The same as a fleet takes them."""
+        """Draw as a fleet takes it.
+
+        Parameters
+        ----------
+        first, count : int
+            Runs first .. first + count - 1.
+        """
         values: dict[str, Any] = self.draw(first, count)
         if "L" in values:
             values["L_d"] = values["L_q"] = values.pop("L")
@@ -165,11 +199,17 @@ class Statement:
 
     @property
     def digest(self) -> str:
+        """Hash of everything that decides the runs."""
         return hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode()).hexdigest()
 
 
 def differences(here: Mapping[str, Any], there: Mapping[str, Any]) -> str:
-    """The first thing that tells two statements' facts apart, in words."""
+    """Say in words the first thing that tells two statements' facts apart.
+
+    Parameters
+    ----------
+    here, there : mapping of str to Any
+    """
     key = next((key for key in here if here[key] != there.get(key)), "digest")
     return f"{key} there: {_words(there.get(key))}, now: {_words(here.get(key))}"
 

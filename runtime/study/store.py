@@ -35,7 +35,13 @@ class Chunk:
 
 
 def chunks(statement: Statement, runs: int) -> list[Chunk]:
-    """All of a study, in the order they are run: the filters take turns, so that what is there can be paired."""
+    """List all chunks of a study in the order they are run: the filters take turns, so that runs can be paired.
+
+    Parameters
+    ----------
+    statement : Statement
+    runs : int
+    """
     starts = range(0, runs, CHUNK)
     subjects = range(len(statement.subjects))
     return [Chunk(subject, first, min(CHUNK, runs - first)) for first in starts for subject in subjects]
@@ -75,7 +81,12 @@ class Store:
         return self.folder / "runs" / f"{drive}_{kind}_{chunk.first:08d}_{chunk.count}.npz"
 
     def load(self, chunk: Chunk) -> Outcomes | None:
-        """A chunk's outcomes; None if it was not run, or its file is damaged."""
+        """Load a chunk's outcomes; None if it was not run, or its file is damaged.
+
+        Parameters
+        ----------
+        chunk : Chunk
+        """
         try:
             with np.load(self._path(chunk), allow_pickle=False) as data:
                 columns = {name: data[name] for name in _COLUMNS}
@@ -84,7 +95,13 @@ class Store:
         return Outcomes(**columns) if all(len(c) == chunk.count for c in columns.values()) else None
 
     def save(self, chunk: Chunk, outcomes: Outcomes) -> None:
-        """Write a chunk, whole or not at all."""
+        """Write a chunk, whole or not at all.
+
+        Parameters
+        ----------
+        chunk : Chunk
+        outcomes : Outcomes
+        """
         path = self._path(chunk)
         path.parent.mkdir(exist_ok=True)
         with tempfile.TemporaryFile() as scratch:
@@ -93,12 +110,23 @@ class Store:
             write_atomically(path, scratch.read())
 
     def missing(self, runs: int) -> Iterator[Chunk]:
-        """Chunks that are not there."""
+        """Yield the chunks that are not there.
+
+        Parameters
+        ----------
+        runs : int
+        """
         return (chunk for chunk in chunks(self.statement, runs) if self.load(chunk) is None)
 
 
 def write_atomically(path: Path, raw: bytes) -> None:
-    """Into a neighbour first, then renamed: readers and crashes see the old file or the new one."""
+    """Write into a neighbour first, then rename: readers and crashes see the old file or the new one.
+
+    Parameters
+    ----------
+    path : Path
+    raw : bytes
+    """
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

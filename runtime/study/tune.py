@@ -88,7 +88,14 @@ class Space:
 
     @classmethod
     def of(cls, module: Any, with_p0: bool) -> Space:
-        """From a generated module's states and defaults."""
+        """Make the space from a generated module's states and defaults.
+
+        Parameters
+        ----------
+        module : module
+        with_p0 : bool
+            Whether P_0 is tuned too.
+        """
         axes: dict[str, list[tuple[str, int]]] = {}
         for name in ("Q", "P_0") if with_p0 else ("Q",):
             for k, state in enumerate(module.STATES):
@@ -99,7 +106,15 @@ class Space:
         return cls({axis: tuple(entries) for axis, entries in axes.items()}, nominal)
 
     def tuning(self, factors: Sequence[dict[str, float]], runs: int) -> dict[str, Array]:
-        """Tuning of each trial in turn, ``runs`` lanes each: (entries, trials * runs)."""
+        """Return the tuning of each trial in turn, (entries, trials * runs).
+
+        Parameters
+        ----------
+        factors : sequence of dict of str to float
+            Of each trial.
+        runs : int
+            Lanes of a trial.
+        """
         found = {}
         for name in {name for entries in self.axes.values() for name, _ in entries}:
             columns = np.repeat(np.array(self.nominal[name])[:, None], len(factors), axis=1)
@@ -111,7 +126,12 @@ class Space:
         return found
 
     def lines(self, factors: dict[str, float]) -> str:
-        """The lines of a drive file, five digits each."""
+        """Write the lines of a drive file, five digits each.
+
+        Parameters
+        ----------
+        factors : dict of str to float
+        """
         tuning = self.tuning([factors], 1)
         return "\n".join(f"{KEYS[n]} = [{', '.join(f'{v:.5g}' for v in tuning[n][:, 0])}]" for n in KEYS if n in tuning)
 
@@ -125,7 +145,14 @@ class Trials:
         self.space = Space.of(fleet.folder.module, with_p0)
 
     def run(self, factors: Sequence[dict[str, float]], first: int = 0, runs: int = RUNS) -> list[Outcomes]:
-        """Outcomes of each proposal on runs first .. first + runs - 1 of the statement."""
+        """Run each proposal on the same runs of the statement.
+
+        Parameters
+        ----------
+        factors : sequence of dict of str to float
+        first, runs : int
+            Runs first .. first + runs - 1.
+        """
         cases = self.statement.cases(first, runs)
         n = len(factors)
         drawn = {name: value for name, value in vars(cases).items() if name != "tuning" and value is not None}
@@ -135,13 +162,23 @@ class Trials:
         return [Outcomes(**{name: column[k] for name, column in split.items()}) for k in range(n)]
 
     def values(self, outcomes: Outcomes) -> tuple[float, ...]:
-        """The objectives: a run that lost its lock counts as wrong by the whole speed."""
+        """Return the objectives: a run that lost its lock counts as wrong by the whole speed.
+
+        Parameters
+        ----------
+        outcomes : Outcomes
+        """
         lost = abs(self.scenario.speed)
         figures = (np.where(outcomes.locked, getattr(outcomes, name), lost) for name in _FIGURES)
         return tuple(float(np.mean(values)) for values in figures)
 
     def check(self, factors: dict[str, float]) -> Check:
-        """On runs that no trial has seen."""
+        """Judge a tuning on runs that no trial has seen.
+
+        Parameters
+        ----------
+        factors : dict of str to float
+        """
         (outcomes,) = self.run([factors], FRESH, CHECK_RUNS)
         return Check(self.values(outcomes), wilson(int(outcomes.locked.sum()), CHECK_RUNS))
 
@@ -157,6 +194,23 @@ def tune(
     progress: Progress = lambda done, of, what: None,
 ) -> Tuned:
     """Try tunings until ``wanted`` are done, going on where the folder stands; Ctrl-C keeps what is done.
+
+    Parameters
+    ----------
+    drive : str
+    kind : str or None
+        Filter kind; None: the drive file's first.
+    wanted : int
+        Trials altogether.
+    out : Path or None
+        Folder of trials and figures.
+    vary : sequence of str
+        Ranges of what is drawn.
+    seed : int
+    with_p0 : bool
+        Tune the initial covariance too.
+    progress : callable
+        Told trials done, of how many, and what is going on.
 
     Raises
     ------
@@ -218,7 +272,12 @@ def _tuned(
 
 
 def pareto(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Points that no other beats in one objective without being worse in another, by the first objective."""
+    """Return the points that no other beats in one objective without being worse in another, by the first objective.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    """
     values = np.array([point.values for point in points])
     kept = []
     for k, point in enumerate(points):
@@ -229,7 +288,14 @@ def pareto(points: Sequence[Point]) -> tuple[Point, ...]:
 
 
 def recommend(front: Sequence[Point], own: Point) -> Point:
-    """The point whose worst objective, over the drive file's, is best: worse in none if any is; then by all three."""
+    """Return the point whose worst objective, over the drive file's, is best; worse in none if any is.
+
+    Parameters
+    ----------
+    front : sequence of Point
+    own : Point
+        The drive file's.
+    """
     ratios = np.log([point.values for point in front]) - np.log(own.values)
     keys = [(float(row.max()), float(row.sum())) for row in ratios]
     return front[min(range(len(front)), key=keys.__getitem__)]
@@ -273,7 +339,12 @@ def _open(optuna: Any, out: Path, statement: Statement, space: Space, seed: int)
 
 
 def tuned_facts(tuned: Tuned) -> dict[str, Any]:
-    """Everything that is printed, as plain data."""
+    """Return everything that is printed as plain data.
+
+    Parameters
+    ----------
+    tuned : Tuned
+    """
 
     def fact(point: Point) -> dict[str, Any]:
         objectives = dict(zip(OBJECTIVES, point.values, strict=True))
