@@ -41,6 +41,16 @@ PASS = (
     ),
     *of(
         "passes",
+        "codegen/ir/constants.py",
+        (
+            "constants added",
+            "value = math.prod(graph[index].value for index in constants)",
+            "value = sum(graph[index].value for index in constants)",
+            pass_checks("share_products"),
+        ),
+    ),
+    *of(
+        "passes",
         "codegen/passes/collect.py",
         ("sign of a product of sums", "return [(a != b, [*p, *q])", "return [(a, [*p, *q])", pass_checks("collect")),
         (
@@ -77,12 +87,6 @@ PASS = (
             "a factor once",
             "            found[index] += 1\n    return found",
             "            found[index] = 1\n    return found",
-            pass_checks("share_products"),
-        ),
-        (
-            "constants added",
-            "value = math.prod(graph[index].value for index in constants)",
-            "value = sum(graph[index].value for index in constants)",
             pass_checks("share_products"),
         ),
         (
