@@ -21,7 +21,7 @@ from costs import growth, python_time, step_tables
 from costs.counting import Missing
 from costs.step_tables import X86, Length
 from costs.table import Table, Wanted
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 
 class Choice(StrEnum):

@@ -3,4 +3,6 @@
 Start at :func:`codegen.generate.generate`, the pipeline from a drive to a folder of files.
 """
 
-__version__ = "0.4.0"
+from codegen.output.version import __version__
+
+__all__ = ["__version__"]

@@ -1,6 +1,6 @@
 """The pipeline, five stages: build the filters, lay them out, print them, certify and count the print, assemble it.
 
->>> from model.drive import load_drive
+>>> from model.drives.load import load_drive
 >>> package = generate(load_drive("paper_spmsm"))
 >>> sorted(name for name in package.files if name.startswith("paper_spmsm_ckf."))
 ['paper_spmsm_ckf.c', 'paper_spmsm_ckf.h']
@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from codegen import __version__
 from codegen.evidence.box import sample_box
 from codegen.evidence.budget import FACTORS, Account, cycles
 from codegen.evidence.certificate import SAMPLES, Figures, certify, certify_chip
@@ -25,8 +24,9 @@ from codegen.evidence.measure import Measurer, Record
 from codegen.evidence.recording import execute, record_control, record_filter
 from codegen.evidence.selftest import control_run, gains, segments
 from codegen.fast.steps import build_fast_filter
-from codegen.folder import with_manifest
 from codegen.ir.layout import Listing, lay_out
+from codegen.output.folder import with_manifest
+from codegen.output.version import __version__
 from codegen.passes import optimise
 from codegen.render.board import render_board
 from codegen.render.drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
@@ -35,12 +35,12 @@ from codegen.render.lanes import render_foc_lanes, render_lanes, render_plant_la
 from codegen.render.module import render_module
 from codegen.render.notes import cost_notes, filter_notes
 from codegen.render.printers.python import PythonPrinter
+from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
-from codegen.targets import F28335, HOST64
-from model.drive import Drive, DriveError
 from model.filters import FilterStep, build_filter
-from model.state_space import StateSpaceModel, build, default_initial_state
+from model.machines.state_space import StateSpaceModel, build, default_initial_state
+from model.schema import Drive, DriveError
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ FORMS: dict[str, Callable[[StateSpaceModel, str, str], FilterStep]] = {
 
 
 def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = None, form: str = "fast") -> Package:
-    """Generate a drive's folder in memory; :func:`codegen.folder.write_folder` puts it on disk.
+    """Generate a drive's folder in memory; :func:`codegen.output.folder.write_folder` puts it on disk.
 
     Parameters
     ----------

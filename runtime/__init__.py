@@ -6,7 +6,7 @@
 ('i_alpha', 'i_beta', 'omega', 'theta')
 """
 
-from runtime.errors import UserError
 from runtime.estimator import Estimator, Trace, load
+from runtime.system.errors import UserError
 
 __all__ = ["Estimator", "Trace", "UserError", "load"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from runtime.errors import end_interrupted, remember_interrupts, stop_if_interrupted
+from runtime.system.errors import end_interrupted, remember_interrupts, stop_if_interrupted
 
 
 def main() -> None:

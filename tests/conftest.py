@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from codegen.generate import Package, generate
-from model.drive import Drive, load_drive, shipped_drives
+from model.drives.load import load_drive, shipped_drives
+from model.schema import Drive
 
 os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pmsm-ickf-tests"))
 

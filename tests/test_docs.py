@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from model.drive import Drive
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT
 

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Drive
-from runtime.errors import UserError
+from model.schema import Drive
 from runtime.estimator.compiler import build_program
 from runtime.firmware.build import cross_compile
 from runtime.firmware.callgrind import instructions_per_step
@@ -26,6 +25,7 @@ from runtime.firmware.subject import Subject
 from runtime.firmware.tools import MissingTool, find_tool
 from runtime.proof.reference import make_reference
 from runtime.proof.trajectory import make_trajectory
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -17,13 +17,14 @@ from costs import ours
 from costs.counting import figure, host_instructions
 from costs.step_tables import X86, Length, inputs_of
 from costs.table import Row, Table
-from model.adaptive import Adaptive
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
 from model.machines import MACHINES
+from model.machines.adaptive import Adaptive
 from model.machines.base import Parameters
-from model.mechanics import ConstantSpeed, LoadTorque, Mechanics, Next, Torque
+from model.machines.mechanics import ConstantSpeed, LoadTorque, Mechanics, Next, Torque
+from model.machines.state_space import StateSpaceModel
 from model.quantities import Constants, Quantity
-from model.state_space import StateSpaceModel
+from model.schema import Drive
 
 Progress = Callable[[str], None]
 
@@ -123,7 +124,7 @@ EXPLANATION = (
 
 def write_figure(table: Table, path: Path) -> None:
     """Weight by part, literal beside fast."""
-    from runtime.report.figures import pyplot, svg_text
+    from runtime.style.figures import pyplot, svg_text
 
     figure_, axes = pyplot().subplots(1, 2, figsize=(7.5, 2.8), sharey=True)
     colours = ("#3b6ea8", "#c8553d", "#e0a030", "#5a9e6f")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from codegen.evidence.ledger import Program
 from codegen.fast.ablation import RUNGS, Earned, Rung, build_rung, earned
 from codegen.render.filter import Description, render_filter, render_port
-from codegen.targets import F28335
+from codegen.render.printers.targets import F28335
 from costs.counting import Candidate
-from model.drive import Drive
-from model.state_space import StateSpaceModel, build, default_initial_state
+from model.machines.state_space import StateSpaceModel, build, default_initial_state
+from model.schema import Drive
 
 LITERAL, SHIPPED = RUNGS[0], RUNGS[-1]
 

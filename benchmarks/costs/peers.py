@@ -15,10 +15,10 @@ import casadi as ca
 from codegen.ir.trig import wrap_listing
 from codegen.render.filter import render_port, sin_cos_text
 from codegen.render.printers.c import CPrinter
-from codegen.targets import F28335
+from codegen.render.printers.targets import F28335
 from costs.counting import Candidate
 from costs.plain import Package, ckf_step
-from model.drive import Drive
+from model.schema import Drive
 from runtime.firmware.tools import MissingTool
 
 HERE = Path(__file__).parents[1]

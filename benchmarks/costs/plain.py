@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from model.drive import Drive
+from model.schema import Drive
 
 Vector = list[Any]
 Matrix = list[list[Any]]

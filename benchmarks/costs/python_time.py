@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from costs.counting import Figure, Inputs, Missing, figure
 from costs.ours import Problem
 from costs.table import Cell, Row, Table, Wanted, chosen, ratio
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.estimator.estimator import load
 
 Array = NDArray[Any]

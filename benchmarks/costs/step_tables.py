@@ -19,7 +19,7 @@ from costs.counting import (
     m4_text,
 )
 from costs.table import Row, Table, Wanted, chosen, ratio
-from model.drive import load_drive, shipped_drives
+from model.drives.load import load_drive, shipped_drives
 
 Progress = Callable[[str], None]
 

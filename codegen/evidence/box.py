@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from model.drive import Drive
 from model.machines import find_machine
 from model.machines.base import Parameters, Rotor
+from model.machines.state_space import StateSpaceModel
 from model.quantities import Constants
-from model.state_space import StateSpaceModel
+from model.schema import Drive
 
 #: Motor data that are states are drawn from this share of the drive file's value.
 ADAPTIVE_SHARE = (0.7, 1.3)

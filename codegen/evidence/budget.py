@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from codegen.evidence.ledger import Ledger, Program
-from model.drive import Drive
+from model.schema import Drive
 
 FACTORS = (2.5, 4.0, 5.0)
 CYCLES = {"div": 25, "sqrt": 29, "sincos": 44}

@@ -19,7 +19,7 @@ from pycparser import c_ast
 
 from codegen.evidence.emitted import code_of
 from codegen.evidence.ledger import Program, Unit
-from codegen.folder import FolderError, read_manifest
+from codegen.output.folder import FolderError, read_manifest
 
 COMPILER = "arm-none-eabi-gcc"
 FLAGS = ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-std=c89", "-ffp-contract=off")

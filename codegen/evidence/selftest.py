@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.box import electrical_states
-from model.controller import Gains, design
-from model.drive import Drive
-from model.state_space import StateSpaceModel, default_initial_state
+from model.loop.controller import Gains, design
+from model.machines.state_space import StateSpaceModel, default_initial_state
+from model.schema import Drive
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What each step of the fast form earns: the same filter built with one after another switched on.
 
->>> from model.drive import load_drive
->>> from model.state_space import build
+>>> from model.drives.load import load_drive
+>>> from model.machines.state_space import build
 >>> earned = earnings(build(load_drive("paper_spmsm")), "ckf", "cubature")
 >>> [item.rung.name for item in earned][:2]
 ['literal form', 'even and odd parts, L D L^T']
@@ -29,8 +29,8 @@ from codegen.passes import (
 )
 from model.filters import FilterStep, build_filter
 from model.filters.program import Call, IfAccepted, Node, Repeat
+from model.machines.state_space import StateSpaceModel
 from model.quantities import Block
-from model.state_space import StateSpaceModel
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
 
 Pair = tuple[Expr, Expr]
 

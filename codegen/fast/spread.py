@@ -13,7 +13,7 @@ from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
 from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
 from model.filters.cubature import Rule
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
 
 Vector = list[Expr]
 

@@ -21,7 +21,7 @@ from model.filters import build_filter
 from model.filters.cubature import CUBATURE, Rule
 from model.filters.program import Call, Copy, FilterStep, IfAccepted, Node, Repeat
 from model.filters.ukf import UNSCENTED
-from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
+from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
 
 Vector = list[Expr]
 

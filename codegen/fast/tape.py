@@ -11,8 +11,8 @@ from codegen.fast.frame import AngleFinder, Frame
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.ir.expr import Expr, GraphBuilder
 from codegen.ir.graph import read_tape
+from model.machines.state_space import StateSpaceModel
 from model.quantities import Constant
-from model.state_space import StateSpaceModel
 
 Vector = list[Expr]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from codegen import __version__
-from codegen.folder import digest
+from codegen.output.folder import digest
+from codegen.output.version import __version__
 from codegen.render.filter import Description, render
 from model.filters import FilterStep
 

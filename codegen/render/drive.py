@@ -11,8 +11,8 @@ from codegen.ir.trig import DOUBLE
 from codegen.render.filter import Description, render, sin_cos_arithmetic, sin_cos_text, trig_note, with_ramfuncs
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
-from codegen.targets import F28335, HOST64
-from model.controller import (
+from codegen.render.printers.targets import F28335, HOST64
+from model.loop.controller import (
     SENSED_MAX,
     Gains,
     believed_block,
@@ -22,9 +22,9 @@ from model.controller import (
     design,
     first_command,
 )
-from model.drive import Drive, DriveError
-from model.plant import MOTOR, STATES, outputs_block, phasor_block, plant_block, rest_block
+from model.loop.plant import MOTOR, STATES, outputs_block, phasor_block, plant_block, rest_block
 from model.quantities import Constant, ConstantError, Constants, united
+from model.schema import Drive, DriveError
 
 
 def control_listing(about: Description) -> tuple[Listing, list[Constant]]:

@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 import sympy as sp
 
-from model.drive import Drive
 from model.machines.base import Parameters
+from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel, build
 from model.quantities import Constant
-from model.state_space import INPUTS, OUTPUTS, StateSpaceModel, build
+from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
 
 

@@ -12,18 +12,18 @@ from typing import Any
 
 import jinja2
 
-from codegen import __version__
-from codegen.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
+from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
+from codegen.output.version import __version__
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
-from codegen.targets import Target
-from model.drive import Drive
+from codegen.render.printers.targets import Target
 from model.filters import FilterStep
 from model.filters.program import Copy, IfAccepted, Node, Repeat
 from model.machines.own import kept_as, read_word, title
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
+from model.schema import Drive
 
 _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),

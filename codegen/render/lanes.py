@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.guards import SOUND, is_turns
+from codegen.fast.guards import SOUND, is_turns
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
 from codegen.render.drive import foc_context, plant_context
@@ -20,7 +20,7 @@ from codegen.render.filter import (
     turn_context,
 )
 from codegen.render.printers.lanes import LanesPrinter, lane_arrays
-from codegen.targets import F28335, HOST64
+from codegen.render.printers.targets import F28335, HOST64
 from model.filters import FilterStep
 
 #: Filters in one struct: two vectors of 256 bits, one of 512.

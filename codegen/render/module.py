@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.guards import SOUND
+from codegen.fast.guards import SOUND
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing

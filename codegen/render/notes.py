@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from codegen.evidence.budget import Account, cycles
 from codegen.evidence.certificate import Certificate, ChipModel
 from codegen.evidence.ledger import Ledger
-from codegen.targets import Target
+from codegen.render.printers.targets import Target
 from model.filters import FilterStep
 from model.quantities import Quantity
 

@@ -14,7 +14,7 @@ from codegen.ir.trig import wrap_listing
 from codegen.render.filter import Description, render, sin_cos_text
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.expression import wrap_line
-from codegen.targets import F28335
+from codegen.render.printers.targets import F28335
 
 Array = NDArray[Any]
 

@@ -13,7 +13,7 @@ from model.filters.ekf import build_ekf
 from model.filters.ickf import build_ickf
 from model.filters.program import FilterStep
 from model.filters.ukf import build_ukf
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
 
 FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {
     "ckf": build_ckf,

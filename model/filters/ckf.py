@@ -5,7 +5,7 @@ from __future__ import annotations
 from model.filters.cubature import coast
 from model.filters.program import Call, FilterStep, IfAccepted
 from model.filters.sigma_point import measurement_update, time_update
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
 
 
 def build_ckf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:

@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 
 from model.filters.program import BlockBuilder
+from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
-from model.state_space import OUTPUTS, StateSpaceModel
 
 Vector = list[Any]
 Matrix = list[list[Any]]

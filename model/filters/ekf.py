@@ -8,8 +8,8 @@ import casadi as ca
 
 from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
 from model.filters.program import BlockBuilder, Call, FilterStep, IfAccepted
+from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
 from model.quantities import Block
-from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
 
 
 def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:

@@ -27,8 +27,8 @@ from model.filters.cubature import (
 )
 from model.filters.program import BlockBuilder, Call, Copy, FilterStep, IfAccepted, Node, Repeat
 from model.filters.sigma_point import time_update
+from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
-from model.state_space import OUTPUTS, StateSpaceModel
 
 
 def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:

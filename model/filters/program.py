@@ -11,8 +11,8 @@ from typing import Any
 
 import casadi as ca
 
+from model.machines.state_space import StateSpaceModel
 from model.quantities import Block, Port, Stage
-from model.state_space import StateSpaceModel
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from model.filters.cubature import (
     unpack,
 )
 from model.filters.program import BlockBuilder
+from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
 from model.quantities import Block
-from model.state_space import INPUTS, OUTPUTS, StateSpaceModel
 
 
 def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from model.filters.cubature import Rule, coast
 from model.filters.program import Call, FilterStep, IfAccepted
 from model.filters.sigma_point import measurement_update, time_update
-from model.state_space import StateSpaceModel
+from model.machines.state_space import StateSpaceModel
 
 #: kappa = 1: all weights are positive, so that P stays positive definite in float32 too.
 UNSCENTED = Rule("ukf", kappa=1.0)

@@ -6,16 +6,13 @@
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING
 
 from model.machines.base import Machine
 from model.machines.own import MachineError, load_class, read_word
 from model.machines.salient import SalientPMSM
 from model.machines.salient_flux import SalientFluxPMSM
 from model.machines.surface import SurfacePMSM
-
-if TYPE_CHECKING:
-    from model.drive import Drive
+from model.schema import Drive
 
 MACHINES: dict[str, type[Machine]] = {
     "surface": SurfacePMSM,

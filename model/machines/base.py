@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
 from model.quantities import Constants, Quantity
-
-if TYPE_CHECKING:  # a drive file names its machine, so model.drive imports this package
-    from model.drive import Drive
+from model.schema import Drive
 
 #: An alpha-beta or d-q pair of symbolic scalars.
 Pair = tuple[Any, Any]

@@ -18,15 +18,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import PurePosixPath, PureWindowsPath
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
 from model.machines.base import Machine, Parameters, Rotor
 from model.quantities import Constants, Quantity
-
-if TYPE_CHECKING:
-    from model.drive import Drive
+from model.schema import Drive
 
 _WORD = re.compile(r"(?P<file>.+\.py):(?P<name>[A-Za-z_]\w*)")
 #: What is printed into C comments and tables: ASCII, and nothing that ends either.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.board.frames import HELLO, RESET, SET_STATE, STEP
 from runtime.board.link import Link, NoAnswerError
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 Words = NDArray[np.float32]
 

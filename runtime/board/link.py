@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from runtime.board.frames import ANSWER, DAMAGED, REFUSED, Decoder, Frame, encode
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 #: A read gives up after this long, so that a deadline or Ctrl-C is never far away, s.
 SLICE = 0.005

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from runtime.board.board import Answer, Board, Identity, check_identity
 from runtime.board.link import Counts, NoAnswerError, RefusedError, UnpluggedError
 from runtime.board.twin import Twin, word_names
-from runtime.errors import UserError, take_interrupt
 from runtime.estimator.folder import GeneratedFolder
+from runtime.system.errors import UserError, take_interrupt
 
 Array = NDArray[Any]
 Progress = Callable[[int], None]

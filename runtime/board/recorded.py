@@ -8,9 +8,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from runtime.errors import UserError
-from runtime.files import whole_file
-from runtime.replay.data import check_suffix
+from runtime.recorded.data import check_suffix
+from runtime.system.errors import UserError
+from runtime.system.files import whole_file
 
 
 class RecordFile:

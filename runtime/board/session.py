@@ -17,12 +17,12 @@ from runtime.board.pil import PilResult, check_settings, run_pil
 from runtime.board.record import COLUMNS, Recording, ctrl_c, record
 from runtime.board.recorded import RecordFile
 from runtime.board.simulated import NAME, SimulatedBoard
-from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
-from runtime.files import write_text
+from runtime.folders.stated import stated_drive
 from runtime.proof.own_trajectory import trajectory_of
-from runtime.replay.data import Array, read_recorded
-from runtime.stated import stated_drive
+from runtime.recorded.data import Array, read_recorded
+from runtime.system.errors import UserError
+from runtime.system.files import write_text
 
 DEFAULT_DRIVE = "paper_spmsm"
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from runtime.errors import UserError
 from runtime.estimator.compiler import build_program
 from runtime.estimator.folder import GeneratedFolder
+from runtime.system.errors import UserError
 
 NAME = "simulated"
 MAIN = Path(__file__).with_name("simulated_board.c")

@@ -24,11 +24,11 @@ def compare(
     """
     from runtime.compare.facts import write_json
     from runtime.compare.subject import collect
-    from runtime.report.compare_tables import compare_tables
+    from runtime.compare.tables import compare_tables
 
     if out is not None:
-        from runtime.report.compare_page import write_comparison
-        from runtime.report.figures import pyplot
+        from runtime.compare.page import write_comparison
+        from runtime.style.figures import pyplot
 
         pyplot()  # what is missing is said before the work
     with working() as progress:

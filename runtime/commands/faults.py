@@ -29,15 +29,15 @@ def faults(
 
     The generated example interrupt drives the generated motor. Exit code 1: a run did not recover.
     """
-    from model.drive import shipped_drives
+    from model.drives.load import shipped_drives
     from runtime.faults.catalogue import find_faults
     from runtime.faults.survey import survey, write_outcomes
-    from runtime.replay.subject import drive_folder
-    from runtime.report.fault_tables import LEGEND, fault_table
+    from runtime.faults.tables import LEGEND, fault_table
+    from runtime.folders.resolve import drive_folder
 
     if out is not None:
-        from runtime.report.fault_figures import write_fault_figures
-        from runtime.report.figures import pyplot
+        from runtime.faults.figures import write_fault_figures
+        from runtime.style.figures import pyplot
 
         pyplot()  # what is missing is said before the work
     chosen = find_faults(only)

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
 from runtime.commands.terminal import console, counting
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 
 def replay(
@@ -46,17 +46,17 @@ def replay(
     mechanical), theta (rad, electrical) or load_torque (N m) as truth, errors are shown. Exit code 1: the estimate did
     not stay a number.
     """
-    from runtime.replay.data import read_recorded
+    from runtime.folders.resolve import drive_folder
+    from runtime.recorded.data import read_recorded
     from runtime.replay.replay import Settings, check_estimates
     from runtime.replay.replay import replay as run
-    from runtime.replay.subject import drive_folder
-    from runtime.report.replay_tables import replay_tables
+    from runtime.replay.tables import replay_tables
 
     if out is not None:
         check_estimates(out)
     if plots is not None:
-        from runtime.report.figures import pyplot
-        from runtime.report.replay_figures import write_figures
+        from runtime.replay.figures import write_figures
+        from runtime.style.figures import pyplot
 
         pyplot()  # what is missing is said before the work
     folder = drive_folder(drive)

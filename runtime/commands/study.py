@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 from typer.core import TyperGroup
 
-from model.drive import shipped_drives
+from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, counting
 from runtime.study.statement import USUAL, VARIABLES
 
@@ -68,11 +68,11 @@ def run(
 
     Every filter meets the same runs. Ctrl-C keeps what is done, and the same command goes on; more --runs add to it.
     """
-    from runtime.report.figures import pyplot
-    from runtime.report.study_figures import write_figures
-    from runtime.report.study_tables import groups_table, paired_table
     from runtime.study.analysis import study_facts
+    from runtime.study.figures import write_figures
     from runtime.study.run import run_study, state_study
+    from runtime.study.tables import groups_table, paired_table
+    from runtime.style.figures import pyplot
 
     pyplot()  # what is missing is said now, not after the runs
     names = drives or shipped_drives()
@@ -121,11 +121,11 @@ def tune(
 
     Ctrl-C keeps what is done, and the same command goes on.
     """
-    from runtime.report.figures import pyplot
-    from runtime.report.study_figures import write_front
-    from runtime.report.study_tables import front_table, proof_table
+    from runtime.study.figures import write_front
+    from runtime.study.tables import front_table, proof_table
     from runtime.study.tune import tune as search
     from runtime.study.tune import tuned_facts
+    from runtime.style.figures import pyplot
 
     pyplot()
     with bar("trials") as tell:

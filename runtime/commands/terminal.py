@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
-from runtime.errors import stop_if_interrupted
+from runtime.system.errors import stop_if_interrupted
 
 # Into a file or a pipe the tables keep their width, whatever the terminal behind it.
 console = Console() if sys.stdout.isatty() else Console(width=140)
@@ -51,3 +51,10 @@ def counting(what: str, *columns: ProgressColumn, total: float | None = None) ->
             bar.update(task, **keys)
 
         yield update
+
+
+@contextmanager
+def work_bar(what: str, total: int) -> Iterator[Callable[[str, int], None]]:
+    """A progress bar, where there is a terminal, of so many executions or steps."""
+    with counting(what, total=total) as update:
+        yield lambda name, more: update(advance=more, description=escape(name))

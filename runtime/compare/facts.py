@@ -12,7 +12,7 @@ from codegen.evidence.budget import CLOCK
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.subject import Subject
 from runtime.drive.experiment import run_facts
-from runtime.files import write_text
+from runtime.system.files import write_text
 
 #: Cycles an addition or multiplication is priced at: typical, and the bound.
 PRICES = ("2.5", "5")

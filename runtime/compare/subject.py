@@ -10,15 +10,15 @@ from typing import Any
 import casadi as ca
 
 from codegen.render.equations import Readable, readable
-from model.drive import Drive
-from model.state_space import StateSpaceModel, build
+from model.machines.state_space import StateSpaceModel, build
+from model.schema import Drive
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Run, Simulator
-from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
-from runtime.replay.subject import drive_folder
-from runtime.stated import stated_drive
+from runtime.folders.resolve import drive_folder
+from runtime.folders.stated import stated_drive
+from runtime.system.errors import UserError
 
 Progress = Callable[[str], None]
 

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from codegen.folder import write_folder
 from codegen.generate import generate
-from model.drive import Drive, load_drive
+from codegen.output.folder import write_folder
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.drive.scenario import STEP_START, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
-from runtime.errors import UserError
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
-from runtime.proof.verify import generated_folder
+from runtime.folders.current import generated_folder
+from runtime.system.errors import UserError
 
 Progress = Callable[[str], None]
 

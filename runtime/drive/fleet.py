@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.drive.motor import FACTORS, true_motor
-from runtime.drive.scenario import RPM, STARTED, Scenario
+from runtime.drive.scenario import STARTED, Scenario
 from runtime.drive.simulation import Conditions, Run, Simulator, controller_declarations
-from runtime.errors import UserError
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
 from runtime.estimator.threads import thread_count
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 #: Called with the number of runs done and of all.

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from runtime.errors import UserError
 from runtime.estimator.folder import GeneratedFolder
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

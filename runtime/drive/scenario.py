@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import UserError
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
 
 Array = NDArray[np.float64]
-
-RPM = 30 / np.pi
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.drive.motor import true_motor
-from runtime.drive.scenario import RPM, STARTED, Scenario
-from runtime.errors import UserError
+from runtime.drive.scenario import STARTED, Scenario
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
-from runtime.replay.data import write_recorded
-from runtime.replay.truth import angle_error, speed_error
+from runtime.recorded.data import write_recorded
+from runtime.recorded.truth import angle_error, speed_error
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]

@@ -22,11 +22,11 @@ from pathlib import Path
 
 from runtime.endurance.inputs import LONGEST, choose, describe, read_kept, seeds, shortest, write_kept
 from runtime.endurance.target import KINDS, Replayer, Target
-from runtime.errors import UserError
 from runtime.estimator.compiler import FLAGS, cached, run_compiler
 from runtime.estimator.threads import thread_count
-from runtime.files import make_folder
 from runtime.firmware.tools import MissingTool, find_tool
+from runtime.system.errors import UserError
+from runtime.system.files import make_folder
 
 SANITIZERS = (
     "-fsanitize=fuzzer,address,undefined,float-cast-overflow",

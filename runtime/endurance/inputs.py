@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from runtime.endurance.target import Replayer, Target, Verdict
-from runtime.errors import UserError
-from runtime.files import whole_file
+from runtime.system.errors import UserError
+from runtime.system.files import whole_file
 
 #: Longest input, bytes: enough for a whole state and some steps.
 LONGEST = 192

@@ -21,10 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from model.adaptive import ADAPTIVE
+from model.machines.adaptive import ADAPTIVE
 from runtime.drive.fleet import HERE as DRIVE_ROOM
 from runtime.endurance.journey import Journey, make_journey
-from runtime.errors import UserError
 from runtime.estimator.compiler import build_library
 from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GeneratedFolder, find_folder
@@ -32,6 +31,7 @@ from runtime.estimator.lanes import OPTIMISATION
 from runtime.estimator.threads import thread_count
 from runtime.proof.link_cd import ALLOWED, drift
 from runtime.proof.trajectory import make_trajectory
+from runtime.system.errors import UserError
 
 SOURCE = Path(__file__).with_name("soak.c")
 

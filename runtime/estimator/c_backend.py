@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from runtime.errors import UserError
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import open_lanes
 from runtime.estimator.threads import share_lanes
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

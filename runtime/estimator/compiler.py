@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 #: Contraction into fused multiply-add would change bits, so it is always off.
 FLAGS = ("-std=gnu99", "-ffp-contract=off")

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from runtime.errors import UserError
 from runtime.estimator.folder import GeneratedFolder, find_folder
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 #: The generated drives that come with the project lie beside its packages.
 GENERATED = Path(__file__).parents[2] / "generated"

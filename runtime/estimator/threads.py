@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 VARIABLE = "PMSM_ICKF_THREADS"
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import UserError
 from runtime.faults.loop import CLIP, FAULT, HOLD_A, POWER_OFF, REPLACE_A, REPLACE_B
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from runtime.drive.motor import true_motor
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import SIMULATOR, controller_declarations, simulator_struct
-from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
-from runtime.replay.truth import angle_error, speed_error
+from runtime.recorded.truth import angle_error, speed_error
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

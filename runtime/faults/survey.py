@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.scenario import RPM, Scenario
+from runtime.drive.scenario import Scenario
 from runtime.estimator.folder import GeneratedFolder
 from runtime.faults.catalogue import FAULTS, Circumstances, Fault
 from runtime.faults.loop import RUNNING, FaultyLoop, FaultyRun
-from runtime.files import write_text
+from runtime.recorded.units import RPM
+from runtime.system.files import write_text
 
 Array = NDArray[Any]
 Progress = Callable[[str], None]

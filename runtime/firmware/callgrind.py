@@ -13,9 +13,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from runtime.errors import UserError
 from runtime.firmware.emulator import PATIENCE
 from runtime.firmware.tools import MissingTool
+from runtime.system.errors import UserError
 
 _COLLECTED = re.compile(r"Collected\s*:\s*(\d+)")
 

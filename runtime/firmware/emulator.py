@@ -12,9 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import UserError
 from runtime.firmware.recording import Recording
 from runtime.firmware.subject import Subject
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import UserError
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.avr import Avr
-from runtime.firmware.check import Check
 from runtime.firmware.cortex_m4 import CortexM4
 from runtime.firmware.emulator import Outcome, Processor
 from runtime.firmware.host import run_on_host
 from runtime.firmware.recording import Recording, controller_recording, filter_recording
+from runtime.firmware.static.check import Check
 from runtime.firmware.subject import Subject, subjects
 from runtime.firmware.tools import missing_packages
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 Progress = Callable[[str], None]

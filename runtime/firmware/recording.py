@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.box import sample_box
-from model.drive import Drive
 from model.machines import MACHINES
-from model.state_space import build
+from model.machines.state_space import build
+from model.schema import Drive
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.subject import INPUTS
+from runtime.folders.stated import stated_drive
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.trajectory import Trajectory
-from runtime.stated import stated_drive
 
 Array = NDArray[Any]
 

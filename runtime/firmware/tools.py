@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 #: Program -> the Debian package it comes in.
 PACKAGES = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from codegen.render.equations import equations
-from model.drive import Drive
+from model.schema import Drive
 from runtime.proof.identity import identical
 from runtime.proof.result import Link, Row
 

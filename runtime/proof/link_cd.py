@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.adaptive import ADAPTIVE
+from model.machines.adaptive import ADAPTIVE
 from runtime.estimator.estimator import Estimator, Trace, load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.result import Link, Row

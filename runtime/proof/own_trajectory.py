@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Drive
 from model.machines import MACHINES, Machine, find_machine
 from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
+from model.schema import Drive
 from runtime.proof.trajectory import Trajectory, make_trajectory, motion, noisy
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ def _loaded(drive: Drive, machine: Machine, theta: Array, torque: Array) -> tupl
 
 
 def _locus(drive: Drive, q: Any) -> tuple[Any, Any]:
-    """i_d, i_q in A: i_d = 0, or maximum torque per ampere by [motor]'s saliency (:mod:`model.controller`)."""
+    """i_d, i_q in A: i_d = 0, or maximum torque per ampere by [motor]'s saliency (:mod:`model.loop.controller`)."""
     m = drive.motor
     saliency = m.inductance_q - m.inductance_d
     if saliency == 0.0:

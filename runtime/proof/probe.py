@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from codegen.ir.layout import lay_out
 from codegen.passes import optimise
 from model.filters.program import FilterStep
-from runtime.errors import UserError
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.result import Divergence
 from runtime.proof.starts import Start, set_tuning
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.box import sample_box
-from model.drive import Drive
 from model.machines import MACHINES
 from model.machines.own import MachineError, load_module, read_word, running
-from model.state_space import StateSpaceModel, build
-from runtime.errors import UserError
+from model.machines.state_space import StateSpaceModel, build
+from model.schema import Drive
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
 from runtime.proof.reference import jacobian
 from runtime.proof.result import Link, Row
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from codegen.evidence.box import BoxSamples, sample_box
 from codegen.evidence.certificate import SAMPLES
-from codegen.evidence.measure import Measurer, kept_records
-from codegen.folder import FolderError, check_unedited, difference, write_folder
 from codegen.generate import Package, generate
-from model.drive import Drive, load_drive
+from codegen.output.folder import write_folder
+from model.drives.load import load_drive
 from model.filters import FilterStep
-from runtime.errors import UserError
+from model.schema import Drive
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.estimator import load_folder
-from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.estimator.folder import GeneratedFolder
+from runtime.folders.current import current_package, generated_folder
 from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
 from runtime.proof.link_bc import link_bc
 from runtime.proof.link_cd import Drift, link_cd
@@ -92,33 +92,6 @@ def verify(
     return prove(load_drive(drive), generated_folder(drive), effort or Effort(), progress)
 
 
-def check_ready(drive: str | Path) -> None:
-    """Raise UserError for what is seen at a glance: done for all drives before the first is proved.
-
-    No compiler, a wrong drive file, no folder, or one edited by hand. Whether it is stale takes a generation:
-    :func:`current_package`.
-    """
-    find_compiler()
-    load_drive(drive)
-    _check_unedited(generated_folder(drive))
-
-
-def current_package(drive: Drive, path: Path) -> Package:
-    """Generate a drive in memory; UserError where its folder is missing, edited by hand or stale."""
-    _check_unedited(path)
-    package = generate(drive, measurer=Measurer(kept_records(path)))
-    if difference(path, package.files):
-        raise UserError(
-            f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {drive.name}"
-        )
-    return package
-
-
-def generated_folder(drive: str | Path) -> Path:
-    """Where a drive's generated folder is looked for: the project's for shipped names, ./generated for TOML files."""
-    return GENERATED / str(drive) if Path(drive).suffix != ".toml" else Path("generated") / load_drive(drive).name
-
-
 def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
     """All links for the gain the drive ships, and again for the other gain of the ICKF."""
     progress("generating")
@@ -141,15 +114,6 @@ def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple
             proof.effects.append(prover.effect(evidence))
     proof.notes += [step.iteration_proof for step in package.steps.values() if step.iteration_proof]
     return proof, evidence
-
-
-def _check_unedited(path: Path) -> None:
-    if not path.is_dir():
-        raise UserError(f"no generated folder '{path}'. Run: pmsm-ickf generate {path.name}")
-    try:
-        check_unedited(path)
-    except FolderError as error:
-        raise UserError(str(error)) from None
 
 
 def _with_gain(drive: Drive, gain: str) -> Drive:

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import UserError
 from runtime.estimator.estimator import Estimator, load_folder
 from runtime.estimator.folder import GeneratedFolder
-from runtime.files import whole_file, write_text
-from runtime.replay.clock import Clock, check_clock
-from runtime.replay.data import Recorded
+from runtime.recorded.clock import Clock, check_clock
+from runtime.recorded.data import Recorded
+from runtime.recorded.truth import Errors, errors
 from runtime.replay.innovations import Innovations, innovations
 from runtime.replay.statistics import Consistency, consistency
-from runtime.replay.truth import Errors, errors
+from runtime.system.errors import UserError
+from runtime.system.files import whole_file, write_text
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from codegen.fast.ablation import Earned
-from model.drive import Drive
+from model.schema import Drive
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.simulation import Run
-from runtime.firmware.tasks import Gated
+from runtime.firmware.gates import Gated
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence
 

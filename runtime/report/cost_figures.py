@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from runtime.report.figures import pyplot, svg_text
+from runtime.style.figures import pyplot, svg_text
 
 _COLOURS = ("#3b6ea8", "#c8553d", "#e0a030")
 

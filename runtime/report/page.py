@@ -2,42 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import sympy as sp
 from markupsafe import Markup
-from sympy.printing.mathml import MathMLPresentationPrinter
 
-from codegen import __version__
 from codegen.fast.ablation import OPERATIONS, weights_text
-from codegen.folder import read_manifest
-from codegen.render.equations import Readable, readable
-from runtime.files import make_folder, write_text
+from codegen.output.folder import read_manifest
+from codegen.output.version import __version__
+from codegen.render.equations import readable
+from runtime.drive.figures import run_figure, sweep_figure
+from runtime.drive.tables import claims, sweep_cell
+from runtime.firmware.tables import remarks
+from runtime.proof.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
+from runtime.proof.tables import COUNTS, stages_by_equation, whole_links
 from runtime.report.chapter import Chapter
 from runtime.report.cost_figures import passes_figure
-from runtime.report.drive_figures import run_figure, sweep_figure
-from runtime.report.drive_tables import claims, sweep_cell
-from runtime.report.figures import drift_figure, effect_figure, stage_figure, trajectory_figure
-from runtime.report.firmware_table import remarks
-from runtime.report.tables import COUNTS, stages_by_equation, whole_links
-
-#: Templates of the pages.
-ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=jinja2.StrictUndefined,
-)
+from runtime.style.pages import equation_line, page_template
+from runtime.system.files import make_folder, write_text
 
 
 def write_page(path: Path, chapters: list[Chapter]) -> None:
     """Write the page for some drives, one chapter each."""
     make_folder(path.parent)
-    text = ENVIRONMENT.get_template("page.html.j2").render(
+    text = page_template(Path(__file__).with_name("page.html.j2")).render(
         version=__version__,
         chapters=[_chapter(chapter) for chapter in chapters],
         passed=all(chapter.proof.passed and not chapter.firmware.failed for chapter in chapters),
@@ -109,61 +98,3 @@ def _run_figures(chapter: Chapter) -> list[tuple[str, Markup]]:
     chosen = {name: [run for run in chapter.runs if run.scenario.name == name] for name in names}
     numbered = chapter.drive.name == "paper_spmsm"
     return [(name, Markup(run_figure(runs, numbered))) for name, runs in chosen.items()]
-
-
-class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]
-    """SymPy's MathML with this project's names: constants as in the code, states in the field's letters."""
-
-    def __init__(self, names: dict[Any, str]) -> None:
-        super().__init__()
-        self._names = names
-
-    def _print_Symbol(self, symbol: Any, style: str = "plain") -> Any:
-        name = self._names.get(symbol)
-        if name is None or not name.isupper():
-            stem, _, index = (name or symbol.name).partition("_")
-            return self._indexed(stem, index) if index else super()._print_Symbol(symbol)
-        text = self.dom.createElement("mtext")
-        text.appendChild(self.dom.createTextNode(f"\u2009{name}\u2009"))
-        return text
-
-    def _indexed(self, stem: str, index: str) -> Any:
-        """stem with an index, and a prime if the index ends with one."""
-        primed = index.endswith("'")
-        element = self.dom.createElement("msubsup" if primed else "msub")
-        for tag, content in (
-            ("mi", _letter(stem)),
-            ("mi", _letters(index.rstrip("'"))),
-            *([("mo", "′")] if primed else []),
-        ):
-            child = self.dom.createElement(tag)
-            child.appendChild(self.dom.createTextNode(content))
-            element.appendChild(child)
-        return element
-
-
-_GREEK = {"alpha": "α", "beta": "β", "psi": "ψ", "omega": "ω", "theta": "θ"}
-
-
-def _letter(word: str) -> str:
-    return _GREEK.get(word, word)
-
-
-def _letters(index: str) -> str:
-    """alpha_next -> α next."""
-    return " ".join(_letter(word) for word in index.split("_"))
-
-
-def equation_line(equations: Readable, left: Any, right: Any) -> Markup:
-    """One equation as MathML."""
-    printer = _MathML({symbol: _plain(latex) for symbol, latex in equations.symbols.items()})
-    parts = [printer.doprint(side) for side in (left, right)]
-    return Markup(f"<div><math><mrow>{parts[0]}<mo>=</mo>{parts[1]}</mrow></math></div>")
-
-
-def _plain(latex: str) -> str:
-    """A symbol's LaTeX as plain text with an underscore before its index."""
-    text = re.sub(r"\\mathtt\{(.*)\}", r"\1", latex).replace(r"\_", "_").replace("\\", "")
-    for word, letter in _GREEK.items():
-        text = re.sub(rf"\b{word}\b|(?<=_){word}", letter, text)
-    return text

@@ -10,10 +10,10 @@ from typing import Any
 
 from runtime.drive.fleet import Cases, Outcomes
 from runtime.drive.scenario import Scenario
-from runtime.errors import UserError
 from runtime.study.package import Package, run_package
 from runtime.study.statement import Statement
 from runtime.study.store import Chunk, Store
+from runtime.system.errors import UserError
 
 #: How long a scheduler may take to answer, s.
 PATIENCE = 10.0

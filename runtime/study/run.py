@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import load_drive
+from model.drives.load import load_drive
 from runtime.drive.experiment import KINDS, folder_with
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import find_scenario
-from runtime.errors import UserError, take_interrupt
 from runtime.estimator.compiler import find_compiler
 from runtime.study.package import Package, pack, run_package
 from runtime.study.statement import Statement, parse_ranges
 from runtime.study.store import Chunk, Store, chunks
+from runtime.system.errors import UserError, take_interrupt
 
 Array = NDArray[Any]
 #: Called with runs done, of all, and what is being run.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from runtime.drive.fleet import Cases
 from runtime.drive.scenario import Scenario
-from runtime.errors import UserError
+from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from runtime.drive.fleet import Outcomes
-from runtime.errors import UserError
 from runtime.study.statement import Statement, differences
+from runtime.system.errors import UserError
 
 STATEMENT = "study.json"
 

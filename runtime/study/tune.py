@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import load_drive
+from model.drives.load import load_drive
 from runtime.drive.fleet import Cases, Fleet, Outcomes
 from runtime.drive.scenario import Scenario
-from runtime.errors import UserError, take_interrupt
 from runtime.study.analysis import Rate, wilson
 from runtime.study.package import open_fleet
 from runtime.study.run import state_study
 from runtime.study.statement import Statement, differences
 from runtime.study.store import write_atomically
+from runtime.system.errors import UserError, take_interrupt
 
 Array = NDArray[Any]
 Progress = Callable[[int, int, str], None]

@@ -8,7 +8,7 @@ import pytest
 
 from codegen.evidence.budget import BudgetError, check_budget, cycles
 from codegen.generate import Package, generate
-from model.drive import Budget, Drive
+from model.schema import Budget, Drive
 from tests.conftest import shipped_package, variant
 
 

@@ -15,11 +15,12 @@ import pytest
 from codegen.fast.ablation import RUNGS, build_rung, earned, earnings
 from codegen.ir.layout import lay_out
 from codegen.passes import optimise
-from model.drive import Drive, load_drive
-from model.state_space import build
-from runtime.errors import UserError
+from model.drives.load import load_drive
+from model.machines.state_space import build
+from model.schema import Drive
 from runtime.estimator.compiler import build_program
 from runtime.firmware.callgrind import count_instructions, instructions_per_step
+from runtime.system.errors import UserError
 
 # The benchmark is a script with modules beside it, not a package of the project.
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

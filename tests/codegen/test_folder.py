@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from codegen import folder as folder_module
-from codegen.folder import FolderError, check_unedited, difference, edited_files, with_manifest, write_folder
+from codegen.output import folder as folder_module
+from codegen.output.folder import FolderError, check_unedited, difference, edited_files, with_manifest, write_folder
 
 FILES = with_manifest({"a.c": "int a;\n", "host/b.c": "int b;\n"}, {"drive": "x", "filters": {}})
 OTHER = with_manifest({"a.c": "int other;\n"}, {"drive": "x", "filters": {}})

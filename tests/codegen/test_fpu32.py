@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from codegen.evidence.fpu32 import FPU32, TINY, Flushed, divide, flush, inverse_root_seed, reciprocal_seed, square_root
-from model.drive import Drive
+from model.schema import Drive
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 
@@ -240,7 +240,7 @@ def test_the_self_tests_allowance_covers_the_model(drive: Drive) -> None:
     """What the firmware's self-test lets pass on the chip: the recorded steps again, with the model's / and root."""
     from codegen.evidence.recording import execute, record_filter, run_filter
     from codegen.evidence.selftest import segments
-    from model.state_space import build
+    from model.machines.state_space import build
 
     text = (GENERATED / drive.name / f"{drive.name}.py").read_text()
     runs = segments(drive, build(drive))

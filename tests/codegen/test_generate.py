@@ -14,9 +14,10 @@ import pytest
 from pycparser import c_ast, c_parser
 
 from codegen.evidence.measure import Measurer, kept_records
-from codegen.folder import difference
 from codegen.generate import generate
-from model.drive import Drive, load_drive
+from codegen.output.folder import difference
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT, interrupt_files
 from tests.conftest import DRIVES, shipped_package, variant
@@ -201,7 +202,7 @@ def test_every_combination_is_clean_readable_and_proven(
 
     Fast against literal form is tested for every combination in test_variants.
     """
-    from codegen.folder import write_folder
+    from codegen.output.folder import write_folder
     from runtime.estimator.folder import GeneratedFolder
     from runtime.proof.trajectory import make_trajectory
     from runtime.proof.verify import Effort, Prover, literal_package

@@ -15,7 +15,7 @@ from codegen.ir.layout import lay_out
 from codegen.ir.trig import DOUBLE, wrap_listing
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
-from codegen.targets import HOST64
+from codegen.render.printers.targets import HOST64
 from model.filters.program import BlockBuilder
 from model.quantities import Block
 from runtime.estimator.compiler import build_library
@@ -126,7 +126,7 @@ def test_remainder_other_than_a_turn_is_refused() -> None:
     ("value", "text"), [(0.1, "0.1f"), (2.0, "2.0f"), (1e-7, "1e-07f"), (-0.5, "-0.5f"), (8388608.0, "8.388608e+06f")]
 )
 def test_float_literals_read_back_to_the_same_bits(value: float, text: str) -> None:
-    from codegen.targets import F28335
+    from codegen.render.printers.targets import F28335
 
     printed = CPrinter(F28335).format_literal(value)
     assert printed == text

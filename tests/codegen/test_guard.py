@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.drive import Drive
+from model.schema import Drive
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
 from runtime.proof.trajectory import make_trajectory

@@ -12,8 +12,8 @@ from codegen.fast.rows import common_factor
 from codegen.fast.tape import Tape
 from codegen.ir.expr import Expr, GraphBuilder
 from codegen.ir.graph import Graph
-from model.drive import load_drive
-from model.state_space import build
+from model.drives.load import load_drive
+from model.machines.state_space import build
 from tests.codegen.graphs import FLOAT, evaluate
 
 THETA, OMEGA = 3, 2

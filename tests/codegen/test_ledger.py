@@ -14,10 +14,10 @@ from codegen.evidence.ledger import Program
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import sin_cos_listing, wrap_listing
 from codegen.render.printers.c import CPrinter
-from codegen.targets import F28335
-from model.controller import clarke_block
-from model.drive import Drive
+from codegen.render.printers.targets import F28335
 from model.filters.program import BlockBuilder
+from model.loop.controller import clarke_block
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.conftest import shipped_package
 

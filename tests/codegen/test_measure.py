@@ -10,9 +10,9 @@ import pytest
 
 from codegen.evidence.ledger import Program
 from codegen.evidence.measure import NOT_FOUND, Measurer, kept_records
-from codegen.folder import write_folder
 from codegen.generate import generate
-from model.drive import load_drive
+from codegen.output.folder import write_folder
+from model.drives.load import load_drive
 from runtime.estimator.folder import GENERATED
 
 NAME = "paper_spmsm_ckf"

@@ -19,7 +19,8 @@ import pytest
 from codegen.evidence.recording import Recording, execute, record_control, record_filter, run_control, run_filter
 from codegen.evidence.selftest import BEYOND, NOT_A_NUMBER, Segment, control_run, gains, segments
 from codegen.generate import build_steps
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from tests.codegen.strict import STRICT

@@ -12,8 +12,9 @@ import sympy as sp
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph, read_tape
-from model.drive import Drive, load_drive
-from model.state_space import StateSpaceModel, build
+from model.drives.load import load_drive
+from model.machines.state_space import StateSpaceModel, build
+from model.schema import Drive
 from tests.codegen.graphs import FLOAT, SYMBOLIC, evaluate
 from tests.conftest import DRIVES, variant
 

@@ -16,12 +16,13 @@ from codegen.render.drive import controller_context
 from codegen.render.filter import Description
 from codegen.render.module import render_module
 from codegen.render.printers.python import PythonPrinter
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
 from model.filters import FilterStep
 from model.machines import MACHINES
 from model.machines.base import Pair, Rotor
+from model.machines.state_space import build, default_initial_state
 from model.machines.surface import SurfacePMSM
-from model.state_space import build, default_initial_state
+from model.schema import Drive
 from runtime.proof.link_ab import Situations
 from runtime.proof.link_bc import link_bc
 from runtime.proof.result import Link

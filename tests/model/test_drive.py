@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from model.drive import DRIVES, DriveError, load_drive, shipped_drives
+from model.drives.load import DRIVES, load_drive, shipped_drives
+from model.schema import DriveError
 
 PAPER = (DRIVES / "paper_spmsm.toml").read_text()
 
@@ -90,7 +91,7 @@ def test_unknown_name_suggests_a_near_one() -> None:
 
 
 def test_initial_state_is_optional_and_taken(tmp_path: Path) -> None:
-    from model.state_space import default_initial_state
+    from model.machines.state_space import default_initial_state
 
     assert default_initial_state(load_drive("paper_spmsm")) == [0.0, 0.0, 0.0, 0.0]
     assert default_initial_state(load_drive("ipmsm_flux")) == [0.545, 0.0, 0.0, 0.0]

@@ -11,11 +11,12 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from codegen.render.equations import equations
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
 from model.machines import MACHINES, Machine
 from model.machines.base import Parameters, Rotor
+from model.machines.state_space import build
 from model.quantities import Constants
-from model.state_space import build
+from model.schema import Drive
 from runtime.proof.derivation import compare_derivations, second_statement
 from tests.conftest import ALL_DRIVES, variant
 

@@ -19,11 +19,12 @@ from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import CubatureKalmanUpdater
 
 from codegen.generate import generate
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
 from model.filters import build_filter
 from model.filters.ickf import idle_iteration_proof
 from model.machines import MACHINES
-from model.state_space import build
+from model.machines.state_space import build
+from model.schema import Drive
 from runtime.estimator.estimator import Estimator
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.trajectory import make_trajectory

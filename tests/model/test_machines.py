@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from model.adaptive import ADAPTIVE
-from model.drive import Drive, DriveError, load_drive, parse_drive
+from model.drives.load import load_drive, parse_drive
 from model.machines import MACHINES
+from model.machines.adaptive import ADAPTIVE
 from model.machines.base import Parameters, Rotor
+from model.machines.state_space import build, default_initial_state
 from model.quantities import ConstantError, Constants, united
-from model.state_space import build, default_initial_state
+from model.schema import Drive, DriveError
 from runtime.proof.identity import identical
 from tests.conftest import variant
 

@@ -10,10 +10,11 @@ import pytest
 
 from codegen.generate import generate
 from codegen.ir.graph import UnsupportedOperationError
-from model.drive import DRIVES, DriveError, load_drive
+from model.drives.load import DRIVES, load_drive
 from model.machines import find_machine
 from model.machines.own import title
-from model.state_space import build, default_initial_state
+from model.machines.state_space import build, default_initial_state
+from model.schema import DriveError
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "own_machine"
 

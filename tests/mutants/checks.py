@@ -36,7 +36,7 @@ class Fresh:
         from codegen.render.filter import Description
         from codegen.render.module import render_module
         from codegen.render.printers.python import PythonPrinter
-        from model.state_space import default_initial_state
+        from model.machines.state_space import default_initial_state
 
         self.drive = drive.name
         self.model, self.steps = build_steps(drive, form)
@@ -59,7 +59,7 @@ def _printed(fresh: Fresh) -> dict[str, str]:
     from codegen.render.drive import render_foc
     from codegen.render.filter import render_filter, render_port
     from codegen.render.lanes import render_lanes
-    from codegen.targets import F28335
+    from codegen.render.printers.targets import F28335
 
     files = {"pmsm_port.h": render_port()}
     for kind, step in fresh.steps.items():
@@ -85,7 +85,7 @@ class Bench:
         return other
 
     def truth(self, name: str, gain: str = "", kinds: tuple[str, ...] = ()) -> Any:
-        from model.drive import load_drive
+        from model.drives.load import load_drive
 
         drive = load_drive(name)
         keys = {"gain": gain or drive.filter.gain, "kinds": list(kinds or drive.filter.kinds)}
@@ -100,7 +100,7 @@ class Bench:
     def situations(self, truth: Any, kind: str, step: Any) -> list[Any]:
         """The reference along a short trajectory, and from draws of the box."""
         from codegen.evidence.box import sample_box
-        from model.state_space import build
+        from model.machines.state_space import build
         from runtime.proof.link_ab import reference_run
         from runtime.proof.second import second_motor
         from runtime.proof.verify import _full
@@ -122,7 +122,7 @@ class Bench:
     def _start(truth: Any, motor: Any) -> Any:
         import numpy as np
 
-        from model.state_space import default_initial_state
+        from model.machines.state_space import default_initial_state
 
         return np.array(default_initial_state(truth), dtype=float)
 
@@ -218,7 +218,7 @@ def controller(bench: Bench, name: str) -> Iterator[Any]:
 def bits_of(folder: Any, truth: Any, kind: str, step: Any, steps: int = BIT_STEPS, draws: int = BIT_DRAWS) -> Any:
     """Link D-E with the first divergence's place left out: that takes another compilation."""
     from codegen.evidence.box import sample_box
-    from model.state_space import build
+    from model.machines.state_space import build
     from runtime.proof.link_de import Bits
     from runtime.proof.trajectory import make_trajectory
 
@@ -272,8 +272,8 @@ def verdict(link: Any) -> tuple[str, str]:
 def regenerated(bench: Bench, name: str) -> Iterator[None]:
     """The shipped drives' place is a folder in which this one is generated now; the others are as they are."""
     import runtime.estimator.folder as place
-    from codegen.folder import write_folder
     from codegen.generate import generate
+    from codegen.output.folder import write_folder
 
     with tempfile.TemporaryDirectory() as scratch:
         write_folder(Path(scratch) / name, generate(bench.truth(name), samples=1).files)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from model.drive import DRIVES
+from model.drives.load import DRIVES
 
 ROOT = Path(__file__).parents[2]
 #: One filter is enough to generate here.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from model.drive import DRIVES
+from model.drives.load import DRIVES
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.static.tool import PACKAGES as STATIC_PACKAGES
 from runtime.firmware.tools import PACKAGES

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from runtime.errors import UserError
 from runtime.study import store as storing
 from runtime.study.run import run_study
+from runtime.system.errors import UserError
 from tests.runtime.studies import SHORT, VARY, same_study, stated
 
 

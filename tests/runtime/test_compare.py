@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.drive import DRIVES as FILES
+from model.drives.load import DRIVES as FILES
 from runtime.compare.differences import _merged, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.facts import certificates, costs, to_json
 from runtime.compare.subject import CONSTANT, ONE, VARYING, ZERO, Subject, collect
 from runtime.drive.experiment import simulate
-from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.proof.reference import jacobian, make_motor
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES
 from tests.runtime.test_cli import call
 

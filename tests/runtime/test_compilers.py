@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.errors import UserError
 from runtime.estimator import compiler
+from runtime.system.errors import UserError
 from tests.runtime.processes import PAPER, call, refused
 
 SOURCES = {"a.c": "int answer(void) { return 42; }\n"}

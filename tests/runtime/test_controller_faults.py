@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.drive import Drive
-from runtime.drive.scenario import RPM
+from model.schema import Drive
 from runtime.drive.simulation import Conditions, Simulator, numpy_controller
 from runtime.estimator.folder import find_folder
 from runtime.proof.motors import make_motor
+from runtime.recorded.units import RPM
 from tests.conftest import DRIVES
 
 BAD = [float("nan"), float("inf"), float("-inf"), 1e6, -1e6]

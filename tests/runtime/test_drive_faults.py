@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 from runtime.cli import app
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, numpy_controller
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
 from runtime.faults.catalogue import FAULTS
 from runtime.faults.loop import FAULT, PROBING, RESTING, RUNNING, FaultyLoop
 from runtime.faults.survey import SPEED_BAND, circumstances, judge, run_fault
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES
 
 TASK = Scenario("faults", load=5.0, duration=0.5)

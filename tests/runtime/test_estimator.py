@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import runtime
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime import UserError
 from runtime.estimator.folder import GENERATED
 from runtime.proof.trajectory import make_trajectory

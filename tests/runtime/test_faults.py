@@ -16,10 +16,10 @@ from pathlib import Path
 
 import pytest
 
-from codegen.folder import difference, edited_files, with_manifest
-from runtime.errors import UserError
+from codegen.output.folder import difference, edited_files, with_manifest
 from runtime.estimator.folder import GENERATED
-from runtime.files import whole_file, write_text
+from runtime.system.errors import UserError
+from runtime.system.files import whole_file, write_text
 from tests.runtime.processes import PAPER, ROOT, call, finish, refused, start
 
 # --- killed ---
@@ -28,7 +28,7 @@ from tests.runtime.processes import PAPER, ROOT, call, finish, refused, start
 WRITER = """
 import sys, itertools
 from pathlib import Path
-from codegen.folder import with_manifest, write_folder
+from codegen.output.folder import with_manifest, write_folder
 def files(mark):
     return with_manifest({f"{k}.c": mark * 20_000 for k in range(20)}, {"drive": "x", "filters": {}})
 print("ready", flush=True)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from model.drive import Drive
+from model.schema import Drive
 from runtime.drive.fleet import Cases, Fleet, Outcomes
-from runtime.drive.scenario import RPM, Scenario
+from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
 
 RESTARTED = 0x20
 KINDS = ("ckf", "ickf")

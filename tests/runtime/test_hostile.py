@@ -16,10 +16,11 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from model.drive import DRIVES, DriveError, load_drive
+from model.drives.load import DRIVES, load_drive
+from model.schema import DriveError
 from runtime.board.session import inputs_of
-from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, find_folder
+from runtime.system.errors import UserError
 from tests.runtime.hostile import assert_refused, command
 
 PAPER = (DRIVES / "paper_spmsm.toml").read_text(encoding="utf-8")

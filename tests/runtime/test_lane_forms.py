@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from codegen.render.lanes import LANES
-from model.drive import Drive
+from model.schema import Drive
 from runtime.drive.motor import true_motor
 from runtime.drive.simulation import controller_declarations
 from runtime.estimator.c_backend import c_sources

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import runtime
-from codegen.folder import write_folder
 from codegen.generate import generate
 from codegen.ir.small_angle import LIMIT
+from codegen.output.folder import write_folder
 from codegen.render.lanes import LANES
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime import UserError
 from runtime.estimator import threads
 from runtime.estimator.c_backend import CBackend

@@ -8,19 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.folder import write_folder
 from codegen.generate import generate
-from model.drive import DRIVES, Drive, load_drive
-from runtime.errors import UserError
+from codegen.output.folder import write_folder
+from model.drives.load import DRIVES, load_drive
+from model.schema import Drive
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.recording import filter_recording
 from runtime.firmware.static.eva import eva_check
+from runtime.folders.resolve import drive_folder
+from runtime.folders.stated import stated_drive
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.result import Proof
 from runtime.proof.second import UNCHECKED, CasadiMotor, compare_statements, second_motor
-from runtime.replay.subject import drive_folder
-from runtime.report.tables import proof_tables
-from runtime.stated import stated_drive
+from runtime.proof.tables import proof_tables
+from runtime.system.errors import UserError
 from tests.conftest import variant
 from tests.model.test_own_machine import EXAMPLE, edit
 from tests.target.need import need
@@ -143,7 +144,7 @@ def test_without_a_reference_nothing_is_called_proved_of_the_equations(desk: Pat
 
 def test_casadis_own_numbers_are_a_motor() -> None:
     """What the reference filters with where there is no second statement: against motors.py, by hand."""
-    from model.state_space import build
+    from model.machines.state_space import build
 
     drive = load_drive("ipmsm_flux")
     ours, theirs = CasadiMotor(build(drive)), second_motor(drive)

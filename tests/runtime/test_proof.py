@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.folder import write_folder
 from codegen.generate import Package, generate
-from model.drive import Drive, load_drive
+from codegen.output.folder import write_folder
+from model.drives.load import load_drive
 from model.filters import cubature, sigma_point
 from model.filters import ickf as ickf_module
 from model.machines import MACHINES
-from model.mechanics import ConstantSpeed
-from runtime.errors import UserError
+from model.machines.mechanics import ConstantSpeed
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
+from runtime.system.errors import UserError
 from tests.conftest import ALL_DRIVES, DRIVES, LINKS, shipped_package, variant
 
 QUICK = Effort(

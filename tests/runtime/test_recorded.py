@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import UserError
-from runtime.replay.clock import check_clock
-from runtime.replay.data import read_recorded, write_recorded
+from runtime.recorded.clock import check_clock
+from runtime.recorded.data import read_recorded, write_recorded
+from runtime.system.errors import UserError
 
 NAMES = ("t", "u_alpha", "u_beta", "i_alpha", "i_beta")
 ROWS = np.column_stack([1e-4 * np.arange(20), np.random.default_rng(3).normal(size=(20, 4))]).round(6)

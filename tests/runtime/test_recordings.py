@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.drive import load_drive
+from model.drives.load import load_drive
 from runtime import load
 
 DATA = Path(__file__).parents[1] / "data"

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.proof import motors, reference
 from runtime.proof.motors import make_motor
 from runtime.proof.reference import make_reference, wrap

@@ -12,11 +12,11 @@ import pytest
 import runtime
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Run, Simulator
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
 from runtime.proof.reference import make_reference
 from runtime.proof.trajectory import make_trajectory
-from runtime.replay.data import Recorded, read_recorded
+from runtime.recorded.data import Recorded, read_recorded
+from runtime.recorded.truth import errors, find_load_step
 from runtime.replay.innovations import Innovations, held_inputs
 from runtime.replay.replay import Replay, Settings, replay
 from runtime.replay.statistics import (
@@ -27,7 +27,7 @@ from runtime.replay.statistics import (
     ljung_box,
     mean_band,
 )
-from runtime.replay.truth import errors, find_load_step
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES
 from tests.runtime.test_cli import call
 
@@ -228,7 +228,7 @@ def test_estimates_on_disk(replayed: Replay, run: Run, tmp_path: Path) -> None:
 
 def test_figures_can_be_drawn(replayed: Replay) -> None:
     pytest.importorskip("matplotlib")
-    from runtime.report.replay_figures import estimate_figure, innovation_figure
+    from runtime.replay.figures import estimate_figure, innovation_figure
 
     assert estimate_figure(replayed).count('id="axes_') == 5
     assert innovation_figure(replayed).count('id="axes_') == 4
@@ -238,7 +238,7 @@ def test_figures_can_be_drawn(replayed: Replay) -> None:
 def test_absurd_data_make_figures_and_no_warning(rows: int, tmp_path: Path) -> None:
     """Noise over the whole range, numbers beyond float32, no numbers at all, next to nothing."""
     pytest.importorskip("matplotlib")
-    from runtime.report.replay_figures import write_figures
+    from runtime.replay.figures import write_figures
 
     folder = find_folder("ipmsm_flux")
     rng = np.random.default_rng(1)
@@ -287,7 +287,7 @@ def test_replay_command(run: Run, tmp_path: Path) -> None:
     ],
 )
 def test_bad_words_are_one_line(arguments: tuple[str, ...], expected: str, run: Run, tmp_path: Path) -> None:
-    from model.drive import DRIVES as FILES
+    from model.drives.load import DRIVES as FILES
 
     run.save(tmp_path / "run.npz")
     text = (FILES / "spmsm_load_torque.toml").read_text()
@@ -299,7 +299,7 @@ def test_bad_words_are_one_line(arguments: tuple[str, ...], expected: str, run: 
 
 
 def test_a_toml_file_means_its_generated_folder(run: Run, tmp_path: Path) -> None:
-    from model.drive import DRIVES as FILES
+    from model.drives.load import DRIVES as FILES
 
     run.save(tmp_path / "run.npz")
     text = (FILES / "spmsm_load_torque.toml").read_text().replace('"spmsm_load_torque"', '"mine"')

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.drive import load_drive, shipped_drives
+from model.drives.load import load_drive, shipped_drives
 from runtime import load
 
 DATA = Path(__file__).parents[1] / "data"

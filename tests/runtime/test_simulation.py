@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from model.controller import Gains, design
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.loop.controller import Gains, design
+from model.loop.plant import plant_initial_state
 from model.machines import MACHINES
 from model.machines.base import Parameters, Rotor
-from model.plant import plant_initial_state
 from model.quantities import Constants
+from model.schema import Drive
 from runtime.drive.motor import true_motor
-from runtime.drive.scenario import RPM, SCENARIOS, Scenario, find_scenario
+from runtime.drive.scenario import SCENARIOS, Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES, variant
 
 HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
@@ -216,7 +218,7 @@ def test_unknown_words_are_refused(simulators: dict[str, Simulator], tmp_path: P
 
 def test_claims_agree_only_where_the_numbers_do(simulators: dict[str, Simulator]) -> None:
     """Seed 1 starts under 20 r/min and says so, seed 6 does not and says that."""
-    from runtime.report.drive_tables import claims
+    from runtime.drive.tables import claims
 
     ckf = Simulator(find_folder("paper_spmsm"), "ckf")
     for seed, agrees in ((1, True), (6, False)):

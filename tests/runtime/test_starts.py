@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from codegen.evidence.box import sample_box
-from model.drive import load_drive
-from model.state_space import build
+from model.drives.load import load_drive
+from model.machines.state_space import build
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.probe import numpy_entries

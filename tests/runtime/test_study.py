@@ -16,13 +16,13 @@ import pytest
 from scipy import stats
 
 from runtime.drive.fleet import Outcomes
-from runtime.errors import UserError
-from runtime.report.study_figures import write_figures
 from runtime.study import run as running
 from runtime.study import store as storing
 from runtime.study.analysis import comparisons, paired, quantiles, study_facts, success, success_over, wilson
+from runtime.study.figures import write_figures
 from runtime.study.run import Group, run_study, state_study
 from runtime.study.statement import VARIABLES, Statement, parse_range, parse_ranges
+from runtime.system.errors import UserError
 from tests.runtime.studies import DRIVE, SHORT, VARY, same_study, stated
 
 

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from runtime.proof.result import Link, Proof, Row
-from runtime.report.tables import proof_tables, whole_links
+from runtime.proof.tables import proof_tables, whole_links
 from tests.conftest import LINKS
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
 from runtime.study.run import state_study
+from runtime.system.errors import UserError
 
 DRIVE = "spmsm_load_torque"
 
@@ -25,8 +25,8 @@ def optuna() -> Any:
 
 
 def test_tuning_goes_on_and_never_recommends_what_is_worse(optuna: Any, tmp_path: Path) -> None:
-    from runtime.report.study_figures import write_front
-    from runtime.report.study_tables import front_table, proof_table
+    from runtime.study.figures import write_front
+    from runtime.study.tables import front_table, proof_table
     from runtime.study.tune import tune, tuned_facts
 
     first = tune("ipmsm_flux", "ckf", 10, tmp_path, ["noise=0.05"], 1)

@@ -13,8 +13,8 @@ import pytest
 
 from runtime import errors
 from runtime.cli import main
-from runtime.files import make_folder, write_text
-from runtime.workers import workers
+from runtime.system.files import make_folder, write_text
+from runtime.system.workers import workers
 
 
 def _stubborn(told: Path) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from codegen.folder import read_manifest
 from codegen.ir.trig import sin_cos_bound
-from model.drive import Drive
+from codegen.output.folder import read_manifest
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
+from runtime.firmware.gates import Gated
 from runtime.firmware.static.box import MARGIN, Interval, filter_box
 from runtime.firmware.static.eva import SHOWN, analyse, driver, eva_check, eva_checks, with_bounds, with_contract
-from runtime.firmware.tasks import Gated
 from tests.codegen.strict import need
 
 PORT = GENERATED / "paper_spmsm"

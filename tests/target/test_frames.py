@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from runtime.board.board import Board
 from runtime.board.frames import HELLO, STEP, Decoder, Frame, decode, encode, stuff, unstuff
 from runtime.board.link import Link, NoAnswerError
-from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED
+from runtime.system.errors import UserError
 from tests.codegen.strict import STRICT, need
 from tests.conftest import DRIVES
 

@@ -12,8 +12,8 @@ import pytest
 from runtime.endurance import fuzz as campaign
 from runtime.endurance.inputs import choose, describe, read_kept, seeds, shorten, shortest, word_names, write_kept
 from runtime.endurance.target import KINDS, Replayer, Target, targets
-from runtime.errors import UserError
 from runtime.estimator.compiler import build_library
+from runtime.system.errors import UserError
 from tests.conftest import ALL_DRIVES
 from tests.target.command import call
 

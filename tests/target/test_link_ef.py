@@ -13,22 +13,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import runtime.firmware.gates
 import runtime.firmware.link_ef
-import runtime.firmware.tasks
 from runtime.cli import app
-from runtime.errors import UserError
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.firmware.avr import Avr
-from runtime.firmware.check import Check
 from runtime.firmware.cortex_m4 import CortexM4
 from runtime.firmware.emulator import Processor, outcome
+from runtime.firmware.gates import check_firmware
 from runtime.firmware.host import run_on_host
 from runtime.firmware.link_ef import NAN, PROCESSORS, STEPS, Comparison, compare, link_ef
 from runtime.firmware.recording import BAD, Recording, Segment, controller_recording, filter_recording, spoil
+from runtime.firmware.static.check import Check
 from runtime.firmware.subject import Subject, subjects
-from runtime.firmware.tasks import check_firmware
 from runtime.firmware.tools import PACKAGES, find_tool
+from runtime.system.errors import UserError
 from tests.target.need import need
 
 FOLDERS = {path.parent.name: find_folder(path.parent.name) for path in sorted(GENERATED.glob("*/manifest.json"))}
@@ -197,7 +197,7 @@ def test_missing_tools_are_rows_and_exit_code_1(monkeypatch: pytest.MonkeyPatch)
     assert [row.state for row in rows] == ["not run", "not run"]
     needed = ["gcc-avr avr-libc simavr", "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"]
     assert [row.figure for row in rows] == [f"needs {packages}" for packages in needed]
-    monkeypatch.setattr(runtime.firmware.tasks, "GATES", (link_ef,))
+    monkeypatch.setattr(runtime.firmware.gates, "GATES", (link_ef,))
     for options, code in (((), 1), (("--allow-missing",), 0)):
         result = CliRunner().invoke(app, ["firmware", "paper_spmsm", *options])
         assert result.exit_code == code, result.output
@@ -226,7 +226,7 @@ def test_a_program_that_does_not_fit_is_one_clear_error() -> None:
 
 def test_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     row = Check("a gate", "paper_spmsm", "not run", "", "not run", ("why",))
-    monkeypatch.setattr(runtime.firmware.tasks, "GATES", (lambda folder, progress: [row],))
+    monkeypatch.setattr(runtime.firmware.gates, "GATES", (lambda folder, progress: [row],))
     path = tmp_path / "checks.json"
     (result,) = check_firmware(["paper_spmsm"], path)
     assert result.good(allow_missing=True)

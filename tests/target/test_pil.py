@@ -21,8 +21,8 @@ from runtime.board.pil import PilResult, run_pil
 from runtime.board.session import inputs_of
 from runtime.board.simulated import SimulatedBoard, board_sources, build_board
 from runtime.board.twin import covariance_field
-from runtime.errors import UserError
 from runtime.estimator.folder import find_folder
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES
 from tests.target.command import call
 

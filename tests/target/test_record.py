@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from runtime.board.frames import Frame, encode
+from runtime.board.live import AXES, _draw
 from runtime.board.record import COLUMNS, Receiver, Recording, UnpluggedError, record
 from runtime.board.recorded import RecordFile
-from runtime.errors import UserError
-from runtime.replay.data import read_recorded
-from runtime.report.live import AXES, _draw
+from runtime.recorded.data import read_recorded
+from runtime.system.errors import UserError
 from tests.target.command import call
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="not run: pseudo-terminals need a POSIX system")

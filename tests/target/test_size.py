@@ -10,7 +10,7 @@ import pytest
 
 from codegen.evidence.ledger import Program
 from codegen.evidence.measure import COMPILER, NOT_FOUND, Measurer, compiler_version
-from model.drive import Drive
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 
 

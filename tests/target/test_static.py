@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from model.drive import Drive
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
-from runtime.firmware.check import Check
 from runtime.firmware.static import static_checks, tool
 from runtime.firmware.static.bans import ban_checks
+from runtime.firmware.static.check import Check
 from runtime.firmware.static.compilers import compiler_checks
 from runtime.firmware.static.misra import deviations, misra_checks, rules
 from tests.codegen.strict import need

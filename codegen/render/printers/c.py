@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from codegen.guards import is_monitored, is_turns
+from codegen.fast.guards import is_monitored, is_turns
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
 from codegen.render.printers.expression import ExpressionPrinter, unbroken, wrap_line
-from codegen.targets import Target
+from codegen.render.printers.targets import Target
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
 
@@ -18,7 +18,7 @@ INDENT = "    "
 class CPrinter(ExpressionPrinter):
     """Prints listings for one target.
 
-    >>> from codegen.targets import F28335
+    >>> from codegen.render.printers.targets import F28335
     >>> CPrinter(F28335).format_literal(0.1)
     '0.1f'
     """

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import textwrap
 
-from codegen.guards import is_turns, is_watched
+from codegen.fast.guards import is_turns, is_watched
 from codegen.ir.layout import Listing
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.expression import unbroken, wrap_line
-from codegen.targets import Target
+from codegen.render.printers.targets import Target
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
 from model.quantities import Block
 

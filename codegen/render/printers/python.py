@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.guards import is_monitored, is_turns, is_watched, spread
+from codegen.fast.guards import is_monitored, is_turns, is_watched, spread
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.render.printers.expression import ExpressionPrinter, unbroken, wrap_line
 from model.filters.program import Call, Copy, IfAccepted, Node, Repeat

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from runtime.estimator.folder import GeneratedFolder
-from runtime.firmware.check import Check
+from runtime.firmware.static.check import Check
 
 
 def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: None) -> list[Check]:
@@ -29,5 +29,5 @@ def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: N
 
 
 def static_gate(folder: GeneratedFolder, progress: Callable[[str], None]) -> list[Check]:
-    """:func:`static_checks` in the form :data:`runtime.firmware.tasks.GATES` wants."""
+    """:func:`static_checks` in the form :data:`runtime.firmware.gates.GATES` wants."""
     return static_checks(folder.path, progress)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pycparser import c_ast, c_parser
 
-from runtime.firmware.check import Check
+from runtime.firmware.static.check import Check
 from runtime.firmware.static.divisions import SQRT, divisions
 from runtime.firmware.static.tool import firmware_sources, is_bench, is_example, missing, run
 

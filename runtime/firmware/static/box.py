@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.guards import SOUND
+from codegen.fast.guards import SOUND
 from model.machines import MACHINES
 
 #: Variances in the box reach this times P_0 (or Q, where that is more). Intervals forget how the entries of a

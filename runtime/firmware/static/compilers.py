@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from runtime.firmware.check import Check
+from runtime.firmware.static.check import Check
 from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
 #: One language for all: C89 to the letter, float operations never fused.

@@ -21,12 +21,12 @@ from typing import Literal
 
 import numpy as np
 
-from codegen.folder import read_manifest
 from codegen.ir.small_angle import small_angle_bound
 from codegen.ir.trig import sin_cos_bound
-from runtime.firmware.check import Check
+from codegen.output.folder import read_manifest
 from runtime.firmware.static.bans import parse
 from runtime.firmware.static.box import Box, filter_box, known_machine
+from runtime.firmware.static.check import Check
 from runtime.firmware.static.divisions import Range, divisions
 from runtime.firmware.static.tool import missing, run
 

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from runtime.firmware.check import Check
+from runtime.firmware.static.check import Check
 from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
 NAME = "MISRA C:2012"

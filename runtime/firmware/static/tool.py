@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from runtime.firmware.check import Check
+from runtime.firmware.static.check import Check
 
 #: Debian package of each tool.
 PACKAGES = {"gcc": "gcc", "clang": "clang", "cppcheck": "cppcheck", "frama-c": "frama-c-base"}

@@ -116,6 +116,6 @@ def _of(kind: str, file: str, rows: tuple[tuple[str, str, str, tuple[str, ...]],
 
 
 CONTROL = (
-    *_of("controller", "model/controller.py", _ROWS),
-    *_of("plant", "model/plant.py", _PLANT),
+    *_of("controller", "model/loop/controller.py", _ROWS),
+    *_of("plant", "model/loop/plant.py", _PLANT),
 )

@@ -167,7 +167,7 @@ BASE = _of(
 )
 
 MECHANICS = _of(
-    "model/mechanics.py",
+    "model/machines/mechanics.py",
     ("pole pairs forgotten", 'self.constant("POLE_PAIRS", self.par.p, "p") * omega', "omega", PAPER),
     (
         "speed grows with friction",
@@ -208,7 +208,7 @@ MECHANICS = _of(
 )
 
 STATES = _of(
-    "model/adaptive.py",
+    "model/machines/adaptive.py",
     ("slow states flee", "value + back * (own - value)", "value + back * (value - own)", ADAPTIVE),
     ("slow states stand", "after.append(value + back * (own - value))", "after.append(value)", ADAPTIVE),
     (
@@ -219,7 +219,7 @@ STATES = _of(
     ),
     ("R for psi_m", '"magnet flux linkage, wandering"), "psi_m")', '"magnet flux linkage, wandering"), "R")', ADAPTIVE),
 ) + _of(
-    "model/state_space.py",
+    "model/machines/state_space.py",
     ("voltage axes exchanged", "(x[0], x[1]), (u[0], u[1]), omega_e", "(x[0], x[1]), (u[1], u[0]), omega_e", PAPER),
     ("mechanical for electrical speed", "omega_e = self.mechanics.electrical_speed(x[2])", "omega_e = x[2]", PAPER),
     (

@@ -1,0 +1,1 @@
+"""The drive files that come with the project, and how any drive file is read."""

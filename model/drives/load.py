@@ -1,0 +1,220 @@
+"""Drive files: one TOML file states a motor, its discrete model and the filter's tuning.
+
+>>> drive = load_drive("paper_spmsm")
+>>> drive.motor.pole_pairs, drive.model.sample_time
+(4, 2e-05)
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from model.machines import MACHINES, MachineError, find_machine
+from model.machines.mechanics import MECHANICS
+from model.machines.own import read_word, try_out
+from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Unit
+
+DRIVES = Path(__file__).parent
+
+#: T R / L up to which forward Euler follows the current well enough to stay locked (0.34 does not, 0.17 does).
+EULER_LIMIT = 0.2
+
+
+def cautions(drive: Drive) -> list[str]:
+    """What is allowed but likely a mistake, one line each."""
+    m, model = drive.motor, drive.model
+    ratio = model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
+    if model.discretization == "euler" and ratio > EULER_LIMIT:
+        return [
+            f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose "
+            f"lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * model.sample_time:.3g} s."
+        ]
+    return []
+
+
+def shipped_drives() -> list[str]:
+    """Names of the drives that come with the project, sorted."""
+    return sorted(path.stem for path in DRIVES.glob("*.toml"))
+
+
+def drive_path(drive: str | Path) -> Path:
+    """The file behind a shipped name or a TOML path.
+
+    Raises
+    ------
+    DriveError
+        If there is neither a shipped drive nor a file of that name.
+    """
+    if str(drive) in shipped_drives():
+        return DRIVES / f"{drive}.toml"
+    path = Path(drive)
+    if path.suffix == ".toml" and path.is_file():
+        return path
+    close = difflib.get_close_matches(str(drive), shipped_drives(), n=1)
+    hint = f" Did you mean '{close[0]}'?" if close else ""
+    raise DriveError(
+        f"no drive '{drive}': neither a shipped one ({', '.join(shipped_drives())}) nor a TOML file.{hint}"
+    )
+
+
+def load_drive(drive: str | Path) -> Drive:
+    """Read and validate a drive file.
+
+    Parameters
+    ----------
+    drive : str or Path
+        A shipped name (``"paper_spmsm"``) or the path of a TOML file.
+
+    Raises
+    ------
+    DriveError
+        With one line naming file, key, unit and range.
+    """
+    path = drive_path(drive)
+    try:
+        raw = path.read_bytes()
+        data = tomllib.loads(raw.decode("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise DriveError(f"drive '{path.name}': cannot be read: {error}") from None
+    except (ValueError, RecursionError) as error:  # tomllib's own, a number or a nesting beyond all bounds
+        raise DriveError(f"drive '{path.name}': not valid TOML: {error}") from None
+    text = _unix(raw)
+    machine_text = _machine_file(data, path)
+    digest = hashlib.sha256(text + machine_text.encode()).hexdigest()
+    return parse_drive(data, path.name, digest, machine_text)
+
+
+def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text: str = "") -> Drive:
+    """Validate the parsed TOML ``data``; ``where`` names the source in errors.
+
+    ``machine_text`` is the text of the machine file, if ``model.machine`` names one.
+    """
+    for key in ("sha256", "machine_text"):
+        if key in data:
+            raise DriveError(f"drive '{where}': unknown key {key}.")
+    try:
+        drive = Drive.model_validate({**data, "sha256": sha256, "machine_text": machine_text})
+    except ValidationError as error:
+        problems = sorted(
+            error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
+        )  # a typo explains a missing key
+        more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
+        raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
+    try:
+        machine = find_machine(drive)
+        _check_lengths(drive, [quantity.name for quantity in machine.states], where)
+        if drive.model.machine not in MACHINES:
+            try_out(drive, machine)
+    except MachineError as error:
+        raise DriveError(f"drive '{where}': {error}") from None
+    return drive
+
+
+def _unix(raw: bytes) -> bytes:
+    """A check-out that turned \\n into \\r\\n must not change the hash in the generated header."""
+    return raw.replace(b"\r\n", b"\n")
+
+
+def _machine_file(data: dict[str, Any], path: Path) -> str:
+    """The text of the machine file a drive file names, if it names one."""
+    section = data.get("model")
+    word = section.get("machine") if isinstance(section, dict) else None
+    try:
+        own = read_word(word) if isinstance(word, str) else None
+        if own is None:
+            return ""
+        return _unix((path.parent / own.file).read_bytes()).decode("utf-8")
+    except MachineError as error:
+        raise DriveError(f"drive '{path.name}': {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
+        raise DriveError(
+            f"drive '{path.name}': machine file '{own.file if own else word}' cannot be read: {reason}. "
+            "Its path is relative to the drive file."
+        ) from None
+
+
+def _check_lengths(drive: Drive, electrical: list[str], where: str) -> None:
+    mechanical = [quantity.name for quantity in MECHANICS[drive.model.mechanics].states]
+    states = electrical + mechanical + list(drive.model.adaptive)
+    for key in ("initial_state", "initial_covariance", "process_noise"):
+        values = getattr(drive.filter, key)
+        if values is not None and len(values) != len(states):
+            raise DriveError(
+                f"drive '{where}': filter.{key} has {len(values)} entries; "
+                f"this model has {len(states)} states: {', '.join(states)}."
+            )
+    order = drive.filter.root_order
+    if order is not None and sorted(order) != sorted(states):
+        raise DriveError(
+            f"drive '{where}': filter.root_order names {', '.join(order) or 'nothing'}; "
+            f"it must name each of the model's states once: {', '.join(states)}."
+        )
+
+
+_SECTIONS: dict[str, type[BaseModel]] = {
+    "motor": Motor,
+    "model": Model,
+    "filter": Filter,
+    "operating_box": OperatingBox,
+    "control": Control,
+    "budget": Budget,
+}
+
+
+def _explain(problem: Any) -> str:
+    """One pydantic problem as a sentence a motor engineer can act on."""
+    location = [str(part) for part in problem["loc"]]
+    key = re.sub(r"\.(\d+)$", r"[\1]", ".".join(location))
+    kind, value, limits = problem["type"], problem["input"], problem.get("ctx", {})
+    section = _SECTIONS.get(location[0], Drive) if len(location) > 1 else Drive
+    if kind == "value_error":
+        return str(limits.get("error", problem["msg"]))
+    if kind == "extra_forbidden":
+        close = difflib.get_close_matches(location[-1], list(section.model_fields), n=1)
+        return f"unknown key {key}." + (f" Did you mean '{close[0]}'?" if close else "")
+    unit, low, high = _range(section, location[1] if len(location) > 1 else location[0])
+    allowed = f" ({low:g} .. {high:g}{unit})" if low is not None and high is not None else ""
+    if kind == "missing":
+        return f"{key} is missing{allowed}."
+    if kind in {"greater_than_equal", "less_than_equal"} and low is not None and high is not None:
+        return (
+            f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"
+        )
+    negative = isinstance(value, int | float) and value <= 0
+    if kind == "greater_than" or (kind == "greater_than_equal" and negative):
+        what = "variances and tolerances must be positive" if "filter" in location else "must be positive"
+        return f"{key} = {value} is not positive: {what}."
+    if kind == "greater_than_equal":  # an entry of a list
+        return f"{key} = {value!r} is below {limits['ge']:g}."
+    if kind == "literal_error":
+        return f"{key} = {value!r} is none of {limits.get('expected', '')}."
+    return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
+
+
+def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
+    """Unit (with a leading blank) and closed range of a key, as annotated."""
+    field = section.model_fields.get(key)
+    if field is None:
+        return "", None, None
+    unit, low, high = "", None, None
+    for item in field.metadata:
+        unit = f" {item.symbol}" if isinstance(item, Unit) else unit
+        low = getattr(item, "ge", low)
+        high = getattr(item, "le", high)
+    return unit, low, high
+
+
+def _scale_hint(value: Any, unit: str, low: float, high: float) -> str:
+    """The usual slip is a unit scale: 0.8 for 0.8 mH, 20 for 20 us."""
+    for prefix, factor in (("m", 1e-3), ("u", 1e-6)):
+        if isinstance(value, int | float) and unit and " " not in unit and low / factor <= value <= high / factor:
+            return f" Did you mean {value:g} {prefix}{unit} = {value * factor:g}?"
+    return ""

@@ -1,0 +1,1 @@
+"""What is around the filter: the controller, and the continuous motor it drives."""

@@ -1,0 +1,218 @@
+"""Field-oriented control as one symbolic block: estimate and currents in, duty cycles out.
+
+Clarke -> (filter) -> Park -> speed PI -> current PI with decoupling -> inverse Park -> SVPWM. Gains are data
+(:class:`Gains`), computed from motor data and the bandwidths a drive file states.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass, fields
+from typing import Any
+
+import casadi as ca
+
+from model.filters.program import BlockBuilder
+from model.machines.base import Pair, Rotor
+from model.machines.state_space import StateSpaceModel
+from model.quantities import Block, Constants
+from model.schema import Drive
+
+SQRT_3 = math.sqrt(3.0)
+
+#: Where dead-time compensation reaches its full size, A: six sigmas of a current sensor with 0.05 A noise.
+DEAD_CURRENT = 0.3
+#: V: a DC link measured lower, or not a number, counts as this much; duty cycles and integrators stay finite.
+LEAST_LINK = 1.0
+#: rad: a sensed angle beyond is none; up to here the error of sine and cosine is proved.
+SENSED_MAX = 1000.0
+
+
+@dataclass(frozen=True)
+class Gains:
+    """The controller's data, in the order of the generated struct's ``gain`` array.
+
+    Integral gains are per sample. ``advance`` is the time from sampling to the middle of the interval in which
+    the voltage acts: T / 2, plus T for each sample of computation delay.
+    """
+
+    speed_p: float  # N m s/rad
+    speed_i: float  # N m/rad per sample
+    current_d_p: float  # V/A
+    current_q_p: float  # V/A
+    current_i: float  # V/A per sample
+    max_current: float  # A
+    dead_share: float  # dead time over T; 0: no compensation
+    dead_current: float  # A: below it the compensation fades, as the sign of a noisy current is no sign
+    advance: float  # s
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        return astuple(self)
+
+    @classmethod
+    def names(cls) -> list[str]:
+        return [field.name for field in fields(cls)]
+
+
+def design(drive: Drive, delay: int = 0) -> Gains:
+    """Pole placement: currents by internal model (alpha L, alpha R), speed with a double pole at its bandwidth."""
+    m, c, T = drive.motor, drive.control, drive.model.sample_time
+    return Gains(
+        speed_p=2 * c.speed_bandwidth * m.inertia,
+        speed_i=c.speed_bandwidth**2 * m.inertia * T,
+        current_d_p=c.current_bandwidth * m.inductance_d,
+        current_q_p=c.current_bandwidth * m.inductance_q,
+        current_i=c.current_bandwidth * m.stator_resistance * T,
+        max_current=c.max_current,
+        dead_share=0.0,
+        dead_current=DEAD_CURRENT,
+        advance=(0.5 + delay) * T,
+    )
+
+
+def command_limits(drive: Drive) -> tuple[float, float]:
+    """Speed reference (rad/s) and DC link (V) beyond which a command is an error: twice what the drive is made for."""
+    return 2.0 * drive.operating_box.speed, 2.0 * drive.control.dc_link
+
+
+def first_command(drive: Drive) -> tuple[float, float]:
+    """What counts until a command is accepted: standstill, and the DC link of the drive file."""
+    return 0.0, drive.control.dc_link
+
+
+def believed_block(model: StateSpaceModel) -> Block:
+    """h at the state: the currents a filter believes in, for a sample whose measured ones it rejected."""
+    b = BlockBuilder("believed_currents", "h, eq. 5: i_alpha, i_beta in A as the filter believes them")
+    x = b.input("x", [state.name for state in model.states])
+    i, named = model.measure(x)
+    _record(b, "", {**named, "i_alpha_believed": i[0], "i_beta_believed": i[1]})
+    b.output("i", i)
+    return b.build()
+
+
+def clarke_block() -> Block:
+    """Two measured phase currents to alpha-beta, amplitude-invariant, star point open."""
+    b = BlockBuilder("clarke", "Clarke: i_a, i_b in A -> i_alpha, i_beta in A")
+    i_a, i_b = b.input("phase", ["i_a", "i_b"])
+    b.output("i", [i_a, (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b])
+    return b.build()
+
+
+def control_block(drive: Drive, constants: Constants) -> Block:
+    """The regulators and the modulator.
+
+    Inputs: ``i`` measured alpha-beta currents (A); ``rotor`` speed (mechanical rad/s) and electrical angle (rad),
+    estimated or sensed; ``command`` speed reference (rad/s) and DC link (V); ``gain`` see :class:`Gains`;
+    ``integrator`` speed (N m), d and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` the alpha-beta
+    voltage they stand for (V); ``integrator``.
+    """
+    b = BlockBuilder("control", "Field-oriented control")
+    i = b.input("i", ["i_alpha", "i_beta"])
+    omega, theta = b.input("rotor", ["omega", "theta"])
+    omega_ref, v_dc = b.input("command", ["omega_ref", "v_dc"])
+    gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names()]))
+    z_speed, z_d, z_q = b.input("integrator", ["integral_speed", "integral_d", "integral_q"])
+
+    motor = drive.motor
+    L_d = constants("L_D", ca.SX(motor.inductance_d), "L_d, H")
+    L_q = constants("L_Q", ca.SX(motor.inductance_q), "L_q, H")
+    psi_m = constants("PSI_M", ca.SX(motor.magnet_flux), "magnet flux linkage, Wb")
+    pole_pairs = constants("POLE_PAIRS", ca.SX(motor.pole_pairs), "p")
+
+    i_d, i_q = Rotor.at(theta).to_rotor((i[0], i[1]))
+    _record(b, "Park", {"i_d": i_d, "i_q": i_q})
+    error_omega = omega_ref - omega
+    _record(b, "speed PI", {"error_omega": error_omega})
+    torque_ref, z_speed = _speed_regulator(b, drive, constants, gain, error_omega, z_speed)
+    i_d_ref, i_q_ref = _current_reference(b, drive, constants, torque_ref)
+    omega_e = pole_pairs * omega
+    feed_forward = (-omega_e * (L_q * i_q), omega_e * (L_d * i_d + psi_m))
+    error = (i_d_ref - i_d, i_q_ref - i_q)
+    _record(b, "current PI with decoupling", {"error_d": error[0], "error_q": error[1]})
+    v_d = gain.current_d_p * error[0] + z_d + feed_forward[0]
+    v_q = gain.current_q_p * error[1] + z_q + feed_forward[1]
+    _record(b, "", {"omega_e": omega_e, "v_d_wanted": v_d, "v_q_wanted": v_q})
+    v_link = ca.fmax(v_dc, LEAST_LINK)
+    v_max = (1 / SQRT_3) * v_link
+    shrink = v_max / ca.sqrt(ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max))
+    v_d_lim, v_q_lim = shrink * v_d, shrink * v_q
+    _record(
+        b,
+        "voltage hexagon's inner circle",
+        {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim},
+    )
+    z_d = z_d + gain.current_i * (error[0] + (v_d_lim - v_d) / gain.current_d_p)
+    z_q = z_q + gain.current_i * (error[1] + (v_q_lim - v_q) / gain.current_q_p)
+    _record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
+    acting = theta + omega_e * gain.advance
+    _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
+    v = Rotor.at(acting).to_stator((v_d_lim, v_q_lim))
+    _record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
+    duty = _svpwm(b, v, v_link, _dead_time(b, gain, i))
+    b.output("duty", duty)
+    b.output("v", list(v))
+    b.output("integrator", [z_speed, z_d, z_q])
+    return b.build()
+
+
+def _record(b: BlockBuilder, meaning: str, named: dict[str, Any]) -> None:
+    b.stage(next(iter(named)), "", meaning, list(named.values()), list(named), scale="none")
+
+
+def _speed_regulator(
+    b: BlockBuilder, drive: Drive, constants: Constants, gain: Any, error: Any, integral: Any
+) -> tuple[Any, Any]:
+    """PI with back-calculation; the torque is limited to what the maximum current makes."""
+    per_ampere = 1.5 * drive.motor.pole_pairs * drive.motor.magnet_flux
+    limit = constants("TORQUE_PER_A", ca.SX(per_ampere), "1.5 p psi_m, N m/A") * gain.max_current
+    wanted = gain.speed_p * error + integral
+    torque = ca.fmax(-limit, ca.fmin(limit, wanted))
+    following = integral + gain.speed_i * (error + (torque - wanted) / gain.speed_p)
+    named = {"torque_limit": limit, "torque_wanted": wanted, "torque_ref": torque, "integral_speed_next": following}
+    _record(b, "", named)
+    return torque, following
+
+
+def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torque: Any) -> Pair:
+    """i_d = 0; for a salient machine maximum torque per ampere, one fixed-point pass from i_d = 0."""
+    m = drive.motor
+    inverse = constants("A_PER_TORQUE", ca.SX(1 / (1.5 * m.pole_pairs * m.magnet_flux)), "1 / (1.5 p psi_m), A/(N m)")
+    i_q = inverse * torque
+    _record(b, "current references", {"i_q_at_zero_i_d": i_q})
+    i_d = ca.SX(0)
+    saliency = m.inductance_q - m.inductance_d
+    if saliency != 0.0:
+        half = constants("MTPA_FLUX", ca.SX(m.magnet_flux / (2 * saliency)), "psi_m / (2 (L_q - L_d)), A")
+        i_d = half - ca.sqrt(half * half + i_q * i_q)
+        ratio = constants("MTPA_RATIO", ca.SX(saliency / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
+        i_q = i_q / (1 - ratio * i_d)
+    _record(b, "", {"i_q_ref": i_q, "i_d_ref": i_d})
+    return i_d, i_q
+
+
+def _dead_time(b: BlockBuilder, gain: Any, i: list[Any]) -> list[Any]:
+    """What dead time takes from each leg's duty cycle: its share of T, with the sign of the leg's current."""
+    half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[1]
+    phases = [i[0], half + cross, half - cross]
+    names = ["i_a", "i_b", "i_c"]
+    signs = [ca.fmax(-1.0, ca.fmin(1.0, phase / gain.dead_current)) for phase in phases]
+    _record(b, "dead-time compensation", {"minus_half_i_alpha": half, "cross_i_beta": cross})
+    _record(
+        b, "", {**dict(zip(names, phases, strict=True)), **{f"sign_{n}": s for n, s in zip(names, signs, strict=True)}}
+    )
+    return [gain.dead_share * sign for sign in signs]
+
+
+def _svpwm(b: BlockBuilder, v: Pair, v_link: Any, lost: list[Any]) -> list[Any]:
+    """Space-vector modulation as min-max injection, what dead time takes added; duty cycles in [0, 1]."""
+    half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]
+    phases = [v[0], half + cross, half - cross]
+    named = {"minus_half_v_alpha": half, "cross_v_beta": cross, "v_b": phases[1], "v_c": phases[2]}
+    _record(b, "SVPWM", named)
+    highest = ca.fmax(phases[0], ca.fmax(phases[1], phases[2]))
+    lowest = ca.fmin(phases[0], ca.fmin(phases[1], phases[2]))
+    common = 0.5 * (highest + lowest)
+    _record(b, "", {"v_highest": highest, "v_lowest": lowest, "v_common": common})
+    raw = [0.5 + (phase - common) / v_link + more for phase, more in zip(phases, lost, strict=True)]
+    return [ca.fmin(ca.fmax(value, 0.0), 1.0) for value in raw]  # the second counts where they do not compare

@@ -1,0 +1,172 @@
+"""A machine, its mechanics and a discretisation make a discrete state-space model f, h, F, H."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from model.machines import Machine, find_machine
+from model.machines.adaptive import Adaptive
+from model.machines.base import Named, Parameters, Rotor
+from model.machines.mechanics import MECHANICS, Mechanics
+from model.quantities import Constant, Constants, Quantity
+from model.schema import Drive
+
+INPUTS = (
+    Quantity("v_alpha", r"v_\alpha", "V", "stator voltage, alpha axis, mean over the interval ending now"),
+    Quantity("v_beta", r"v_\beta", "V", "stator voltage, beta axis, mean over the interval ending now"),
+)
+OUTPUTS = (
+    Quantity("i_alpha", r"i_\alpha", "A", "measured stator current, alpha axis, now"),
+    Quantity("i_beta", r"i_\beta", "A", "measured stator current, beta axis, now"),
+)
+
+
+@dataclass(frozen=True)
+class StateSpaceModel:
+    """x' = f(x, u), y = h(x), symbolic.
+
+    ``propagate`` and ``measure`` may be called at any symbolic point and give the value (a list of
+    scalars) with the named intermediates; ``f, h, F, H`` are their values and Jacobians at ``x, u``.
+    """
+
+    machine: Machine
+    mechanics: Mechanics
+    discretization: str
+    adaptive: Adaptive
+    _constants: Constants
+    root_order: tuple[str, ...] = ()
+
+    @property
+    def states(self) -> tuple[Quantity, ...]:
+        return self.machine.states + self.mechanics.states + self.adaptive.states
+
+    @property
+    def angle(self) -> int:
+        """Index of the one state that lives on a circle, theta."""
+        return [state.name for state in self.states].index("theta")
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The states, by index, in the order in which P is factored: row k of a factor is that of state order[k].
+
+        Any S with S S^T = P is a square root (eq. 13); another order of the states gives another one, other points, and
+        so another filter of the same kind. The paper's is the order of the state.
+        """
+        names = [state.name for state in self.states]
+        return tuple(names.index(name) for name in self.root_order or names)
+
+    @property
+    def constants(self) -> list[Constant]:
+        """The folded constants that f and h use, in order of appearance."""
+        _ = self.f, self.h
+        return list(self._constants.items.values())
+
+    def numeric(self, expression: Any) -> Any:
+        """``expression`` with the folded constants' symbols replaced by their numbers."""
+        return self._constants.numeric(expression)
+
+    @property
+    def exact_meaning(self) -> str:
+        return self.machine.exact_meaning
+
+    def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:
+        """f: the state one sample later, eq. 6 and 7."""
+        machine, moving, slow = self._machine_at(x), *self._mechanical(x)
+        omega_e = self.mechanics.electrical_speed(x[2])
+        sample = machine.euler if self.discretization == "euler" else machine.exact
+        advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
+        electrical = sample((x[0], x[1]), (u[0], u[1]), omega_e, x[3])
+        mechanical, named = advance(moving, omega_e, lambda: machine.rotor_torque(*electrical.torque_at))
+        if "torque" in named and self.discretization != "euler":  # then it is taken between two samples
+            axes = [f"{machine.states[0].name.removesuffix('alpha')}{axis}_between" for axis in "dq"]
+            between = dict(zip(axes, electrical.torque_at[0], strict=True))
+            named = {**between, **named}
+        return [*electrical.z, *mechanical, *self.adaptive.advance(slow)], {
+            "omega_e": omega_e,
+            **electrical.named,
+            **named,
+        }
+
+    def measure(self, x: list[Any]) -> tuple[list[Any], Named]:
+        """h: the currents, eq. 5."""
+        i, named = self._machine_at(x).currents((x[0], x[1]), Rotor.at(x[3]))
+        return list(i), named
+
+    def _mechanical(self, x: list[Any]) -> tuple[list[Any], list[Any]]:
+        """The mechanics' part of the state, and the adaptive part."""
+        end = 2 + len(self.mechanics.states)
+        return x[2:end], x[end:]
+
+    def _machine_at(self, x: list[Any]) -> Machine:
+        """The machine, its adaptive parameters taken from the state."""
+        if not self.adaptive.words:
+            return self.machine
+        par = self.adaptive.parameters(self._mechanical(x)[1])
+        return type(self.machine)(par, self._constants, self.machine.par)
+
+    def measurement_jacobian(self, x: list[Any]) -> Any:
+        """H at the point ``x``, an SX of shape (2, n)."""
+        return ca.substitute(self.H, self.x, ca.vertcat(*x))
+
+    @cached_property
+    def x(self) -> Any:
+        return ca.vertcat(*(ca.SX.sym(state.name) for state in self.states))
+
+    @cached_property
+    def u(self) -> Any:
+        return ca.vertcat(*(ca.SX.sym(quantity.name) for quantity in INPUTS))
+
+    @cached_property
+    def f(self) -> Any:
+        return ca.vertcat(*self.propagate(ca.vertsplit(self.x), ca.vertsplit(self.u))[0])
+
+    @cached_property
+    def h(self) -> Any:
+        return ca.vertcat(*self.measure(ca.vertsplit(self.x))[0])
+
+    @cached_property
+    def F(self) -> Any:
+        """df/dx, (n, n)."""
+        return ca.jacobian(self.f, self.x)
+
+    @cached_property
+    def H(self) -> Any:
+        """dh/dx, (2, n): the measurement Jacobian."""
+        return ca.jacobian(self.h, self.x)
+
+
+def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel:
+    """The discrete model of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        Which machine, mechanics and discretisation.
+    parameters : Parameters, optional
+        Defaults to the drive's numbers; pass ``Parameters.symbolic()`` to derive with letters.
+    """
+    constants = Constants(named=parameters is None)
+    parameters = parameters or Parameters.numeric(drive)
+    machine = find_machine(drive)(parameters, constants)
+    mechanics = MECHANICS[drive.model.mechanics](parameters, constants)
+    model = drive.model
+    adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants)
+    order = tuple(drive.filter.root_order or ())
+    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order)
+
+
+def default_initial_state(drive: Drive) -> list[float]:
+    """Standstill, angle 0, no current (flux states then hold the magnet's flux), the motor's data for adaptive states.
+
+    Unless the drive file says otherwise.
+    """
+    if drive.filter.initial_state is not None:
+        return list(drive.filter.initial_state)
+    machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
+    z = machine.electrical_state((ca.SX(0), ca.SX(0)), Rotor.at(ca.SX(0)))
+    slow = [getattr(drive.motor, word) for word in drive.model.adaptive]
+    return [float(z[0]), float(z[1])] + [0.0] * len(MECHANICS[drive.model.mechanics].states) + slow

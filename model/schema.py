@@ -1,0 +1,160 @@
+"""What a drive file may say: its sections, their units and ranges."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+
+class DriveError(ValueError):
+    """A drive file that cannot be used; the message is one line and says what, where and what would be right."""
+
+
+class Unit:
+    """Annotation of a physical key: its unit, used in error messages and tables."""
+
+    def __init__(self, symbol: str) -> None:
+        self.symbol = symbol
+
+
+Resistance = Annotated[float, Field(ge=1e-4, le=1e3), Unit("ohm")]
+Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
+FluxLinkage = Annotated[float, Field(ge=1e-4, le=10.0), Unit("Wb")]
+Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
+Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
+SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]
+SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
+Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
+Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
+Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
+Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
+Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
+CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
+#: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
+Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
+
+
+class Motor(_Section):
+    """Motor data, SI, amplitude-invariant, d axis on the magnet flux."""
+
+    stator_resistance: Resistance
+    inductance_d: Inductance
+    inductance_q: Inductance
+    magnet_flux: FluxLinkage
+    pole_pairs: Annotated[int, Field(ge=1, le=100, strict=True)]
+    inertia: Inertia
+    friction: Friction
+
+
+class Model(_Section):
+    """Which equations, and how they are sampled.
+
+    ``machine``: a shipped word, or ``FILE.py:CLASS`` (:mod:`model.machines.own`).
+    ``adaptive`` motor data wander and return to the motor's own within ``adaptive_time``, where nothing is learnt.
+    """
+
+    machine: str
+    mechanics: Literal["constant_speed", "load_torque"] = "constant_speed"
+    discretization: Literal["euler", "exact"]
+    sample_time: SampleTime
+    adaptive: list[Literal["magnet_flux", "stator_resistance"]] = []
+    adaptive_time: SlowTime = 1.0
+
+    @property
+    def return_rate(self) -> float:
+        """What share of its way back an adaptive state goes in a sample: T / adaptive_time, to a power of two."""
+        return float(2.0 ** round(math.log2(self.sample_time / self.adaptive_time)))
+
+    @field_validator("adaptive")
+    @classmethod
+    def _each_once(cls, words: list[str]) -> list[str]:
+        for word in words:
+            if words.count(word) > 1:
+                raise ValueError(f"model.adaptive names '{word}' twice.")
+        return words
+
+
+class Filter(_Section):
+    """Kinds to generate and their tuning; every number here stays data in the generated struct.
+
+    ``root_order``: the states in the order in which P is factored (eq. 13, 18); by default that of the state.
+    """
+
+    kinds: Annotated[list[Literal["ekf", "ukf", "ckf", "ickf"]], Field(min_length=1)]
+    gain: Literal["cubature", "jacobian"] = "cubature"
+    max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
+    tolerance: Annotated[float, Field(gt=0, le=1.0)] = 1e-6
+    initial_state: list[Annotated[float, Field(ge=-1e6, le=1e6)]] | None = None
+    initial_covariance: list[Variance]
+    process_noise: list[Variance]
+    measurement_noise: Annotated[list[Variance], Field(min_length=2, max_length=2)]
+    root_order: list[str] | None = None
+
+
+class OperatingBox(_Section):
+    """Declared range: the certificate holds inside it, inputs beyond it are rejected by the step.
+
+    Speed is mechanical. A drive that declares no box gets a wide one.
+    """
+
+    current: Current = 1000.0
+    voltage: Voltage = 2000.0
+    speed: Speed = 500.0
+    load_torque: Torque = 20.0
+
+
+class Control(_Section):
+    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
+
+    dc_link: Voltage = 311.0
+    max_current: Current = 20.0
+    current_bandwidth: Bandwidth = 1500.0
+    speed_bandwidth: Bandwidth = 60.0
+
+
+class Budget(_Section):
+    """What a step may cost; ``generate`` fails beyond it. Cycles are computed from published ones (150 MHz C28x).
+
+    ``cycles``: the dearest filter alone; ``controller_cycles``: with the controller around it, the whole interrupt;
+    ``k``: cycles an addition or multiplication is priced at, 2.5 typical, 5 the bound; ``ram_words``: the largest
+    filter's state struct.
+    """
+
+    cycles: CycleCount = None
+    controller_cycles: CycleCount = None
+    k: Annotated[float, Field(ge=1.0, le=10.0)] = 2.5
+    ram_words: Annotated[int | None, Field(ge=10, le=10_000, strict=True), Unit("16-bit words")] = None
+
+
+class Drive(_Section):
+    """A validated drive file.
+
+    ``sha256`` is the hash of the file's text, with the machine file's behind it where there is one; it goes into the
+    generated header. ``machine_text`` is the text of a machine file of one's own.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+    motor: Motor
+    model: Model
+    filter: Filter
+    operating_box: OperatingBox = OperatingBox()
+    control: Control = Control()
+    budget: Budget = Budget()
+    sha256: str = ""
+    machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
+
+    @model_validator(mode="after")
+    def _machine_fits_motor(self) -> Drive:
+        motor = self.motor
+        if self.model.machine == "surface" and motor.inductance_d != motor.inductance_q:
+            raise ValueError(
+                f"motor.inductance_q = {motor.inductance_q:g} H differs from inductance_d = {motor.inductance_d:g} H; "
+                "machine 'surface' needs them equal. Did you mean machine = 'salient' or 'salient_flux'?"
+            )
+        return self

@@ -1,0 +1,35 @@
+"""The command ``firmware``: the generated C away from the host."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+from runtime.commands.words import Drives, show_remarks
+
+
+def firmware(
+    drives: Drives = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every check to this file.")] = None,
+    allow_missing: Annotated[
+        bool, typer.Option("--allow-missing", help="Exit 0 although something could not be run here.")
+    ] = False,
+) -> None:
+    """Check the generated C: the same bits on two emulated processors; compilers, bans, divisions, MISRA, EVA.
+
+    An EVA check that is "not proved" does not fail the command: intervals could not decide it.
+    """
+    from runtime.firmware.gates import check_firmware
+    from runtime.firmware.tables import checks_table
+
+    with working() as progress:
+        results = check_firmware(drives or [], json, progress)
+    for result in results:
+        console.rule(f"[bold]{result.drive}[/bold]", align="left")
+        console.print(checks_table(result.checks))
+        show_remarks(result.checks)
+    if not all(result.good(allow_missing) for result in results):
+        raise typer.Exit(1)

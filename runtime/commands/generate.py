@@ -1,0 +1,42 @@
+"""The command ``generate``: folders from drive files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+from runtime.commands.words import Drives, caution, show_written
+from runtime.folders.generate import generate_drives
+
+
+def generate(
+    drives: Drives = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files.",
+        ),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit 1 with a diff if a folder is stale.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a folder that was edited by hand.")] = False,
+    form: Annotated[
+        str, typer.Option(metavar="NAME", help="fast (what is shipped), or literal: the paper's shape, for reading.")
+    ] = "fast",
+) -> None:
+    """Generate C for the F28335, host C and Python from drive files."""
+    caution(drives)
+    with working() as progress:
+        written = generate_drives(drives or [], out, check, force, form, progress)
+    if check:
+        for item in written:
+            if item.diff:
+                console.print(item.diff, markup=False, highlight=False, soft_wrap=True)
+    show_written(written)
+    if any(item.state == "stale" for item in written):
+        raise typer.Exit(1)

@@ -1,0 +1,53 @@
+"""The command ``simulate``: the closed loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+from runtime.commands.words import caution
+from runtime.drive.simulate import simulate_drive
+
+
+def simulate(
+    drive: Annotated[
+        str, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file.")
+    ] = "paper_spmsm",
+    scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load, load_step, or all.")] = "all",
+    filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
+    inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
+    dead_time: Annotated[float, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s (pwm).")] = 0.0,
+    delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
+    noise: Annotated[float, typer.Option(metavar="A", min=0, help="Current sensor noise, rms.")] = 0.05,
+    bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
+    offset: Annotated[float, typer.Option(metavar="A", help="Offset of phase a's current sensor.")] = 0.0,
+    sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
+    theta: Annotated[float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start.")] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
+    controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
+    sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write recorded data (npz) and figures (svg).")
+    ] = None,
+) -> None:
+    """Close the loop: the generated controller drives the motor, sensorless from standstill."""
+    from runtime.drive.tables import claims, claims_table, runs_table, sweep_table
+
+    conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
+    conditions |= {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
+    caution([drive])
+    with working() as progress:
+        result = simulate_drive(drive, scenario, filters.split(","), conditions, controller, sweep, json, out, progress)
+    console.print(runs_table(result.runs))
+    if drive == "paper_spmsm" and claims(result.runs):
+        console.print()
+        console.print(claims_table(claims(result.runs)))
+    if result.sweep:
+        console.print("\nLargest speed error after a step of the speed reference, by sample time:")
+        console.print(sweep_table(result.sweep))
+    if not all(run.locked for run in result.runs):
+        raise typer.Exit(1)

@@ -1,0 +1,29 @@
+"""The command ``verify``: the proof."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.commands.terminal import console, working
+from runtime.commands.words import Drives, show_summary
+from runtime.proof.drives import verify_drives
+
+
+def verify(
+    drives: Drives = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+) -> None:
+    """Prove that reference, generated Python and generated C are the same filter, by equation number."""
+    from runtime.proof.tables import proof_tables
+
+    with working() as progress:
+        results = verify_drives(drives or [], json, progress)
+    for proof, _ in results:
+        console.rule(f"[bold]{proof.drive}[/bold]", align="left")
+        console.print(proof_tables(proof))
+        show_summary(proof)
+    if not all(proof.passed for proof, _ in results):
+        raise typer.Exit(1)

@@ -1,0 +1,60 @@
+"""Words that several commands share: their argument DRIVE, and what they say of drives, folders, checks, proofs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from model.drives.load import cautions, load_drive
+from runtime.commands.terminal import console
+from runtime.firmware.static.check import Check
+from runtime.folders.generate import Written
+from runtime.proof.result import Proof
+
+Drives = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive."),
+]
+Folders = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="DRIVE", help="A shipped name or a generated folder. Default: every shipped drive."),
+]
+Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
+
+
+def caution(drives: list[str] | None) -> None:
+    """What is allowed but likely a mistake goes to stderr, before the work."""
+    for name in drives or []:
+        for line in cautions(load_drive(name)):
+            print(f"pmsm-ickf: caution: {line}", file=sys.stderr)
+
+
+def show_written(written: list[Written]) -> None:
+    table = Table(show_edge=False, pad_edge=False, header_style="")
+    for column in ("drive", "files", "folder", ""):
+        table.add_column(column, overflow="fold")
+    for item in written:
+        style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
+        table.add_row(item.drive, str(item.files), str(item.folder), f"[{style}]{item.state}[/{style}]")
+    console.print(table)
+
+
+def show_summary(proof: Proof) -> None:
+    for line in proof.failures():
+        console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
+    style = "bold red" if not proof.passed else "yellow" if proof.unchecked else "green"
+    compared = f", {sum(link.compared for link in proof.links):,} numbers compared" if proof.passed else ""
+    console.print(f"{proof.drive}: [{style}]{proof.verdict}[/{style}]{compared}", highlight=False, soft_wrap=True)
+
+
+def show_remarks(checks: Iterable[Check]) -> None:
+    from runtime.firmware.tables import remarks
+
+    for line, style in remarks(checks):
+        console.print(f"[{style}]{escape(line)}[/{style}]", highlight=False, soft_wrap=True)

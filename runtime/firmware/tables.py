@@ -1,0 +1,31 @@
+"""The table of firmware checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rich.table import Table
+from rich.text import Text
+
+from runtime.firmware.static.check import Check
+
+STYLES = {"passed": "green", "failed": "bold red", "not run": "yellow", "not proved": "yellow"}
+
+
+def checks_table(checks: Iterable[Check]) -> Table:
+    """One row a check."""
+    table = Table(header_style="", show_edge=False, pad_edge=False)
+    for column in ("check", "on", "figure", "how", ""):
+        table.add_column(column, overflow="fold")
+    for check in checks:
+        state = Text(check.state, style=STYLES[check.state])
+        table.add_row(check.name, check.subject, check.figure, check.how, state)
+    return table
+
+
+def remarks(checks: Iterable[Check]) -> list[tuple[str, str]]:
+    """What checks have to say beyond their row, each text once, with its style."""
+    said = {
+        line: "dim" if check.state == "passed" else STYLES[check.state] for check in checks for line in check.detail
+    }
+    return list(said.items())

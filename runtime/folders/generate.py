@@ -1,0 +1,115 @@
+"""Write generated folders: every drive in memory first, so that a bad one leaves all folders as they were."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from codegen.evidence.budget import check_budget
+from codegen.evidence.measure import Measurer, kept_records
+from codegen.generate import generate
+from codegen.ir.graph import UnsupportedOperationError
+from codegen.output.folder import MANIFEST, difference, write_folder
+from model.drives.load import load_drive, shipped_drives
+from model.schema import DriveError
+from runtime.estimator.folder import GENERATED
+from runtime.system.errors import UserError
+from runtime.system.workers import workers
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Written:
+    """One drive's outcome: ``state`` is new, updated, unchanged or stale; ``diff`` what changed."""
+
+    drive: str
+    folder: Path
+    state: str
+    files: int
+    diff: str
+
+
+def target_folder(drive: str, name: str, out: Path | None) -> Path:
+    """``out``/name; by default the project's generated/ for shipped drives, ./generated for TOML files."""
+    if out is not None:
+        return out / name
+    if drive in shipped_drives():
+        return GENERATED / name
+    if name in shipped_drives() and (Path("generated") / name).resolve() == (GENERATED / name).resolve():
+        raise DriveError(
+            f"drive '{drive}': the name '{name}' belongs to a shipped drive; give yours its own, or use --out."
+        )
+    return Path("generated") / name
+
+
+def generate_drives(
+    drives: Sequence[str],
+    out: Path | None,
+    check: bool = False,
+    force: bool = False,
+    form: str = "fast",
+    progress: Progress = lambda text: None,
+) -> list[Written]:
+    """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
+
+    With ``check`` nothing is written.
+    """
+    if form != "fast" and out is None:
+        raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
+    chosen = list(drives) or shipped_drives()
+    packages = _generate_all(chosen, out, check, form, progress)
+    names = [package.name for package in packages]
+    for name in names:
+        if names.count(name) > 1:
+            raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
+    folders = [target_folder(drive, package.name, out) for drive, package in zip(chosen, packages, strict=True)]
+    results = []
+    for folder, drive, package in zip(folders, chosen, packages, strict=True):
+        diff = difference(folder, package.files)
+        state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
+        if diff and not check:
+            progress(f"{drive}: writing")
+            write_folder(folder, package.files, force)
+        results.append(Written(package.name, folder, state, len(package.files), diff))
+    return results
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """A generated folder before it is one."""
+
+    name: str
+    files: dict[str, str]
+
+
+def _generate_all(
+    drives: Sequence[str], out: Path | None, check: bool, form: str, progress: Progress
+) -> list[InMemory]:
+    """Several drives at once where there are cores."""
+    count = min(len(drives), os.cpu_count() or 1)
+    if count == 1:
+        progress(f"{drives[0]}: generating")
+        return [_generate(drive, out, check, form) for drive in drives]
+    with workers(count) as submit:
+        futures = [submit(_generate, drive, out, check, form) for drive in drives]
+        results = []
+        for drive, future in zip(drives, futures, strict=True):
+            progress(f"{drive}: generating")
+            results.append(future.result())
+        return results
+
+
+def _generate(drive: str, out: Path | None, check: bool, form: str) -> InMemory:
+    """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
+    loaded = load_drive(drive)
+    kept = kept_records(target_folder(drive, loaded.name, out))
+    try:
+        package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check), form=form)
+    except UnsupportedOperationError as error:
+        raise UserError(f"drive '{loaded.name}': {error}") from None
+    if form == "fast":  # the literal form is for reading and proving, not for the chip
+        check_budget(loaded, package.accounts)
+    return InMemory(package.drive.name, package.files)
