@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+from codegen.ir.constants import Folded, folded
 from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph
-from codegen.passes.products import Folded, folded
 
 #: Constants that were multiplied in another order are the same constant.
 SAME = 1e-14

@@ -94,7 +94,7 @@ def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
     def rewritten(stage: Stage) -> Stage:
         kept = [k for k, entry in enumerate(stage.entries) if entry.node in moved]
         entries = tuple(Expr(graph, moved[stage.entries[k].node]) for k in kept)
-        names, rows = (tuple(values[k] for k in kept) for values in (stage.names, stage.rows))
+        names, rows = tuple(stage.names[k] for k in kept), tuple(stage.rows[k] for k in kept)
         return replace(stage, entries=entries, names=names, rows=rows)
 
     outputs = tuple(

@@ -1,0 +1,160 @@
+"""The rooms: which package may import which. No circle among files or packages, and no arrow up the floors."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("model", "codegen", "runtime")
+
+#: Every package once, from the ground up; packages of one floor do not import each other.
+FLOORS = (
+    ("model",),
+    ("model.machines",),
+    ("model.drives", "model.filters"),
+    ("model.loop",),
+    ("codegen.ir", "codegen.output"),
+    ("codegen.passes",),
+    ("codegen.fast",),
+    ("codegen.evidence",),
+    ("codegen.render.printers",),
+    ("codegen.render",),
+    ("codegen",),
+    ("runtime.system",),
+    ("runtime.estimator", "runtime.recorded", "runtime.style"),
+    ("runtime.folders",),
+    ("runtime.drive", "runtime.firmware.static"),
+    ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study"),
+    ("runtime.firmware", "runtime.board"),
+    ("runtime.endurance",),
+    ("runtime.report",),
+    ("runtime.commands",),
+    ("runtime",),
+)
+
+Graph = Mapping[str, set[str]]
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """Dotted name -> file, of all rooms below ``root``."""
+    found = {}
+    for path in sorted(path for room in ROOMS for path in (root / room).rglob("*.py")):
+        parts = path.relative_to(root).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported(path: Path) -> Iterator[str]:
+    """What a file imports, wherever in it, for types too; ``from a import b`` gives ``a.b``."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: a relative import"
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+
+
+def file_graph(root: Path) -> dict[str, set[str]]:
+    """Module -> modules of the rooms that it imports."""
+    files = modules(root)
+    graph: dict[str, set[str]] = {}
+    for module, path in files.items():
+        names = (name if name in files else name.rpartition(".")[0] for name in imported(path))
+        graph[module] = {name for name in names if name in files} - {module}
+    return graph
+
+
+def package_graph(root: Path) -> dict[str, set[str]]:
+    """Package -> packages that its own files import; a package inside another is one of its own."""
+    files = modules(root)
+
+    def package(module: str) -> str:
+        return module if files[module].name == "__init__.py" else module.rpartition(".")[0]
+
+    graph: dict[str, set[str]] = {package(module): set() for module in files}
+    for module, targets in file_graph(root).items():
+        graph[package(module)] |= {package(target) for target in targets} - {package(module)}
+    return graph
+
+
+def circle(graph: Graph) -> list[str]:
+    """A circle of arrows, its first node at both ends; empty if there is none."""
+    done: set[str] = set()
+
+    def search(node: str, way: list[str]) -> list[str]:
+        if node in way:
+            return [*way[way.index(node) :], node]
+        if node in done:
+            return []
+        for target in sorted(graph.get(node, ())):
+            if found := search(target, [*way, node]):
+                return found
+        done.add(node)
+        return []
+
+    return next((found for node in sorted(graph) if (found := search(node, []))), [])
+
+
+def arrows_up(root: Path) -> list[str]:
+    """Arrows that do not end on a floor below the one they begin on."""
+    floor = {package: height for height, packages in enumerate(FLOORS) for package in packages}
+    return [
+        f"{package} -> {target}"
+        for package, targets in package_graph(root).items()
+        for target in sorted(targets)
+        if floor[target] >= floor[package]
+    ]
+
+
+def test_every_package_has_one_floor() -> None:
+    listed = [package for packages in FLOORS for package in packages]
+    assert sorted(listed) == sorted(package_graph(ROOT))
+
+
+def test_files_and_packages_import_in_no_circle_and_never_upwards() -> None:
+    assert circle(file_graph(ROOT)) == []
+    assert circle(package_graph(ROOT)) == []
+    assert arrows_up(ROOT) == []
+
+
+@pytest.mark.parametrize("alone", ["reference", "motors", "control"])
+def test_the_second_opinion_imports_nothing_it_is_to_check(alone: str) -> None:
+    allowed = {"__future__", "collections", "dataclasses", "typing", "math", "numpy"}
+    names = set(imported(ROOT / "runtime" / "proof" / f"{alone}.py"))
+    ours = {name for name in names if name.startswith("runtime.proof.")}
+    assert {name.split(".")[2] for name in ours} <= {"reference", "motors", "control"}
+    assert {name.partition(".")[0] for name in names - ours} <= allowed
+
+
+def plant(root: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+
+
+def test_a_circle_of_files_is_found_inside_a_function_too(tmp_path: Path) -> None:
+    plant(tmp_path, {"model/one.py": "import model.two\n", "model/two.py": "X = 1\n"})
+    assert circle(file_graph(tmp_path)) == []
+    (tmp_path / "model" / "two.py").write_text("def late():\n    from model import one\n")
+    assert circle(file_graph(tmp_path)) == ["model.one", "model.two", "model.one"]
+    (tmp_path / "model" / "two.py").write_text("if TYPE_CHECKING:\n    from model.one import X\n")
+    assert circle(file_graph(tmp_path)) == ["model.one", "model.two", "model.one"]
+
+
+def test_a_circle_of_packages_and_an_arrow_up_are_found(tmp_path: Path) -> None:
+    plant(
+        tmp_path,
+        {
+            "codegen/passes/__init__.py": "",
+            "codegen/passes/one.py": "from codegen.ir.expr import Expr\n",
+            "codegen/ir/expr.py": "",
+            "codegen/ir/graph.py": "from codegen.passes import one\n",
+        },
+    )
+    assert circle(file_graph(tmp_path)) == []
+    assert circle(package_graph(tmp_path)) == ["codegen.ir", "codegen.passes", "codegen.ir"]
+    assert arrows_up(tmp_path) == ["codegen.ir -> codegen.passes"]
