@@ -57,11 +57,14 @@ def drive_path(drive: str | Path) -> Path:
     path = Path(drive)
     if path.suffix == ".toml" and path.is_file():
         return path
-    close = difflib.get_close_matches(str(drive), shipped_drives(), n=1)
+    raise DriveError(unknown_drive(drive))
+
+
+def unknown_drive(word: str | Path, nor: str = "nor a TOML file") -> str:
+    """One line for a word that names no drive: neither a shipped one, ``nor`` what else it might be."""
+    close = difflib.get_close_matches(str(word), shipped_drives(), n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
-    raise DriveError(
-        f"no drive '{drive}': neither a shipped one ({', '.join(shipped_drives())}) nor a TOML file.{hint}"
-    )
+    return f"no drive '{word}': neither a shipped one ({', '.join(shipped_drives())}) {nor}.{hint}"
 
 
 def load_drive(drive: str | Path) -> Drive:

@@ -17,7 +17,8 @@ from runtime.board.pil import PilResult, check_settings, run_pil
 from runtime.board.record import COLUMNS, Recording, ctrl_c, record
 from runtime.board.recorded import RecordFile
 from runtime.board.simulated import NAME, SimulatedBoard
-from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
+from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.folders.resolve import drive_folder
 from runtime.folders.stated import stated_drive
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.recorded.data import Array, read_recorded
@@ -52,7 +53,7 @@ def open_port(line: LineSettings, drive: str | None, kind: str | None, telemetry
         finally:
             port.close()
         return
-    folder = find_folder(drive or DEFAULT_DRIVE)
+    folder = drive_folder(drive or DEFAULT_DRIVE)
     with SimulatedBoard(folder, kind or folder.kinds[-1], telemetry) as board:
         port = SerialPort(board.port, line.baud)
         try:
@@ -64,7 +65,7 @@ def open_port(line: LineSettings, drive: str | None, kind: str | None, telemetry
 def folder_of(identity: Identity, drive: str | None) -> GeneratedFolder:
     """The named folder; else the one the board names, shipped or under ./generated."""
     if drive is not None:
-        return find_folder(drive)
+        return drive_folder(drive)
     for place in (GENERATED, Path("generated")):
         if (place / identity.drive / "manifest.json").is_file():
             return GeneratedFolder(place / identity.drive)

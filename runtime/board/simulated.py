@@ -30,8 +30,7 @@ def board_sources(folder: GeneratedFolder, kind: str) -> dict[str, str]:
 
 def build_board(folder: GeneratedFolder, kind: str, sources: dict[str, str] | None = None) -> Path:
     """Compile the board's program; ``sources`` replaces the folder's own texts."""
-    if kind not in folder.kinds:
-        raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+    folder.require(kind)
     p = f"{folder.drive}_{kind}"
     defines = {"FILTER": p, "HEADER": f'"{p}_pil.h"'}
     return build_program(sources or board_sources(folder, kind), defines)

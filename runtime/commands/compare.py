@@ -8,15 +8,16 @@ from typing import Annotated
 import typer
 
 from runtime.commands.terminal import console, working
+from runtime.commands.words import DRIVE, Json
 
 
 def compare(
     drives: Annotated[
         list[str],
-        typer.Argument(metavar="DRIVE DRIVE...", help="Shipped names, generated folders, or TOML files that have one."),
+        typer.Argument(metavar="DRIVE DRIVE...", help=DRIVE),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write index.html and its figures (svg).")] = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
 ) -> None:
     """Put drives side by side: files, equations, structure of F and H, cost, certificate, accuracy in the loop.
 

@@ -8,16 +8,14 @@ from typing import Annotated
 import typer
 
 from runtime.commands.terminal import console, working
+from runtime.commands.words import Drives
 
 
 def faults(
-    drives: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="DRIVE", help="Shipped names, generated folders, or TOML files with one. Default: every shipped."
-        ),
+    drives: Drives = None,
+    filters: Annotated[
+        str | None, typer.Option(metavar="KINDS", help="Comma-separated, such as ckf,ickf. Default: the drive's own.")
     ] = None,
-    filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf.")] = "ckf,ickf",
     only: Annotated[str | None, typer.Option(metavar="NAMES", help="Comma-separated: some of the faults.")] = None,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each fault: noise, instant, garbage.")] = 20,
     load: Annotated[float, typer.Option(metavar="NM", help="Load torque.")] = 5.0,
@@ -43,7 +41,7 @@ def faults(
     chosen = find_faults(only)
     folders = [drive_folder(drive) for drive in drives or shipped_drives()]
     with working() as progress:
-        outcomes = survey(folders, filters.split(","), seeds, load, speed, chosen, progress)
+        outcomes = survey(folders, filters.split(",") if filters else None, seeds, load, speed, chosen, progress)
     for drive, kind in dict.fromkeys((outcome.drive, outcome.kind) for outcome in outcomes):
         console.rule(f"[bold]{drive}, {kind}[/bold]", align="left")
         console.print(fault_table([outcome for outcome in outcomes if (outcome.drive, outcome.kind) == (drive, kind)]))

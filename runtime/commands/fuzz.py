@@ -11,12 +11,12 @@ from rich.markup import escape
 
 from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, work_bar
-from runtime.commands.words import Folders, Json
+from runtime.commands.words import Drives, Json
 from runtime.system.files import write_text
 
 
 def fuzz(
-    drives: Folders = None,
+    drives: Drives = None,
     executions: Annotated[
         int, typer.Option(min=1, help="Of each filter; with its lane form beside it, and its controller, get a tenth.")
     ] = 10_000_000,

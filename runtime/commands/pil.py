@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from runtime.board.pil import PilResult
 from runtime.commands.serial import Baud, Port
 from runtime.commands.terminal import console
+from runtime.commands.words import DRIVE, Json
 from runtime.system.errors import UserError
 
 
@@ -19,9 +20,7 @@ def pil(
     port: Port,
     drive: Annotated[
         str | None,
-        typer.Argument(
-            metavar="DRIVE", help="A shipped name or a generated folder. Default: the drive the board says it runs."
-        ),
+        typer.Argument(metavar="DRIVE", help=f"{DRIVE} Default: the drive the board says it runs."),
     ] = None,
     baud: Baud = 115200,
     kind: Annotated[
@@ -55,7 +54,7 @@ def pil(
         float | None, typer.Option(metavar="S", min=0.001, help="Silence after which a request is sent again.")
     ] = None,
     attempts: Annotated[int, typer.Option(min=1, help="How often a step is sent before it is lost.")] = 20,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
 ) -> None:
     """Link G: step the filter on your board over a serial line, compare each step with the host, measure its time.
 

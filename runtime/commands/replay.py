@@ -10,13 +10,12 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
 from runtime.commands.terminal import console, counting
+from runtime.commands.words import DRIVE, Json
 from runtime.system.errors import UserError
 
 
 def replay(
-    drive: Annotated[
-        str, typer.Argument(metavar="DRIVE", help="A shipped name, a generated folder, or a TOML file with one.")
-    ],
+    drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
     data: Annotated[Path, typer.Argument(metavar="DATA", help="Recorded data, .npz or a .csv from anywhere.")],
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
@@ -37,7 +36,7 @@ def replay(
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="F.npz", help="Write t, x, P, status.")] = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
 ) -> None:
     """Run recorded data through a generated filter; is the filter right about them?
 

@@ -8,14 +8,12 @@ from typing import Annotated
 import typer
 
 from runtime.commands.terminal import console, working
-from runtime.commands.words import caution
+from runtime.commands.words import DRIVE, Json, caution
 from runtime.drive.simulate import simulate_drive
 
 
 def simulate(
-    drive: Annotated[
-        str, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file.")
-    ] = "paper_spmsm",
+    drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)] = "paper_spmsm",
     scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load, load_step, or all.")] = "all",
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
@@ -29,7 +27,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
     controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write recorded data (npz) and figures (svg).")
     ] = None,

@@ -11,16 +11,18 @@ from rich.markup import escape
 
 from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, work_bar
-from runtime.commands.words import Folders, Json
+from runtime.commands.words import Drives, Json
 from runtime.system.files import write_text
 
 
 def soak(
-    drives: Folders = None,
+    drives: Drives = None,
     steps: Annotated[
         int, typer.Option(min=1, help="Of the first drive; the others make a tenth of them.")
     ] = 1_000_000_000,
-    kind: Annotated[str, typer.Option("--filter", metavar="KIND", help="ckf or ickf.")] = "ickf",
+    kind: Annotated[
+        str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
+    ] = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write soak.svg: deviations over steps.")] = None,
     json: Json = None,
 ) -> None:

@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, counting
+from runtime.commands.words import DRIVE, Drives, Json
 from runtime.study.statement import USUAL, VARIABLES
 
 
@@ -39,15 +40,11 @@ VARY_HELP = (
     + "."
 )
 Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn: same seed, same runs, anywhere.")]
-Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
 
 
 @app.command("run")
 def run(
-    drives: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="DRIVE", help="Shipped names or TOML paths. Default: every shipped drive."),
-    ] = None,
+    drives: Drives = None,
     runs: Annotated[int, typer.Option(min=1, help="Of each drive with each filter.")] = 1000,
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     vary: Annotated[
@@ -104,7 +101,7 @@ def run(
 
 @app.command("tune")
 def tune(
-    drive: Annotated[str, typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file.")],
+    drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
     trials: Annotated[int, typer.Option(min=1, help="Altogether, those of earlier calls included.")] = 200,
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
 from runtime.commands.terminal import console, working
-from runtime.commands.words import Drives, show_summary
+from runtime.commands.words import Drives, Json, show_summary
 from runtime.proof.drives import verify_drives
 
 
 def verify(
     drives: Drives = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
 ) -> None:
     """Prove that reference, generated Python and generated C are the same filter, by equation number."""
     from runtime.proof.tables import proof_tables

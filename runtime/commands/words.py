@@ -11,27 +11,22 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from model.drives.load import cautions, load_drive
+from model.drives.load import cautions
 from runtime.commands.terminal import console
 from runtime.firmware.static.check import Check
 from runtime.folders.generate import Written
+from runtime.folders.resolve import find_drive
 from runtime.proof.result import Proof
 
-Drives = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="DRIVE", help="A shipped name or the path of a TOML file. Default: every shipped drive."),
-]
-Folders = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="DRIVE", help="A shipped name or a generated folder. Default: every shipped drive."),
-]
+DRIVE = "A shipped name, a TOML file, or a generated folder."
+Drives = Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help=f"{DRIVE} Default: every shipped drive.")]
 Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
 
 
 def caution(drives: list[str] | None) -> None:
     """What is allowed but likely a mistake goes to stderr, before the work."""
     for name in drives or []:
-        for line in cautions(load_drive(name)):
+        for line in cautions(find_drive(name).drive):
             print(f"pmsm-ickf: caution: {line}", file=sys.stderr)
 
 

@@ -11,13 +11,12 @@ from typing import Any
 
 from codegen.generate import generate
 from codegen.output.folder import write_folder
-from model.drives.load import load_drive
 from model.schema import Drive
 from runtime.drive.scenario import STEP_START, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
-from runtime.folders.current import generated_folder
+from runtime.folders.resolve import NamedDrive, find_drive
 from runtime.system.errors import UserError
 
 Progress = Callable[[str], None]
@@ -61,13 +60,14 @@ def simulate(
     """
     find_compiler()
     task = find_scenario(scenario)
-    drive = load_drive(drive_name)
+    named = find_drive(drive_name)
+    drive = named.drive
     for kind in kinds:
         if kind not in KINDS:
             raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
     runs = []
     with ExitStack() as stack:
-        folders = {kind: folder_with(drive_name, drive, kind, stack) for kind in kinds}
+        folders = {kind: folder_with(named, kind, stack) for kind in kinds}
         for kind, folder in folders.items():
             progress(f"{drive.name}: {scenario}, {kind}: compiling")
             simulator = Simulator(folder, kind)
@@ -81,12 +81,11 @@ def _percent(progress: Progress, drive: str, scenario: str, kind: str) -> Callab
     return lambda share: progress(f"{drive}: {scenario}, {kind}: {100 * share:.0f} %")
 
 
-def folder_with(drive_name: str, drive: Drive, kind: str, stack: ExitStack) -> GeneratedFolder:
+def folder_with(named: NamedDrive, kind: str, stack: ExitStack) -> GeneratedFolder:
     """The drive's own folder if it has the filter, else one made in a temporary place."""
-    path = generated_folder(drive_name)
-    if kind in drive.filter.kinds and (path / "manifest.json").is_file():
-        return GeneratedFolder(path)
-    return _temporary(changed(drive, filter={"kinds": [kind]}), stack)
+    if kind in named.drive.filter.kinds and named.generated:
+        return GeneratedFolder(named.path)
+    return _temporary(changed(named.drive, filter={"kinds": [kind]}), stack)
 
 
 def _temporary(drive: Drive, stack: ExitStack) -> GeneratedFolder:
@@ -104,7 +103,7 @@ def sample_time_sweep(
 ) -> list[SweepPoint]:
     """The same motor and tuning at several sample times, Euler and exact, after a step of the speed reference."""
     find_compiler()
-    drive = load_drive(drive_name)
+    drive = find_drive(drive_name).drive
     points = []
     for T in sample_times:
         for discretization in ("euler", "exact"):

@@ -123,8 +123,7 @@ class Outcomes:
 
 def fleet_files(folder: GeneratedFolder, kind: str) -> list[str]:
     """The generated C that a fleet is compiled from, by name in the folder."""
-    if kind not in folder.kinds:
-        raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+    folder.require(kind)
     prefix = f"{folder.drive}_{kind}"
     stems = [prefix, f"{prefix}_foc"]
     stems += [f"host/{stem}_lanes" for stem in (*stems, f"{folder.drive}_plant")]

@@ -118,8 +118,7 @@ class Simulator:
     """One drive's compiled simulation; make it once, run it often."""
 
     def __init__(self, folder: GeneratedFolder, kind: str) -> None:
-        if kind not in folder.kinds:
-            raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+        folder.require(kind)
         self.folder, self.kind = folder, kind
         self.module = folder.module
         self._prefix, sources = c_sources(folder, kind, "float32")

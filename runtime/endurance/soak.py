@@ -26,9 +26,10 @@ from runtime.drive.fleet import HERE as DRIVE_ROOM
 from runtime.endurance.journey import Journey, make_journey
 from runtime.estimator.compiler import build_library
 from runtime.estimator.estimator import load_folder
-from runtime.estimator.folder import GeneratedFolder, find_folder
+from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
 from runtime.estimator.threads import thread_count
+from runtime.folders.resolve import drive_folder
 from runtime.proof.link_cd import ALLOWED, drift
 from runtime.proof.trajectory import make_trajectory
 from runtime.system.errors import UserError
@@ -205,8 +206,7 @@ class Soaker:
     """A filter compiled in both precisions, and its journey."""
 
     def __init__(self, folder: GeneratedFolder, kind: str, seed: int = 1) -> None:
-        if kind not in folder.kinds:
-            raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+        folder.require(kind)
         self.folder, self.kind = folder, kind
         states = folder.manifest["states"]
         self.names = tuple(str(state["name"]) for state in states)
@@ -291,7 +291,7 @@ def reference_deviation(folder: GeneratedFolder, kind: str, slow: float, steps: 
     return tuple(float(v) for v in np.max(found, axis=0))
 
 
-def soak(runs: Sequence[tuple[str, int]], kind: str, progress: Progress = lambda name, more: None) -> list[Soak]:
+def soak(runs: Sequence[tuple[str, int]], kind: str | None, progress: Progress = lambda name, more: None) -> list[Soak]:
     """Run every (drive, steps), as many at once as there are cores.
 
     Raises
@@ -299,7 +299,9 @@ def soak(runs: Sequence[tuple[str, int]], kind: str, progress: Progress = lambda
     UserError
         An unknown drive or filter, or no compiler.
     """
-    soakers = [(Soaker(find_folder(drive), kind), steps) for drive, steps in runs]
+    soakers = [
+        (Soaker(folder, folder.chosen(kind)), steps) for drive, steps in runs for folder in (drive_folder(drive),)
+    ]
     over = threading.Event()
     with ThreadPoolExecutor(min(thread_count(), len(runs))) as pool:
         futures = [pool.submit(_soak, soaker, steps, progress, over) for soaker, steps in soakers]

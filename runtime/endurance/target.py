@@ -9,7 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 from runtime.estimator.compiler import build_library
-from runtime.estimator.folder import GeneratedFolder, find_folder
+from runtime.estimator.folder import GeneratedFolder
+from runtime.folders.resolve import drive_folder
 
 HERE = Path(__file__).parent
 HANDWRITTEN = ("fuzz_target.c", "fuzz_lanes.h")
@@ -149,5 +150,5 @@ class Replayer:
 
 def targets(drive: str) -> list[Target]:
     """Every filter of a generated folder, then each beside its lane form, then every controller."""
-    folder = find_folder(drive)
+    folder = drive_folder(drive)
     return [Target(folder, kind, form) for form in FORMS for kind in folder.kinds]

@@ -313,9 +313,7 @@ def load_folder(folder: GeneratedFolder, kind: str | None, backend: str, dtype: 
     backend : {"numpy", "c"}
     dtype : {"float32", "float64"}
     """
-    kind = kind or ("ickf" if "ickf" in folder.kinds else folder.kinds[0])
-    if kind not in folder.kinds:
-        raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+    kind = folder.chosen(kind)
     if dtype not in {"float32", "float64"}:
         raise UserError(f"dtype '{dtype}' is not float32 or float64.")
     return Estimator(folder, kind, _backend(folder, kind, backend, dtype), dtype)

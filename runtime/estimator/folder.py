@@ -54,6 +54,17 @@ class GeneratedFolder:
         """The filter kinds that were generated, in the drive file's order."""
         return tuple(self.manifest["filters"])
 
+    def require(self, kind: str) -> None:
+        """Raise UserError unless the folder has a filter of this kind."""
+        if kind not in self.kinds:
+            raise UserError(f"drive '{self.drive}' has no filter '{kind}'; generated: {', '.join(self.kinds)}.")
+
+    def chosen(self, kind: str | None) -> str:
+        """The kind asked for; None: the ickf where there is one, else the first. UserError if it is not there."""
+        found = kind or ("ickf" if "ickf" in self.kinds else self.kinds[0])
+        self.require(found)
+        return found
+
     def text(self, name: str) -> str:
         """Read a file of the folder.
 

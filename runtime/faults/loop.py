@@ -84,8 +84,7 @@ class FaultyLoop:
     """One drive's compiled loop; make it once, run it often. It has one board: runs follow one another."""
 
     def __init__(self, folder: GeneratedFolder, kind: str) -> None:
-        if kind not in folder.kinds:
-            raise UserError(f"drive '{folder.drive}' has no filter '{kind}'; generated: {', '.join(folder.kinds)}.")
+        folder.require(kind)
         self.folder, self.kind, self.module = folder, kind, folder.module
         prefix, sources = c_sources(folder, kind, "float32")
         foc, plant = f"{prefix}_foc", f"{folder.drive}_plant"

@@ -127,7 +127,7 @@ def run_fault(loop: FaultyLoop, fault: Fault, scenario: Scenario, seed: int, rea
 
 def survey(
     folders: Sequence[GeneratedFolder],
-    kinds: Sequence[str],
+    kinds: Sequence[str] | None,
     seeds: int,
     load: float = 5.0,
     speed: float = 1000.0,
@@ -139,7 +139,8 @@ def survey(
     Parameters
     ----------
     folders : sequence of GeneratedFolder
-    kinds : sequence of str
+    kinds : sequence of str, optional
+        Every folder must have them; by default each folder's own.
     seeds : int
         Runs of each: seeds 1 to so many.
     load, speed : float
@@ -148,7 +149,10 @@ def survey(
     scenario = Scenario("faults", speed=speed, load=load, duration=0.65)
     outcomes = []
     for folder in folders:
-        for kind in kinds:
+        for kind in kinds or ():
+            folder.require(kind)  # said before the work
+    for folder in folders:
+        for kind in kinds or folder.kinds:
             progress(f"{folder.drive}: {kind}: compiling")
             loop = FaultyLoop(folder, kind)
             for fault in faults:

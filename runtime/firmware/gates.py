@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from model.drives.load import load_drive, shipped_drives
+from model.drives.load import shipped_drives
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.link_ef import link_ef
 from runtime.firmware.static import static_gate
 from runtime.firmware.static.check import Check
-from runtime.folders.current import check_ready, current_package, generated_folder
+from runtime.folders.current import check_ready, current_package
+from runtime.folders.resolve import find_drive
 from runtime.system.files import write_text
 
 Progress = Callable[[str], None]
@@ -59,8 +60,8 @@ def check_firmware(
         check_ready(name)
     for name in names:
         progress(f"{name}: is the folder current")
-        current_package(load_drive(name), generated_folder(name))
-    results = [run_gates(GeneratedFolder(generated_folder(name)), progress) for name in names]
+        current_package(find_drive(name))
+    results = [run_gates(GeneratedFolder(find_drive(name).path), progress) for name in names]
     if json_path is not None:
         rows = [{"drive": r.drive, "checks": [asdict(check) for check in r.checks]} for r in results]
         facts = {"passed": all(r.good(allow_missing=False) for r in results), "drives": rows}

@@ -7,10 +7,8 @@ from pathlib import Path
 from codegen.evidence.measure import Measurer, kept_records
 from codegen.generate import Package, generate
 from codegen.output.folder import FolderError, check_unedited, difference
-from model.drives.load import load_drive
-from model.schema import Drive
 from runtime.estimator.compiler import find_compiler
-from runtime.estimator.folder import GENERATED
+from runtime.folders.resolve import NamedDrive, find_drive, missing
 from runtime.system.errors import UserError
 
 
@@ -21,30 +19,22 @@ def check_ready(drive: str | Path) -> None:
     :func:`current_package`.
     """
     find_compiler()
-    load_drive(drive)
-    _check_unedited(generated_folder(drive))
+    _check_unedited(find_drive(drive))
 
 
-def current_package(drive: Drive, path: Path) -> Package:
+def current_package(named: NamedDrive) -> Package:
     """Generate a drive in memory; UserError where its folder is missing, edited by hand or stale."""
-    _check_unedited(path)
-    package = generate(drive, measurer=Measurer(kept_records(path)))
-    if difference(path, package.files):
-        raise UserError(
-            f"'{path}' is stale: the drive file or the generator changed since. Run: pmsm-ickf generate {drive.name}"
-        )
+    _check_unedited(named)
+    package = generate(named.drive, measurer=Measurer(kept_records(named.path)))
+    if difference(named.path, package.files):
+        raise UserError(f"'{named.path}' is stale: the drive file or the generator changed since. Run: {named.advice}")
     return package
 
 
-def generated_folder(drive: str | Path) -> Path:
-    """Where a drive's generated folder is looked for: the project's for shipped names, ./generated for TOML files."""
-    return GENERATED / str(drive) if Path(drive).suffix != ".toml" else Path("generated") / load_drive(drive).name
-
-
-def _check_unedited(path: Path) -> None:
-    if not path.is_dir():
-        raise UserError(f"no generated folder '{path}'. Run: pmsm-ickf generate {path.name}")
+def _check_unedited(named: NamedDrive) -> None:
+    if not named.path.is_dir():
+        raise UserError(missing(named))
     try:
-        check_unedited(path)
+        check_unedited(named.path)
     except FolderError as error:
         raise UserError(str(error)) from None

@@ -12,9 +12,9 @@ from codegen.evidence.measure import Measurer, kept_records
 from codegen.generate import generate
 from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import MANIFEST, difference, write_folder
-from model.drives.load import load_drive, shipped_drives
+from model.drives.load import shipped_drives
 from model.schema import DriveError
-from runtime.estimator.folder import GENERATED
+from runtime.folders.resolve import NamedDrive, find_drive, target_folder
 from runtime.system.errors import UserError
 from runtime.system.workers import workers
 
@@ -32,19 +32,6 @@ class Written:
     diff: str
 
 
-def target_folder(drive: str, name: str, out: Path | None) -> Path:
-    """``out``/name; by default the project's generated/ for shipped drives, ./generated for TOML files."""
-    if out is not None:
-        return out / name
-    if drive in shipped_drives():
-        return GENERATED / name
-    if name in shipped_drives() and (Path("generated") / name).resolve() == (GENERATED / name).resolve():
-        raise DriveError(
-            f"drive '{drive}': the name '{name}' belongs to a shipped drive; give yours its own, or use --out."
-        )
-    return Path("generated") / name
-
-
 def generate_drives(
     drives: Sequence[str],
     out: Path | None,
@@ -59,19 +46,19 @@ def generate_drives(
     """
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
-    chosen = list(drives) or shipped_drives()
+    chosen = [find_drive(word) for word in drives or shipped_drives()]
     packages = _generate_all(chosen, out, check, form, progress)
     names = [package.name for package in packages]
     for name in names:
         if names.count(name) > 1:
             raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
-    folders = [target_folder(drive, package.name, out) for drive, package in zip(chosen, packages, strict=True)]
+    folders = [target_folder(named, out) for named in chosen]
     results = []
-    for folder, drive, package in zip(folders, chosen, packages, strict=True):
+    for folder, named, package in zip(folders, chosen, packages, strict=True):
         diff = difference(folder, package.files)
         state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
         if diff and not check:
-            progress(f"{drive}: writing")
+            progress(f"{named.word}: writing")
             write_folder(folder, package.files, force)
         results.append(Written(package.name, folder, state, len(package.files), diff))
     return results
@@ -86,30 +73,30 @@ class InMemory:
 
 
 def _generate_all(
-    drives: Sequence[str], out: Path | None, check: bool, form: str, progress: Progress
+    drives: Sequence[NamedDrive], out: Path | None, check: bool, form: str, progress: Progress
 ) -> list[InMemory]:
     """Several drives at once where there are cores."""
     count = min(len(drives), os.cpu_count() or 1)
     if count == 1:
-        progress(f"{drives[0]}: generating")
+        progress(f"{drives[0].word}: generating")
         return [_generate(drive, out, check, form) for drive in drives]
     with workers(count) as submit:
         futures = [submit(_generate, drive, out, check, form) for drive in drives]
         results = []
         for drive, future in zip(drives, futures, strict=True):
-            progress(f"{drive}: generating")
+            progress(f"{drive.word}: generating")
             results.append(future.result())
         return results
 
 
-def _generate(drive: str, out: Path | None, check: bool, form: str) -> InMemory:
+def _generate(named: NamedDrive, out: Path | None, check: bool, form: str) -> InMemory:
     """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
-    loaded = load_drive(drive)
-    kept = kept_records(target_folder(drive, loaded.name, out))
+    drive = named.drive
+    kept = kept_records(target_folder(named, out))
     try:
-        package = generate(loaded, measurer=Measurer(kept, compile=True, retry=not check), form=form)
+        package = generate(drive, measurer=Measurer(kept, compile=True, retry=not check), form=form)
     except UnsupportedOperationError as error:
-        raise UserError(f"drive '{loaded.name}': {error}") from None
+        raise UserError(f"drive '{drive.name}': {error}") from None
     if form == "fast":  # the literal form is for reading and proving, not for the chip
-        check_budget(loaded, package.accounts)
+        check_budget(drive, package.accounts)
     return InMemory(package.drive.name, package.files)

@@ -11,7 +11,9 @@ from runtime.estimator.folder import GeneratedFolder
 def stated_drive(folder: GeneratedFolder) -> Drive:
     """The drive as the folder was generated, whatever became of its files; DriveError if its manifest holds none."""
     parameters = {"name": folder.drive, **folder.manifest["parameters"]}
-    return parse_drive(parameters, f"{folder.path.name}/manifest.json", machine_text=machine_text(folder))
+    return parse_drive(
+        parameters, f"{folder.path.name}/manifest.json", folder.manifest.get("input_sha256", ""), machine_text(folder)
+    )
 
 
 def machine_text(folder: GeneratedFolder) -> str:

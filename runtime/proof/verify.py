@@ -17,13 +17,13 @@ from codegen.evidence.box import BoxSamples, sample_box
 from codegen.evidence.certificate import SAMPLES
 from codegen.generate import Package, generate
 from codegen.output.folder import write_folder
-from model.drives.load import load_drive
 from model.filters import FilterStep
 from model.schema import Drive
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GeneratedFolder
-from runtime.folders.current import current_package, generated_folder
+from runtime.folders.current import current_package
+from runtime.folders.resolve import NamedDrive, find_drive
 from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
 from runtime.proof.link_bc import link_bc
 from runtime.proof.link_cd import Drift, link_cd
@@ -78,7 +78,7 @@ def verify(
     Parameters
     ----------
     drive : str or Path
-        A shipped name or a TOML file; its generated folder is looked up by :func:`generated_folder`.
+        A shipped name or a TOML file; or generated folder, see :func:`runtime.folders.resolve.find_drive`.
     effort : Effort, optional
     progress : callable, optional
         Called with a few words before each piece of work.
@@ -89,13 +89,14 @@ def verify(
         No generated folder, a stale or hand-edited one, or no C compiler.
     """
     find_compiler()
-    return prove(load_drive(drive), generated_folder(drive), effort or Effort(), progress)
+    return prove(find_drive(drive), effort or Effort(), progress)
 
 
-def prove(drive: Drive, path: Path, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
+def prove(named: NamedDrive, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
     """All links for the gain the drive ships, and again for the other gain of the ICKF."""
     progress("generating")
-    package = current_package(drive, path)
+    drive, path = named.drive, named.path
+    package = current_package(named)
     proof = Proof(drive.name)
     equations = compare_statements(drive)
     if equations is not None:

@@ -8,15 +8,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from codegen.fast.ablation import Earned, earnings
-from model.drives.load import load_drive, shipped_drives
+from model.drives.load import shipped_drives
 from model.machines.state_space import build
 from runtime.drive.experiment import HARD, KINDS, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.gates import run_gates
-from runtime.folders.current import generated_folder
 from runtime.folders.generate import Written, generate_drives
+from runtime.folders.resolve import find_drive
 from runtime.proof.drives import verify_drives
 from runtime.report.chapter import Chapter
 from runtime.system.workers import workers
@@ -26,7 +26,7 @@ Progress = Callable[[str], None]
 
 def _earned(drive: str) -> list[Earned]:
     """What each pass saves of a drive's first filter."""
-    loaded = load_drive(drive)
+    loaded = find_drive(drive).drive
     return earnings(build(loaded), loaded.filter.kinds[0], loaded.filter.gain)
 
 
@@ -46,15 +46,16 @@ def run_all(drives: Sequence[str], build: Path, progress: Progress) -> tuple[lis
     # Emulators and gates are processes of their own: threads start them while this one simulates.
     with ThreadPoolExecutor(count) as threads, workers(count) as submit:
         earned = [submit(_earned, name) for name in names]
-        gated = [threads.submit(run_gates, GeneratedFolder(generated_folder(name)), progress) for name in names]
+        gated = [threads.submit(run_gates, GeneratedFolder(find_drive(name).path), progress) for name in names]
         try:
             for name, (proof, evidence), gates, passes in zip(names, results, gated, earned, strict=True):
-                drive = load_drive(name)
+                named = find_drive(name)
+                drive = named.drive
                 kinds = KINDS if name == "paper_spmsm" else drive.filter.kinds
                 runs = [run for scenario in SCENARIOS for run in simulate(name, scenario, kinds, progress=progress)]
                 hard = simulate(name, "load_step", drive.filter.kinds[:1], HARD, progress=progress)
                 sweep = sample_time_sweep(name, progress=progress) if name == "paper_spmsm" else []
-                made = drive, generated_folder(name), proof, evidence, runs, hard, sweep
+                made = drive, named.path, proof, evidence, runs, hard, sweep
                 chapters.append(Chapter(*made, gates.result(), passes.result()))
         except BaseException:
             threads.shutdown(wait=False, cancel_futures=True)

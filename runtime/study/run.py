@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drives.load import load_drive
 from runtime.drive.experiment import KINDS, folder_with
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import find_scenario
 from runtime.estimator.compiler import find_compiler
+from runtime.folders.resolve import find_drive
 from runtime.study.package import Package, pack, run_package
 from runtime.study.statement import Statement, parse_ranges
 from runtime.study.store import Chunk, Store, chunks
@@ -75,10 +75,10 @@ def state_study(
             raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
     packages = []
     for name in dict.fromkeys(drives):
-        drive = load_drive(name)
+        named = find_drive(name)
         for kind in dict.fromkeys(kinds):
             with ExitStack() as stack:
-                packages.append(pack(folder_with(name, drive, kind, stack), kind))
+                packages.append(pack(folder_with(named, kind, stack), kind))
     subjects = tuple((package.drive, package.kind) for package in packages)
     if len(set(subjects)) < len(subjects):
         raise UserError("two of the drives have the same name; each needs a name of its own.")

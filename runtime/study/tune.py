@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drives.load import load_drive
 from runtime.drive.fleet import Cases, Fleet, Outcomes
 from runtime.drive.scenario import Scenario
+from runtime.folders.resolve import find_drive
 from runtime.study.analysis import Rate, wilson
 from runtime.study.package import open_fleet
 from runtime.study.run import state_study
@@ -218,7 +218,7 @@ def tune(
         Optuna is not installed; unknown words; a folder that holds another tuning.
     """
     optuna = _optuna()
-    kind = kind or load_drive(drive).filter.kinds[0]
+    kind = kind or find_drive(drive).drive.filter.kinds[0]
     statement, (package,) = state_study([drive], [kind], "load_step", vary, seed)
     trials = Trials(open_fleet(package), statement, with_p0)
     out = out or Path("build") / "tune" / f"{package.drive}_{kind}"

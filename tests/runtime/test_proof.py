@@ -20,6 +20,7 @@ from model.machines import MACHINES
 from model.machines.mechanics import ConstantSpeed
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
+from runtime.folders.resolve import NamedDrive
 from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
@@ -338,13 +339,13 @@ def test_contraction_would_be_caught() -> None:
 def test_stale_and_edited_folders_are_refused(tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
     with pytest.raises(UserError, match="no generated folder"):
-        prove(drive, tmp_path / "none", QUICK, lambda text: None)
+        prove(NamedDrive("paper_spmsm", drive, tmp_path / "none"), QUICK, lambda text: None)
     other = variant(drive, motor={"inertia": 0.009})
     write_folder(tmp_path / drive.name, generate(other).files)
     with pytest.raises(UserError, match="is stale"):
-        prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
+        prove(NamedDrive("paper_spmsm", drive, tmp_path / drive.name), QUICK, lambda text: None)
     write_folder(tmp_path / drive.name, shipped_package(drive.name).files)
     path = tmp_path / drive.name / "paper_spmsm_ckf.c"
     path.write_text(path.read_text().replace("0.25f", "0.26f", 1))
     with pytest.raises(UserError, match="was edited by hand"):
-        prove(drive, tmp_path / drive.name, QUICK, lambda text: None)
+        prove(NamedDrive("paper_spmsm", drive, tmp_path / drive.name), QUICK, lambda text: None)

@@ -283,7 +283,7 @@ def test_replay_command(run: Run, tmp_path: Path) -> None:
         (("spmsm_load_torque", "run.npz", "--dtype", "half"), "dtype 'half' is not float32 or float64"),
         (("spmsm_load_torque", "run.npz", "--out", "est.csv"), "estimates are written as .npz"),
         (("spmsm_load_torque", "run.npz", "--x0", "a,b"), "is not a list of numbers"),
-        (("mine.toml", "run.npz"), "is not generated yet. Run: pmsm-ickf generate mine.toml"),
+        (("mine.toml", "run.npz"), "is not generated yet: no generated folder"),
     ],
 )
 def test_bad_words_are_one_line(arguments: tuple[str, ...], expected: str, run: Run, tmp_path: Path) -> None:

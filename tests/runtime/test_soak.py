@@ -130,7 +130,7 @@ def test_growth_is_said() -> None:
 
 
 def test_bad_requests_are_one_line(tmp_path: Path) -> None:
-    for words, said in ((["nosuch"], "no generated drive 'nosuch'"), (["ipmsm", "--filter", "ekf"], "no filter 'ekf'")):
+    for words, said in ((["nosuch"], "no drive 'nosuch'"), (["ipmsm", "--filter", "ekf"], "no filter 'ekf'")):
         done = call("soak", *words, cwd=tmp_path)
         assert done.returncode == 2
         assert said in done.stderr

@@ -343,7 +343,7 @@ def test_pil_command_end_to_end(tmp_path: Path) -> None:
         (("--port", "simulated", "--tolerance", "certificate", "--mode", "free"), "the certificate is of one step"),
         (("--port", "simulated", "--filter", "pf"), "has no filter 'pf'"),
         (("--port", "simulated", "--data", "none.csv"), "cannot be read as recorded data"),
-        (("nothing", "--port", "simulated"), "no generated drive 'nothing'"),
+        (("nothing", "--port", "simulated"), "no drive 'nothing'"),
     ],
 )
 def test_pil_refuses_in_one_line(arguments: tuple[str, ...], expected: str, tmp_path: Path) -> None:
