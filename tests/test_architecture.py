@@ -1,8 +1,9 @@
-"""The rooms: which package may import which. No circle among files or packages, and no arrow up the floors."""
+"""The rooms: no circle among files or packages, no arrow up the floors, and nothing longer than a person reads."""
 
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -35,6 +36,11 @@ FLOORS = (
     ("runtime.commands",),
     ("runtime",),
 )
+
+#: Lines.
+LONGEST_FUNCTION, LONGEST_FILE = 60, 400
+#: Longer than that, and why.
+LONGER = {"codegen/render/templates/example_isr.c.j2": "the example interrupt waits for its supervisor"}
 
 Graph = Mapping[str, set[str]]
 
@@ -158,3 +164,70 @@ def test_a_circle_of_packages_and_an_arrow_up_are_found(tmp_path: Path) -> None:
     assert circle(file_graph(tmp_path)) == []
     assert circle(package_graph(tmp_path)) == ["codegen.ir", "codegen.passes", "codegen.ir"]
     assert arrows_up(tmp_path) == ["codegen.ir -> codegen.passes"]
+
+
+# --- sizes
+
+
+def texts(root: Path) -> Iterator[Path]:
+    """What people write and read: Python everywhere, C and templates outside the tests."""
+    for room in (*ROOMS, "tests", "benchmarks"):
+        ends = (".py",) if room == "tests" else (".py", ".c", ".h", ".j2")
+        yield from sorted(path for path in (root / room).rglob("*") if path.suffix in ends)
+
+
+def python_functions(text: str) -> Iterator[tuple[str, int]]:
+    """Name and lines of every function; one inside another counts for both."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
+            yield node.name, node.end_lineno - node.lineno + 1
+
+
+def c_functions(text: str) -> Iterator[tuple[str, int]]:
+    """First line and lines of every body whose braces stand alone at the left margin."""
+    begin, lines = None, text.splitlines()
+    for number, line in enumerate(lines):
+        if line == "{":
+            begin = number
+        elif line == "}" and begin is not None:
+            yield lines[begin - 1], number - begin + 1
+            begin = None
+
+
+def too_long(root: Path) -> set[str]:
+    """Files, and functions behind a colon, that are longer than allowed."""
+    found = set()
+    for path in texts(root):
+        name, text = path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")
+        found |= {name} if len(text.splitlines()) > LONGEST_FILE else set()
+        functions = python_functions(text) if path.suffix == ".py" else c_functions(text)
+        found |= {f"{name}: {function}" for function, lines in functions if lines > LONGEST_FUNCTION}
+    return found
+
+
+def test_files_and_functions_are_short() -> None:
+    assert too_long(ROOT) == set(LONGER)
+
+
+def test_functions_branch_little() -> None:
+    """Ruff counts: it is told to, and how far."""
+    lint = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["ruff"]["lint"]
+    assert "C901" in lint["select"]
+    assert lint["mccabe"]["max-complexity"] == 15
+    assert "C901" not in lint["ignore"]
+
+
+def test_what_is_too_long_is_found(tmp_path: Path) -> None:
+    body = "    x = 1\n" * LONGEST_FUNCTION
+    plant(
+        tmp_path,
+        {
+            "model/long.py": f"def much():\n{body}",
+            "model/most.py": f"def much():\n{body[:-10]}",
+            "runtime/long.c": "int much(void)\n{\n" + body + "}\n",
+            "tests/long.c": "int much(void)\n{\n" + body + "}\n",
+            "codegen/long.j2": "\n" * (LONGEST_FILE + 1),
+            "codegen/most.j2": "\n" * LONGEST_FILE,
+        },
+    )
+    assert too_long(tmp_path) == {"model/long.py: much", "runtime/long.c: int much(void)", "codegen/long.j2"}

@@ -111,32 +111,14 @@ def render_filter(
     notes: Sequence[str],
 ) -> tuple[str, str]:
     """Header and source of one filter for one target; ``notes`` are the lines at the source's head."""
-    drive, model = about.drive, about.model
+    model = about.model
     printer = CPrinter(target)
     n = len(model.states)
-    place = angle_place(step)
     looped = has_loop(step.body)
     spread = common_spread(listings[block.name] for block in step.blocks)
     turns = spread is not None
     pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
-    common = {
-        "p": f"{drive.name}_{step.kind}{target.tag}",
-        "title": about.title(step.kind),
-        "drive": drive.name,
-        "sha": drive.sha256,
-        "real": target.real,
-        "n": n,
-        "packed": n * (n + 1) // 2,
-        "libm": library_calls([listings[block.name] for block in step.blocks], target),
-        "covariance": step.covariance,
-        "guarded": step.guarded,
-        "sound": printer.format_literal(SOUND),
-        "per_sound": printer.format_literal(1.0 / SOUND),
-        "one": printer.format_literal(1.0),
-        "angle_columns": place + 1,
-        "angle_row": place * (place + 1) // 2,
-        "states_summed": " + ".join(f"f->x[{k}]" for k in range(n)),
-    }
+    common = _words(about, step, listings, printer)
     order = model.order
     pivots = [f"(LD_pred[{k * (k + 3) // 2}] > f->Q[{order[k]}])" for k in range(n)]
     watch = [f"if (!({' && '.join(pivots)})) {{", f"{INDENT}status |= PMSM_COVARIANCE_REPAIRED;", "}"]
@@ -174,6 +156,30 @@ def render_filter(
     if target.generated_trig:
         source = with_ramfuncs(source, cold={f"{common['p']}_init", f"{common['p']}_reset"})
     return header, source
+
+
+def _words(about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter) -> dict[str, Any]:
+    """What header and source of a filter both speak of."""
+    drive, target, n = about.drive, printer.target, len(about.model.states)
+    place = angle_place(step)
+    return {
+        "p": f"{drive.name}_{step.kind}{target.tag}",
+        "title": about.title(step.kind),
+        "drive": drive.name,
+        "sha": drive.sha256,
+        "real": target.real,
+        "n": n,
+        "packed": n * (n + 1) // 2,
+        "libm": library_calls([listings[block.name] for block in step.blocks], target),
+        "covariance": step.covariance,
+        "guarded": step.guarded,
+        "sound": printer.format_literal(SOUND),
+        "per_sound": printer.format_literal(1.0 / SOUND),
+        "one": printer.format_literal(1.0),
+        "angle_columns": place + 1,
+        "angle_row": place * (place + 1) // 2,
+        "states_summed": " + ".join(f"f->x[{k}]" for k in range(n)),
+    }
 
 
 _DEFINITION = re.compile(r"^(?:\w+ )+(\w+)\([^;{]*\)\n\{", re.MULTILINE)

@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from runtime.board.pil import PilResult
 from runtime.commands.serial import Baud, Port
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, counting
 from runtime.commands.words import DRIVE, Json
 from runtime.system.errors import UserError
 
@@ -66,12 +65,10 @@ def pil(
     from runtime.board.tables import pil_tables
 
     line = LineSettings(port, baud, timeout, attempts)
-    columns = (TextColumn("stepping the board"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=steps)
+    with counting("stepping the board", total=steps) as tell:
         result = run(
             line, drive, kind, data, steps, mode, tolerance, backend,
-            lambda done, of: bar.update(task, completed=done, total=of),
+            lambda done, of: tell(completed=done, total=of),
         )  # fmt: skip
     console.print(pil_tables(result, ticks_hz), highlight=False)
     if json is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -12,6 +12,9 @@ from rich.progress import TaskProgressColumn
 from runtime.commands.terminal import console, counting
 from runtime.commands.words import DRIVE, Json
 from runtime.system.errors import UserError
+
+if TYPE_CHECKING:
+    from runtime.replay.replay import Replay
 
 
 def replay(
@@ -49,7 +52,6 @@ def replay(
     from runtime.recorded.data import read_recorded
     from runtime.replay.replay import Settings, check_estimates
     from runtime.replay.replay import replay as run
-    from runtime.replay.tables import replay_tables
 
     if out is not None:
         check_estimates(out)
@@ -63,9 +65,7 @@ def replay(
     recorded = read_recorded(data, rename or [], scale or [])
     with counting("replaying", TaskProgressColumn(), total=1.0) as update:
         result = run(folder, recorded, settings, lambda share: update(completed=share))
-    for note in result.notes:
-        console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False, soft_wrap=True)
-    console.print(replay_tables(result), highlight=False)
+    _show(result)
     if out is not None:
         result.write_estimates(out)
     if json is not None:
@@ -76,6 +76,14 @@ def replay(
     if not result.finite:
         console.print("[bold red]the estimate did not stay a number[/bold red]", highlight=False)
         raise typer.Exit(1)
+
+
+def _show(result: Replay) -> None:
+    from runtime.replay.tables import replay_tables
+
+    for note in result.notes:
+        console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False, soft_wrap=True)
+    console.print(replay_tables(result), highlight=False)
 
 
 def _numbers(text: str | None) -> tuple[float, ...] | None:

@@ -1,6 +1,6 @@
 """The campaign: libFuzzer with address and undefined-behaviour sanitizers on every generated filter and controller.
 
-What is looked for: a crash, a sanitizer's report, and verdicts of the judge in fuzz_target.c, which knows what a
+What is looked for: a crash, a sanitizer's report, and verdicts of the judge in fuzz_judge.h, which knows what a
 step and its status promise. Divisions by zero are not among the reports: IEEE 754 defines them, and what comes of
 them is judged as a state that is not finite.
 """

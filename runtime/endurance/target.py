@@ -13,12 +13,12 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.resolve import drive_folder
 
 HERE = Path(__file__).parent
-HANDWRITTEN = ("fuzz_target.c", "fuzz_lanes.h")
+HANDWRITTEN = ("fuzz_target.c", "fuzz_judge.h", "fuzz_lanes.h")
 
 #: What is played on: the filter, the filter and its lane form side by side, or the controller around it.
 FORMS = ("", "_lanes", "_foc")
 
-#: The judge's verdicts, in the order of fuzz_target.c.
+#: The judge's verdicts, in the order of fuzz_judge.h.
 KINDS = (
     "good",
     "state not finite, unsaid",
