@@ -54,6 +54,11 @@ class Section:
     title: str
     statements: list[Statement] = field(default_factory=list)
 
+    @property
+    def heading(self) -> str:
+        """Equation number and title, as far as there are any."""
+        return ": ".join(part for part in (f"eq. {self.equation}" if self.equation else "", self.title) if part)
+
 
 @dataclass
 class Listing:

@@ -8,17 +8,9 @@ from rich.text import Text
 
 from runtime.board.pil import PilResult, tick_facts
 from runtime.board.record import COLUMNS, Recording
+from runtime.style.tables import pairs_table
 
 BAR = 40
-
-
-def _pairs(rows: list[tuple[str, str]]) -> Table:
-    table = Table(show_header=False, show_edge=False, pad_edge=False, box=None)
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def pil_tables(result: PilResult, ticks_hz: float | None) -> RenderableType:
@@ -49,7 +41,7 @@ def pil_tables(result: PilResult, ticks_hz: float | None) -> RenderableType:
         rows.append(
             ("board's count", figures + f"dropped {result.board_bad_frames:,} damaged frames (both modulo 65536)")
         )
-    parts: list[RenderableType] = [_pairs(rows)]
+    parts: list[RenderableType] = [pairs_table(rows)]
     if result.ticks:
         parts += ["", _time_table(result, ticks_hz)]
     return Group(*parts)
@@ -90,4 +82,4 @@ def recording_table(recording: Recording, last: bool = True) -> RenderableType:
     if last and recording.recent:
         values = zip(COLUMNS[1:7], recording.recent[-1][1:7], strict=True)
         rows.append(("latest", ", ".join(f"{name} {value:.4g}" for name, value in values)))
-    return _pairs(rows)
+    return pairs_table(rows)

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from model.drives.load import cautions
 from runtime.commands.terminal import console
@@ -17,6 +16,7 @@ from runtime.firmware.static.check import Check
 from runtime.folders.generate import Written
 from runtime.folders.resolve import find_drive
 from runtime.proof.result import Proof
+from runtime.style.tables import columns_table
 
 DRIVE = "A shipped name, a TOML file, or a generated folder."
 Drives = Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help=f"{DRIVE} Default: every shipped drive.")]
@@ -31,9 +31,7 @@ def caution(drives: list[str] | None) -> None:
 
 
 def show_written(written: list[Written]) -> None:
-    table = Table(show_edge=False, pad_edge=False, header_style="")
-    for column in ("drive", "files", "folder", ""):
-        table.add_column(column, overflow="fold")
+    table = columns_table("drive", "files", "folder", "", left=range(4))
     for item in written:
         style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
         table.add_row(item.drive, str(item.files), str(item.folder), f"[{style}]{item.state}[/{style}]")

@@ -12,6 +12,7 @@ from rich.text import Text
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.facts import Cost, certificates, costs, kinds
 from runtime.compare.subject import Subject
+from runtime.style.tables import columns_table
 
 
 def compare_tables(subjects: Sequence[Subject]) -> RenderableType:
@@ -108,19 +109,11 @@ def _title(text: str) -> Text:
     return Text(text, style="bold")
 
 
-def _table(*columns: str, left: int = 1, whole: Sequence[int] = ()) -> Table:
-    """``whole``: columns that are not broken into lines."""
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < left else "right", overflow="fold", no_wrap=k in whole)
-    return table
-
-
 def _rows_table(rows: Sequence[Row], labels: Sequence[str]) -> RenderableType:
     differing = [row for row in rows if row.differs]
     if not differing:
         return Text("no difference", style="dim")
-    table = _table("", *labels)
+    table = columns_table("", *labels)
     for row in differing:
         table.add_row(row.key, *(shown(value) for value in row.values))
     return table
@@ -130,7 +123,7 @@ def _equations(subjects: Sequence[Subject], labels: Sequence[str]) -> Renderable
     lines = [line for line in equation_lines(subjects) if line.differs]
     if not lines:
         return Text("no difference", style="dim")
-    table = _table("", "line", "", "drive", left=4)
+    table = columns_table("", "line", "", "drive", left=range(4))
     for line in lines:
         first = (line.function, str(line.left))
         for right, owners in line.variants:
@@ -156,7 +149,7 @@ def _structure(subjects: Sequence[Subject]) -> Table:
 
 
 def _costs(found: Sequence[Cost]) -> Table:
-    table = _table(*COST_COLUMNS, left=2, whole=(1, 7, 10))
+    table = columns_table(*COST_COLUMNS, left=range(2), whole=(1, 7, 10))
     first = firsts(found)
     for cost in found:
         table.add_row(*cost_cells(cost, first[cost.kind]))
@@ -165,7 +158,7 @@ def _costs(found: Sequence[Cost]) -> Table:
 
 def _certificates(subjects: Sequence[Subject]) -> Table:
     columns, cells = certificate_table(subjects)
-    table = _table(*columns, left=2, whole=(1,))
+    table = columns_table(*columns, left=range(2), whole=(1,))
     for row in cells:
         table.add_row(*row)
     return table
@@ -173,7 +166,7 @@ def _certificates(subjects: Sequence[Subject]) -> Table:
 
 def _accuracy(subjects: Sequence[Subject]) -> Table:
     columns = ("start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg")
-    table = _table("scenario", "filter", "drive", *columns, "", left=3)
+    table = columns_table("scenario", "filter", "drive", *columns, "", left=range(3))
     for row in accuracy_rows(subjects):
         table.add_row(*row[:-1], Text(row[-1], style="green" if row[-1] == "locked" else "bold red"))
     return table

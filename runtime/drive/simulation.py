@@ -17,7 +17,7 @@ from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.recorded.data import write_recorded
-from runtime.recorded.truth import angle_error, speed_error
+from runtime.recorded.truth import AgainstTruth
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
 
@@ -48,7 +48,7 @@ class Conditions:
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(AgainstTruth):
     """A run in the recorded-data format, with the estimate beside the truth. Arrays of N samples.
 
     t s; u (N, 2) V; i (N, 2) A as measured; omega, theta, load_torque, torque: truth, theta unwrapped;
@@ -68,16 +68,6 @@ class Run:
     x: Array
     duty: Array
     status: Array
-
-    @property
-    def speed_error(self) -> Array:
-        """Estimated minus true speed, r/min."""
-        return speed_error(self.x, self.omega)
-
-    @property
-    def angle_error(self) -> Array:
-        """Estimated minus true electrical angle, degrees, in [-180, 180)."""
-        return angle_error(self.x, self.theta)
 
     @property
     def locked(self) -> bool:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.simulation import Run
+from runtime.style.tables import columns_table
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,9 @@ def _why_alike(figure: dict[str, float]) -> str:
 
 def runs_table(runs: Sequence[Run]) -> Table:
     """Largest errors of each run."""
-    table = _table("scenario", "filter", "start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg", "")
+    table = columns_table(
+        "scenario", "filter", "start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg", "", left=(0, 1)
+    )
     for run in runs:
         f = run.figures()
         step = f"{f['load_step']:.2f}" if run.scenario.load else "-"
@@ -74,7 +77,7 @@ def runs_table(runs: Sequence[Run]) -> Table:
 
 
 def claims_table(items: Sequence[Claim]) -> Table:
-    table = _table("the paper's claim", "theirs", "ours", "why")
+    table = columns_table("the paper's claim", "theirs", "ours", "why", left=(0, 1))
     for column in table.columns[1:]:
         column.justify = "left"
     for item in items:
@@ -84,7 +87,7 @@ def claims_table(items: Sequence[Claim]) -> Table:
 
 def sweep_table(points: Sequence[SweepPoint]) -> Table:
     """Largest speed error while starting, by sample time and discretisation."""
-    table = _table("T", "Euler", "exact")
+    table = columns_table("T", "Euler", "exact", left=(0, 1))
     for T in dict.fromkeys(point.sample_time for point in points):
         cells = {point.discretization: point for point in points if point.sample_time == T}
         table.add_row(f"{T * 1e6:g} us", *(sweep_cell(cells[name]) for name in ("euler", "exact")))
@@ -93,10 +96,3 @@ def sweep_table(points: Sequence[SweepPoint]) -> Table:
 
 def sweep_cell(point: SweepPoint) -> str:
     return f"{point.figures['start']:.1f} r/min" if point.locked else "loses lock"
-
-
-def _table(*columns: str) -> Table:
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < 2 else "right")
-    return table

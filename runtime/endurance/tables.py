@@ -11,13 +11,12 @@ from rich.text import Text
 
 from runtime.endurance.fuzz import Campaign, Finding
 from runtime.endurance.soak import Soak
+from runtime.style.tables import columns_table
 
 
 def campaigns_table(campaigns: Iterable[Campaign]) -> Table:
     """One row a filter or controller."""
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for column in ("target", "executions", "a second", "inputs kept", "features", "findings"):
-        table.add_column(column, justify="left" if column == "target" else "right")
+    table = columns_table("target", "executions", "a second", "inputs kept", "features", "findings")
     for one in campaigns:
         pace = one.executions / one.seconds if one.seconds else 0.0
         found = Text(str(len(one.findings)), style="bold red" if one.findings else "green")

@@ -15,7 +15,7 @@ from runtime.drive.simulation import SIMULATOR, controller_declarations, simulat
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
-from runtime.recorded.truth import angle_error, speed_error
+from runtime.recorded.truth import AgainstTruth
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -44,7 +44,7 @@ RESTING, PROBING, CATCHING, RUNNING = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
-class FaultyRun:
+class FaultyRun(AgainstTruth):
     """A run with a fault; arrays of N samples.
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
@@ -68,16 +68,6 @@ class FaultyRun:
     status: Array
     mode: Array
     powered: Array
-
-    @property
-    def speed_error(self) -> Array:
-        """Estimated minus true speed, r/min."""
-        return speed_error(self.x, self.omega)
-
-    @property
-    def angle_error(self) -> Array:
-        """Estimated minus true electrical angle, degrees."""
-        return angle_error(self.x, self.theta)
 
 
 class FaultyLoop:

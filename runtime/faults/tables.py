@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from runtime.faults.survey import ANGLE_BAND, SPEED_BAND, Outcome, Recovery, column
+from runtime.style.tables import columns_table
 
 LEGEND = (
     f"recovery: from the fault's end until the drive has torque and the estimate stays within {SPEED_BAND:g} r/min and "
@@ -24,9 +25,8 @@ ALONE = ("alone", "ms", "dip", "A")
 
 def fault_table(outcomes: Sequence[Outcome]) -> Table:
     """One drive with one filter: a row a fault."""
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for k, name in enumerate((*COLUMNS, *ALONE)):
-        table.add_column(name, justify="left" if k in (0, 7) else "right", no_wrap=True)
+    names = *COLUMNS, *ALONE
+    table = columns_table(*names, left=(0, 7), whole=range(len(names)))
     for outcome in outcomes:
         table.add_row(*_cells(outcome))
     return table

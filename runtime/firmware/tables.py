@@ -8,15 +8,14 @@ from rich.table import Table
 from rich.text import Text
 
 from runtime.firmware.static.check import Check
+from runtime.style.tables import columns_table
 
 STYLES = {"passed": "green", "failed": "bold red", "not run": "yellow", "not proved": "yellow"}
 
 
 def checks_table(checks: Iterable[Check]) -> Table:
     """One row a check."""
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for column in ("check", "on", "figure", "how", ""):
-        table.add_column(column, overflow="fold")
+    table = columns_table("check", "on", "figure", "how", "", left=range(5))
     for check in checks:
         state = Text(check.state, style=STYLES[check.state])
         table.add_row(check.name, check.subject, check.figure, check.how, state)

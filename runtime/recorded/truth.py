@@ -44,6 +44,24 @@ class Errors:
         return {name: v if v is not None and np.isfinite(v) else None for name, v in asdict(self).items()}
 
 
+class AgainstTruth:
+    """What a run's estimate ``x`` (N, n) is off by, where ``omega`` (N,) rad/s and ``theta`` (N,) rad are the truth."""
+
+    x: Array
+    omega: Array
+    theta: Array
+
+    @property
+    def speed_error(self) -> Array:
+        """Estimated minus true speed, r/min."""
+        return speed_error(self.x, self.omega)
+
+    @property
+    def angle_error(self) -> Array:
+        """Estimated minus true electrical angle, degrees, in [-180, 180)."""
+        return angle_error(self.x, self.theta)
+
+
 def speed_error(x: Array, omega: Array) -> Array:
     """Return estimated minus true speed, r/min.
 

@@ -9,6 +9,7 @@ from rich.text import Text
 from runtime.recorded.truth import Errors
 from runtime.replay.replay import NOT_CONVERGED, REJECTED, Replay
 from runtime.replay.statistics import LAGS, Consistency
+from runtime.style.tables import columns_table, pairs_table
 
 
 def replay_tables(replay: Replay) -> RenderableType:
@@ -23,28 +24,20 @@ def replay_tables(replay: Replay) -> RenderableType:
     return Group(*parts)
 
 
-def _table(*columns: str) -> Table:
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="right" if k == 1 else "left", overflow="fold")
-    return table
-
-
 def _run(replay: Replay) -> Table:
     t = replay.recorded.t
-    table = Table(show_header=False, show_edge=False, pad_edge=False, box=None)
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
     backend = {"c": "generated C", "numpy": "generated NumPy"}[replay.backend]
-    table.add_row("filter", f"{replay.drive} {replay.kind}, {backend}, {replay.dtype}")
-    table.add_row("data", f"{len(t):,} samples, {t[-1] - t[0]:.6g} s, T = {replay.sample_time * 1e6:g} us")
-    table.add_row(
-        "status", f"{replay.count(REJECTED):,} rejected, {replay.count(NOT_CONVERGED):,} iterations not converged"
-    )
     sigma = replay.P(slice(-1, None))[0].diagonal() ** 0.5
     end = zip(replay.state_names, replay.x[-1], sigma, replay.state_units, strict=True)
-    table.add_row("at the end", ", ".join(f"{name} {x:.5g} +- {s:.2g} {unit}" for name, x, s, unit in end))
-    return table
+    counts = f"{replay.count(REJECTED):,} rejected, {replay.count(NOT_CONVERGED):,} iterations not converged"
+    return pairs_table(
+        [
+            ("filter", f"{replay.drive} {replay.kind}, {backend}, {replay.dtype}"),
+            ("data", f"{len(t):,} samples, {t[-1] - t[0]:.6g} s, T = {replay.sample_time * 1e6:g} us"),
+            ("status", counts),
+            ("at the end", ", ".join(f"{name} {x:.5g} +- {s:.2g} {unit}" for name, x, s, unit in end)),
+        ]
+    )
 
 
 def _errors(errors: Errors) -> Table:
@@ -60,7 +53,7 @@ def _errors(errors: Errors) -> Table:
         ("load torque, rms at the end", errors.load_torque_steady_rms, "N m"),
         ("load torque, last row", errors.load_torque_end, "N m"),
     )
-    table = _table("estimate minus truth", "", "")
+    table = columns_table("estimate minus truth", "", "", left=(0, 2))
     for what, value, unit in rows:
         if value is not None:
             table.add_row(what, f"{value:.3f}", unit)
@@ -70,7 +63,9 @@ def _errors(errors: Errors) -> Table:
 
 
 def _consistency(found: Consistency) -> Table:
-    table = _table("innovations, y minus what the filter expected", "found", "95 % of a consistent filter")
+    table = columns_table(
+        "innovations, y minus what the filter expected", "found", "95 % of a consistent filter", left=(0, 2)
+    )
     low, high = found.nis_band
     table.add_row("normalised innovation squared, mean", f"{found.nis_mean:.4g}", f"{low:.4g} .. {high:.4g}")
     table.add_row("steps inside their own 95 % band", f"{100 * found.nis_inside:.1f} %", "95 %")

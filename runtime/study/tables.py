@@ -11,15 +11,19 @@ from rich.text import Text
 from runtime.study.analysis import FIGURES, QUANTILES, QUICK, Difference, Rate, comparisons, quantiles, quick, success
 from runtime.study.run import Study
 from runtime.study.tune import Point, Tuned
+from runtime.style.tables import columns_table
 
 #: Rows of a front that are shown.
 LINES = 20
+
+#: What is tuned for, in the order of the objectives.
+ERRORS = ("start, r/min", "steady rms, r/min", "load step, r/min")
 
 
 def groups_table(study: Study) -> Table:
     """One row a drive and filter: success with its interval, then median, 95 % and worst of each figure."""
     names = [f"{name.replace('_', ' ')}, {unit}" for name, unit in FIGURES.items()]
-    table = _table("drive", "filter", "runs", "success, % (95 %)", f"within {QUICK:g} s", *names)
+    table = columns_table("drive", "filter", "runs", "success, % (95 %)", f"within {QUICK:g} s", *names, left=(0, 1))
     for group in study.groups:
         rate = success(group)
         found = quantiles(group)
@@ -46,7 +50,7 @@ def paired_table(study: Study) -> Table | None:
     items = comparisons(study)
     if not items:
         return None
-    table = _table("drive", "difference", "of", "runs", "mean", "95 % interval", "")
+    table = columns_table("drive", "difference", "of", "runs", "mean", "95 % interval", "", left=(0, 1))
     for item in items:
         scale, unit = (100.0, "%") if item.figure == "success" else (1.0, FIGURES[item.figure])
         interval = f"{scale * item.low:+.3g} .. {scale * item.high:+.3g}"
@@ -74,7 +78,9 @@ def verdict(item: Difference) -> str:
 
 def front_table(tuned: Tuned) -> Table:
     """The Pareto front and the drive file's own tuning, on the runs of the trials."""
-    table = _table("trial", "", "start, r/min", "steady rms, r/min", "load step, r/min", *tuned.axes)
+    table = columns_table(
+        "trial", "", "start, r/min", "steady rms, r/min", "load step, r/min", *tuned.axes, left=(0, 1)
+    )
     special = {tuned.recommended.number: Text("recommended", style="bold green")}
     special[tuned.own.number] = Text("drive file")  # which may be the one to take
     others = [point for point in tuned.front if point.number not in special]
@@ -98,16 +104,11 @@ def _by_start(point: Point) -> tuple[float, ...]:
 
 def proof_table(tuned: Tuned) -> Table:
     """Both tunings on runs that no trial has seen."""
-    table = _table("on fresh runs", "start, r/min", "steady rms, r/min", "load step, r/min", "success, % (95 %)")
+    table = columns_table(
+        "on fresh runs", "start, r/min", "steady rms, r/min", "load step, r/min", "success, % (95 %)", left=(0, 1)
+    )
     for label, check in (("drive file", tuned.check_own), ("recommended", tuned.check_recommended)):
         rate = check.rate
         share = f"{100 * rate.rate:.1f} ({100 * rate.low:.1f} .. {100 * rate.high:.1f})"
         table.add_row(label, *(f"{value:.3g}" for value in check.values), share)
-    return table
-
-
-def _table(*columns: str) -> Table:
-    table = Table(header_style="", show_edge=False, pad_edge=False)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < 2 else "right")
     return table

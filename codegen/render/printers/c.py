@@ -82,11 +82,8 @@ class CPrinter(ExpressionPrinter):
         """Sections with their headings."""
         lines: list[str] = []
         for section in listing.sections:
-            heading = ": ".join(
-                part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part
-            )
-            if heading:
-                lines += ["", wrap_line(f"/* --- {heading} */", INDENT, "   ")]
+            if section.heading:
+                lines += ["", wrap_line(f"/* --- {section.heading} */", INDENT, "   ")]
             for statement in section.statements:
                 lines += self.format_statement(listing, statement)
         return lines

@@ -42,11 +42,8 @@ class PythonPrinter(ExpressionPrinter):
     def format_body(self, listing: Listing) -> list[str]:
         lines: list[str] = []
         for section in listing.sections:
-            heading = ": ".join(
-                part for part in (f"eq. {section.equation}" if section.equation else "", section.title) if part
-            )
-            if heading:
-                lines += ["", wrap_line(f"# --- {heading}", INDENT, "# ")]
+            if section.heading:
+                lines += ["", wrap_line(f"# --- {section.heading}", INDENT, "# ")]
             lines += [self.format_statement(listing, statement) for statement in section.statements]
         return lines
 

@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
+from codegen.evidence.emitted import CHIP_MACROS
 from runtime.firmware.static.check import Check
 from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
@@ -25,16 +26,9 @@ PLATFORM = Path(__file__).with_name("c28x.xml")
 
 #: What TI's compiler and its limits.h and float.h say; cppcheck reads no system header.
 DEFINES = {
-    "__TMS320C28XX__": "1",
-    "__TMS320C28XX_FPU32__": "1",
+    **CHIP_MACROS,
     "__TI_STRICT_FP_MODE__": "1",
     "__TI_COMPILER_VERSION__": "22006000",
-    "FLT_RADIX": "2",
-    "FLT_MANT_DIG": "24",
-    "FLT_MAX_EXP": "128",
-    "FLT_MIN_EXP": "-125",
-    "CHAR_BIT": "16",
-    "UINT_MAX": "0xFFFFU",
 }
 
 _LINE = re.compile(r"^(?P<file>[^|]*)\|(?P<line>\d+)\|(?P<severity>\w+)\|(?P<id>[\w.-]+)\|(?P<message>.*)$")
