@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -164,6 +165,27 @@ def test_a_circle_of_packages_and_an_arrow_up_are_found(tmp_path: Path) -> None:
     assert circle(file_graph(tmp_path)) == []
     assert circle(package_graph(tmp_path)) == ["codegen.ir", "codegen.passes", "codegen.ir"]
     assert arrows_up(tmp_path) == ["codegen.ir -> codegen.passes"]
+
+
+# --- the documents
+
+
+def unknown_files(text: str) -> list[str]:
+    """Files in backticks that are nowhere in the project, by the end of their path."""
+    ours = [
+        "/" + path.relative_to(ROOT).as_posix()
+        for room in (*ROOMS, "tests", "docs", "benchmarks", "generated")
+        for path in (ROOT / room).rglob("*")
+    ]
+    ours += ["/" + path.name for path in ROOT.iterdir()]
+    named = re.findall(r"`([\w./]+\.(?:py|c|h|j2|md|toml)|[\w./]+/)`", text)
+    return [name for name in named if not any(path.endswith("/" + name.rstrip("/")) for path in ours)]
+
+
+@pytest.mark.parametrize("document", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
+def test_files_that_documents_name_are_there(document: str) -> None:
+    assert unknown_files((ROOT / document).read_text(encoding="utf-8")) == []
+    assert unknown_files("`tasks.py`, `model/nowhere/`, `proof/verify.py`") == ["tasks.py", "model/nowhere/"]
 
 
 # --- sizes
