@@ -59,7 +59,7 @@ def find_drive(word: str | Path) -> NamedDrive:
                 return NamedDrive(word, stated_drive(GeneratedFolder(path)), path)
         if Path(word).is_dir():
             raise UserError(f"'{word}' is not a generated folder: no manifest.json in it.")
-        raise DriveError(unknown_drive(word, "nor a TOML file, nor a generated folder"))
+        raise UserError(unknown_drive(word, "nor a TOML file, nor a generated folder"))
     drive = load_drive(word)
     if Path(word).resolve().parent == DRIVES.resolve():
         return NamedDrive(word, drive, GENERATED / drive.name)
