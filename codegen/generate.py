@@ -180,7 +180,7 @@ def print_c(
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, notes)
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
     kind = default_kind(steps)
-    files["example_isr.c"] = render_example(about, kind, steps[kind].covariance)
+    files["example_isr.c"] = render_example(about, steps[kind])
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)

@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 
+from codegen.ir.covariance import place
 from codegen.ir.trig import wrap_listing
 from codegen.render.filter import render_port, sin_cos_text
 from codegen.render.printers.c import CPrinter
@@ -159,7 +160,7 @@ def _wrapper(name: str, drive: Drive, declared: str, body: str) -> dict[str, str
         *(f"f->Q[{k}] = {value}f;" for k, value in enumerate(map(float, tuning.process_noise))),
         *(f"f->R[{k}] = {value}f;" for k, value in enumerate(map(float, tuning.measurement_noise))),
     ]
-    variances = [f"f->P[{k * (k + 3) // 2}] = {float(value)}f;" for k, value in enumerate(tuning.initial_covariance)]
+    variances = [f"f->P[{place(k, k)}] = {float(value)}f;" for k, value in enumerate(tuning.initial_covariance)]
     header = f"""#ifndef WRAPPED_H
 #define WRAPPED_H
 #include "pmsm_port.h"

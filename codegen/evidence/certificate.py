@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -118,27 +117,12 @@ def one_step(
     ``number`` wraps every quantity of the step, to run it on a modelled arithmetic.
     """
     math = module["MATH"][dtype]
-    state = filter_state(module, dtype, number)
+    state = module["new_filter"](lambda value: number(math.dtype(value)))
     words = module["pack"](full_matrices(box.P, len(module["STATES"]))).astype(np.float32)
     x, P, u, y = (tuple(number(row) for row in rows.astype(math.dtype)) for rows in (box.x, words, box.u, box.y))
     state.x = x
     setattr(state, module["COVARIANCE"], P)
     state.u_held = tuple(number(row) for row in np.zeros_like(box.u, dtype=math.dtype))
-    state.nis, state.repairs = number(math.dtype(0)), 0
     module["STEPS"][kind](state, u, y, math)
     left = np.array(getattr(state, module["COVARIANCE"]), dtype=float)
     return np.array(state.x, dtype=float), np.moveaxis(module["unpack"](left), 2, 0)
-
-
-def filter_state(module: dict[str, Any], dtype: str, number: Callable[[Any], Any]) -> SimpleNamespace:
-    """The tuning a drive ships, as the step's state; x, P and u_held are the caller's."""
-    cast = module["MATH"][dtype].dtype
-    return SimpleNamespace(
-        **{key: _cast(value, lambda item: number(cast(item))) for key, value in module["DEFAULTS"].items()}
-    )
-
-
-def _cast(value: Any, dtype: Any) -> Any:
-    if isinstance(value, tuple):
-        return tuple(dtype(item) for item in value)
-    return value if isinstance(value, int) else dtype(value)

@@ -92,7 +92,7 @@ def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: in
     """status, iterations (N, lanes) and words (N, n + n(n+1)/2, lanes) over all segments, one after another."""
     status, iterations, words = [], [], []
     for run in runs:
-        state = _filter_state(module, run.x_0, run.P_0, lanes)
+        state = _in_lanes(module, module["new_filter"](np.float32, x_0=tuple(run.x_0), P_0=tuple(run.P_0)), lanes)
         for u, y in zip(run.u, run.y, strict=True):
             with np.errstate(all="ignore"):
                 code = module["STEPS"][kind](state, _lanes(u, lanes), _lanes(y, lanes), module["MATH"]["float32"])
@@ -106,19 +106,10 @@ def run_control(
     module: dict[str, Any], kind: str, run: ControlRun, gains: tuple[float, ...], lanes: int
 ) -> tuple[Array, Array]:
     """status (N, lanes) and words (N, 6, lanes): duty cycles, integrators."""
-    zero = np.zeros(lanes, dtype=np.float32)
-    defaults = module["DEFAULTS"]
-    c = SimpleNamespace(
-        filter=_filter_state(module, defaults["x_0"], defaults["P_0"], lanes),
-        gain=tuple(np.float32(gain) for gain in gains),
-        integrator=(zero, zero, zero),
-        command_max=tuple(np.float32(limit) for limit in module["COMMAND_MAX"]),
-        command_held=_lanes(module["COMMAND_FIRST"], lanes),
-        v_acting=(zero, zero),
-        v_queued=(zero, zero),
-        sensored=0,
-        delay=run.delay,
-    )
+    c = module["new_controller"](np.float32, gains, delay=run.delay)
+    _in_lanes(module, c.filter, lanes)
+    for name in ("integrator", "command_held", "v_acting", "v_queued"):
+        setattr(c, name, _lanes(getattr(c, name), lanes))
     status, words = [], []
     for phase, command in zip(run.phase, run.command, strict=True):
         with np.errstate(all="ignore"):
@@ -143,25 +134,12 @@ def allowed_exponents(words: Array, blurred: Array) -> Array:
     return np.asarray(np.ceil(np.log2(np.minimum(bound, 2.0**100))).astype(int) + 127)
 
 
-def _filter_state(module: dict[str, Any], x_0: Any, P_0: Any, lanes: int) -> SimpleNamespace:
-    """As _init and _reset leave it: the drive's tuning, x_0, and a diagonal covariance."""
-    state = SimpleNamespace(**{key: _cast(value) for key, value in module["DEFAULTS"].items()})
-    n = len(x_0)
-    order = list(module["ORDER"]) if module["COVARIANCE"] == "LD" else list(range(n))
-    diagonal = np.diag(np.array(P_0, dtype=np.float32)[order])[np.tril_indices(n)]
-    state.x = state.x_0 = _lanes(x_0, lanes)
-    state.P_0 = _lanes(P_0, lanes)
-    setattr(state, module["COVARIANCE"], _lanes(diagonal, lanes))
-    state.u_held = _lanes(np.zeros(2), lanes)
-    state.nis, state.repairs = np.float32(0), 0
+def _in_lanes(module: dict[str, Any], state: SimpleNamespace, lanes: int) -> SimpleNamespace:
+    """A filter whose estimate is the same in every lane."""
+    for name in ("x", "x_0", "P_0", module["COVARIANCE"], "u_held"):
+        setattr(state, name, _lanes(getattr(state, name), lanes))
     return state
 
 
 def _lanes(values: Any, lanes: int) -> tuple[Array, ...]:
     return tuple(np.full(lanes, value, dtype=np.float32) for value in values)
-
-
-def _cast(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return tuple(np.float32(item) for item in value)
-    return value if isinstance(value, int) else np.float32(value)

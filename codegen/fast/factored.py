@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from codegen.ir.covariance import place
 from codegen.ir.expr import Expr, sum_of
 
 Matrix = list[list[Expr]]
@@ -20,7 +21,7 @@ def from_packed(packed: list[Expr], order: Sequence[int]) -> tuple[Matrix, list[
     ``order``: of the states in L's columns and in the words; its rows here are in the order of the state.
     """
     n, zero = len(order), packed[0] * 0.0
-    at = {(i, j): packed[i * (i + 1) // 2 + j] for i in range(n) for j in range(i + 1)}
+    at = {(i, j): packed[place(i, j)] for i in range(n) for j in range(i + 1)}
     L = [[at[i, j] if i > j else zero + float(i == j) for j in range(n)] for i in range(n)]
     return _by_state(L, order), [at[i, i] for i in range(n)]
 

@@ -6,12 +6,24 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
-from codegen.render.filter import Description, render, sin_cos_arithmetic, sin_cos_text, trig_note, with_ramfuncs
+from codegen.render.filter import (
+    ANGLE,
+    Description,
+    render,
+    sin_cos_arithmetic,
+    sin_cos_text,
+    state_place,
+    trig_note,
+    variance_place,
+    with_ramfuncs,
+)
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
+from model.filters import FilterStep
 from model.loop.controller import (
     SENSED_MAX,
     Gains,
@@ -51,6 +63,7 @@ def believed_listing(about: Description) -> Listing:
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
     """What both languages say about the controller."""
     listing, constants = control_listing(about)
+    names = [state.name for state in about.model.states]
     return {
         "clarke": printer.format_block(lay_out(clarke_block(), [])),
         "believed": printer.format_block(believed_listing(about)),
@@ -59,6 +72,8 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
         "command_max": [printer.format_literal(value) for value in command_limits(about.drive)],
         "command_first": [printer.format_literal(value) for value in first_command(about.drive)],
         "sensed_max": printer.format_literal(SENSED_MAX),
+        "omega": names.index("omega"),
+        "theta": names.index(ANGLE),
         "gains": tuple(Gains.names()),
         "gain_values": [printer.format_literal(value) for value in design(about.drive).values],
         "advance_delayed": printer.format_literal(design(about.drive, delay=1).advance),
@@ -70,9 +85,12 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
     listing, constants = control_listing(about)
     listings = (listing, believed_listing(about))
     used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
+    p = f"{about.drive.name}_{kind}"
     return {
         **controller_context(about, printer),
-        "p": f"{about.drive.name}_{kind}",
+        "p": p,
+        "omega_place": state_place(p, "omega"),
+        "theta_place": state_place(p, ANGLE),
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
@@ -118,9 +136,21 @@ def default_kind(kinds: Iterable[str]) -> str:
     return "ickf" if "ickf" in kinds else kinds[0]
 
 
-def render_example(about: Description, kind: str, covariance: str) -> str:
-    """The example interrupt around one filter, of which the field ``covariance`` is P or its factors."""
+def render_example(about: Description, step: FilterStep) -> str:
+    """Render the example interrupt around one filter.
+
+    Parameters
+    ----------
+    about : Description
+    step : FilterStep
+        The filter; places in its struct are told by the names of its header.
+    """
     drive, literal = about.drive, CPrinter(F28335).format_literal
+    layout, p = CovarianceLayout.of(step), f"{about.drive.name}_{step.kind}"
+    slow = [state.name for state in about.model.adaptive.states]
+    names = {"X_ALPHA": layout.states[0], "X_BETA": layout.states[1], "OMEGA": "omega", "THETA": ANGLE}
+    names |= {name.upper(): name for name in slow}
+    flux_states = about.model.states[0].unit == "Wb"
     T, speed = drive.model.sample_time, drive.operating_box.speed
     counts = {
         "max_rejected": BLIND_TIME / T,
@@ -146,17 +176,16 @@ def render_example(about: Description, kind: str, covariance: str) -> str:
         "pi": math.pi,
         "two_pi": 2 * math.pi,
     }
-    states = len(about.model.states)
-    slow = [(k, k * (k + 3) // 2) for k in range(states - len(about.model.adaptive.states), states)]
     source = render(
         "example_isr.c.j2",
-        slow=slow,  # state, and its variance's place in the covariance words
-        p=f"{drive.name}_{kind}",
+        slow=slow,
+        places=[(label, state_place(p, name), variance_place(p, layout, name)) for label, name in names.items()],
+        p=p,
         drive=drive.name,
         sha=drive.sha256,
         sample_time_us=f"{T * 1e6:g}",
-        flux_states=about.model.states[0].unit == "Wb",
-        covariance=covariance,
+        flux_states=flux_states,
+        covariance=layout.field,
         max_current=Gains.names().index("max_current"),
         **{name: max(1, round(count)) for name, count in counts.items()},
         **{name: literal(value) for name, value in numbers.items()},

@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
+from codegen.ir.covariance import CovarianceLayout, place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
@@ -32,6 +33,9 @@ _ENVIRONMENT = jinja2.Environment(
     keep_trailing_newline=True,
     undefined=jinja2.StrictUndefined,
 )
+
+#: The state that lives on a circle.
+ANGLE = "theta"
 
 FILTER_TITLES = {
     "ckf": "cubature Kalman filter",
@@ -85,22 +89,36 @@ def render_port() -> str:
     return render("port.h.j2")
 
 
+def state_place(p: str, state: str) -> str:
+    """Return the name by which a header tells a state's place in x.
+
+    Parameters
+    ----------
+    p : str
+        The filter's C prefix.
+    state : str
+    """
+    return f"{p}_{state}".upper()
+
+
+def variance_place(p: str, layout: CovarianceLayout, state: str) -> str:
+    """Return the name by which a header tells the place of a state's variance among the covariance words.
+
+    Parameters
+    ----------
+    p : str
+        The filter's C prefix.
+    layout : CovarianceLayout
+    state : str
+    """
+    return f"{p}_{layout.field}_{state}".upper()
+
+
 def covariance_comment(step: FilterStep) -> str:
     """What the words of the covariance are."""
     text = COVARIANCE_COMMENTS[step.covariance]
-    order = factor_order(step)
-    return f"{text}; states in the order {', '.join(step.model.root_order)}" if order else text
-
-
-def angle_place(step: FilterStep) -> int:
-    """Where theta stands in the carried factors."""
-    return (factor_order(step) or tuple(range(len(step.model.states)))).index(step.model.angle)
-
-
-def factor_order(step: FilterStep) -> tuple[int, ...]:
-    """The states in the order of the carried factors, where that is not the state's own."""
-    order = step.model.order
-    return order if step.covariance == "LD" and order != tuple(range(len(order))) else ()
+    layout = CovarianceLayout.of(step)
+    return text if layout.natural else f"{text}; states in the order {', '.join(step.model.root_order)}"
 
 
 def render_filter(
@@ -114,13 +132,13 @@ def render_filter(
     model = about.model
     printer = CPrinter(target)
     n = len(model.states)
+    layout = CovarianceLayout.of(step)
     looped = has_loop(step.body)
     spread = common_spread(listings[block.name] for block in step.blocks)
     turns = spread is not None
     pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
-    common = _words(about, step, listings, printer)
-    order = model.order
-    pivots = [f"(LD_pred[{k * (k + 3) // 2}] > f->Q[{order[k]}])" for k in range(n)]
+    common = _words(about, step, layout, listings, printer)
+    pivots = [f"(LD_pred[{place(k, k)}] > f->Q[{state}])" for k, state in enumerate(layout.order)]
     watch = [f"if (!({' && '.join(pivots)})) {{", f"{INDENT}status |= PMSM_COVARIANCE_REPAIRED;", "}"]
     printer.behind = {block.name: watch for block in step.blocks if is_watched(block)}
     header = render(
@@ -128,13 +146,15 @@ def render_filter(
         **common,
         covariance_comment=covariance_comment(step),
         states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
+        state_places=[(state_place(common["p"], name), k) for k, name in enumerate(layout.states)],
+        variance_places=[(variance_place(common["p"], layout, name), layout.variance(name)) for name in layout.states],
         unused="" if looped else "; unused here: " + ("iterating is idle" if step.iteration_proof else "no iteration"),
     )
     source = render(
         "filter.c.j2",
         **common,
         generated_trig=target.generated_trig,
-        order=factor_order(step),
+        order=() if layout.natural else layout.order,
         notes=notes,
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),
@@ -158,10 +178,11 @@ def render_filter(
     return header, source
 
 
-def _words(about: Description, step: FilterStep, listings: dict[str, Listing], printer: CPrinter) -> dict[str, Any]:
+def _words(
+    about: Description, step: FilterStep, layout: CovarianceLayout, listings: dict[str, Listing], printer: CPrinter
+) -> dict[str, Any]:
     """What header and source of a filter both speak of."""
     drive, target, n = about.drive, printer.target, len(about.model.states)
-    place = angle_place(step)
     return {
         "p": f"{drive.name}_{step.kind}{target.tag}",
         "title": about.title(step.kind),
@@ -169,15 +190,16 @@ def _words(about: Description, step: FilterStep, listings: dict[str, Listing], p
         "sha": drive.sha256,
         "real": target.real,
         "n": n,
-        "packed": n * (n + 1) // 2,
+        "packed": layout.size,
+        "layout": layout,
         "libm": library_calls([listings[block.name] for block in step.blocks], target),
         "covariance": step.covariance,
         "guarded": step.guarded,
         "sound": printer.format_literal(SOUND),
         "per_sound": printer.format_literal(1.0 / SOUND),
         "one": printer.format_literal(1.0),
-        "angle_columns": place + 1,
-        "angle_row": place * (place + 1) // 2,
+        "angle_columns": layout.row(ANGLE) + 1,
+        "angle_row": layout.row_start(ANGLE),
         "states_summed": " + ".join(f"f->x[{k}]" for k in range(n)),
     }
 

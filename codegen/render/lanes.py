@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from codegen.fast.guards import SOUND, is_turns
+from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
 from codegen.render.drive import foc_context, plant_context
 from codegen.render.filter import (
+    ANGLE,
     Description,
-    angle_place,
     common_spread,
     covariance_comment,
-    factor_order,
     filter_constants,
     has_loop,
     render,
@@ -31,7 +31,7 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
     """Header and source; float32 alone, because float64 calls the platform's sine and cosine."""
     target = F28335
     model = about.model
-    place = angle_place(step)
+    layout = CovarianceLayout.of(step)
     skips = sum(is_turns(block) for block in step.blocks) > 1  # those behind the measurement's guard
     printer = LanesPrinter(target, len(model.states), skips)
     operations = [listings[block.name].operations() for block in step.blocks]
@@ -46,16 +46,17 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "real": target.real,
         "lanes": LANES,
         "n": len(model.states),
-        "packed": len(model.states) * (len(model.states) + 1) // 2,
+        "packed": layout.size,
         "covariance": step.covariance,
         "guarded": step.guarded,
         "sound": printer.format_literal(SOUND),
         "per_sound": printer.format_literal(1.0 / SOUND),
         "one": printer.format_literal(1.0),
         "most_turns": max((len(block.outputs[0].entries) for block in step.blocks if is_turns(block)), default=0),
-        "order": factor_order(step),
-        "angle_columns": place + 1,
-        "angle_row": place * (place + 1) // 2,
+        "order": () if layout.natural else layout.order,
+        "layout": layout,
+        "angle_columns": layout.row(ANGLE) + 1,
+        "angle_row": layout.row_start(ANGLE),
         "states_summed": " +\n            ".join(
             " + ".join(f"f->x[{k}].of[lane]" for k in range(start, min(start + 4, len(model.states))))
             for start in range(0, len(model.states), 4)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from codegen.fast.guards import SOUND
+from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
@@ -20,6 +21,7 @@ def render_module(
     drive, model = about.drive, about.model
     printer = PythonPrinter()
     (covariance,) = {step.covariance for step in steps.values()}
+    layout = CovarianceLayout.of(next(iter(steps.values())))
     spreads = sorted(set().union(*(listing.spreads for listing in listings.values())))
     helpers = [
         printer.format_helper(sin_cos_listing(), "f32"),
@@ -35,7 +37,7 @@ def render_module(
         states=tuple(state.name for state in model.states),
         units=tuple(state.unit for state in model.states),
         angle=model.angle,
-        order=model.order,
+        layout=layout,
         kinds=tuple(steps),
         gain=drive.filter.gain,
         sample_time=repr(drive.model.sample_time),

@@ -13,6 +13,22 @@
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    IPMSM_CKF_I_ALPHA = 0,
+    IPMSM_CKF_I_BETA = 1,
+    IPMSM_CKF_OMEGA = 2,
+    IPMSM_CKF_THETA = 3,
+    IPMSM_CKF_LOAD_TORQUE = 4
+};
+enum {
+    IPMSM_CKF_LD_I_ALPHA = 0,
+    IPMSM_CKF_LD_I_BETA = 2,
+    IPMSM_CKF_LD_OMEGA = 5,
+    IPMSM_CKF_LD_THETA = 9,
+    IPMSM_CKF_LD_LOAD_TORQUE = 14
+};
+
 typedef struct {
     /* estimate */
     float32 x[5]; /* i_alpha A, i_beta A, omega rad/s, theta rad, load_torque N m */

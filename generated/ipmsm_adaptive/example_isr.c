@@ -97,6 +97,20 @@
 #define TELEMETRY_EVERY 200
 #endif
 
+/* Places in the filter's struct; X: what it carries of the flux linkage. */
+#define X_ALPHA IPMSM_ADAPTIVE_ICKF_PSI_ALPHA
+#define VARIANCE_OF_X_ALPHA IPMSM_ADAPTIVE_ICKF_LD_PSI_ALPHA
+#define X_BETA IPMSM_ADAPTIVE_ICKF_PSI_BETA
+#define VARIANCE_OF_X_BETA IPMSM_ADAPTIVE_ICKF_LD_PSI_BETA
+#define OMEGA IPMSM_ADAPTIVE_ICKF_OMEGA
+#define VARIANCE_OF_OMEGA IPMSM_ADAPTIVE_ICKF_LD_OMEGA
+#define THETA IPMSM_ADAPTIVE_ICKF_THETA
+#define VARIANCE_OF_THETA IPMSM_ADAPTIVE_ICKF_LD_THETA
+#define MAGNET_FLUX IPMSM_ADAPTIVE_ICKF_MAGNET_FLUX
+#define VARIANCE_OF_MAGNET_FLUX IPMSM_ADAPTIVE_ICKF_LD_MAGNET_FLUX
+#define STATOR_RESISTANCE IPMSM_ADAPTIVE_ICKF_STATOR_RESISTANCE
+#define VARIANCE_OF_STATOR_RESISTANCE IPMSM_ADAPTIVE_ICKF_LD_STATOR_RESISTANCE
+
 #define PI 3.1415927f
 #define TWO_PI 6.2831855f
 #define INV_TWO_PI 0.15915494f
@@ -215,16 +229,16 @@ static int is_quiet(const float32 i[2])
 static void start_filter(float32 x_0, float32 x_1, float32 omega, float32 theta)
 {
     ipmsm_adaptive_ickf_reset(&FILTER);
-    FILTER.x[0] = x_0;
-    FILTER.x[1] = x_1;
-    FILTER.x[2] = omega;
-    FILTER.x[3] = theta;
-    FILTER.LD[0] = UNKNOWN_FLUX;
-    FILTER.LD[2] = UNKNOWN_FLUX;
-    FILTER.LD[5] = UNKNOWN_SPEED;
-    FILTER.LD[9] = UNKNOWN_ANGLE;
-    FILTER.LD[20] = HELD * FILTER.P_0[5];
-    FILTER.LD[27] = HELD * FILTER.P_0[6];
+    FILTER.x[X_ALPHA] = x_0;
+    FILTER.x[X_BETA] = x_1;
+    FILTER.x[OMEGA] = omega;
+    FILTER.x[THETA] = theta;
+    FILTER.LD[VARIANCE_OF_X_ALPHA] = UNKNOWN_FLUX;
+    FILTER.LD[VARIANCE_OF_X_BETA] = UNKNOWN_FLUX;
+    FILTER.LD[VARIANCE_OF_OMEGA] = UNKNOWN_SPEED;
+    FILTER.LD[VARIANCE_OF_THETA] = UNKNOWN_ANGLE;
+    FILTER.LD[VARIANCE_OF_MAGNET_FLUX] = HELD * FILTER.P_0[MAGNET_FLUX];
+    FILTER.LD[VARIANCE_OF_STATOR_RESISTANCE] = HELD * FILTER.P_0[STATOR_RESISTANCE];
     since = 0;
     content = 0;
     rejected = 0;
@@ -256,7 +270,7 @@ static float32 angle_of(float32 cosine, float32 sine)
  * believe in the opposite speed, but its angle is pushed along by the rotor. */
 static void watch_turning(void)
 {
-    float32 step = FILTER.x[3] - theta_before;
+    float32 step = FILTER.x[THETA] - theta_before;
     if (step > PI) {
         step = step - TWO_PI;
     }
@@ -264,15 +278,15 @@ static void watch_turning(void)
         step = step + TWO_PI;
     }
     turned = turned + step;
-    stated = stated + (POLE_PAIRS * SAMPLE_TIME * FILTER.x[2]);
-    theta_before = FILTER.x[3];
+    stated = stated + (POLE_PAIRS * SAMPLE_TIME * FILTER.x[OMEGA]);
+    theta_before = FILTER.x[THETA];
 }
 
 static void begin_watch(void)
 {
     turned = 0.0f;
     stated = 0.0f;
-    theta_before = FILTER.x[3];
+    theta_before = FILTER.x[THETA];
 }
 
 /* Within half of what is stated, and an angle that a jolt may make. */
@@ -308,8 +322,8 @@ static void start_regulators(void)
 /* Torque, and motor data that are learnt again. */
 static void run(void)
 {
-    FILTER.LD[20] = FILTER.P_0[5];
-    FILTER.LD[27] = FILTER.P_0[6];
+    FILTER.LD[VARIANCE_OF_MAGNET_FLUX] = FILTER.P_0[MAGNET_FLUX];
+    FILTER.LD[VARIANCE_OF_STATOR_RESISTANCE] = FILTER.P_0[STATOR_RESISTANCE];
 #if WHOLE_CONTROLLER
     control.gain[MAX_CURRENT] = max_current;
 #endif
@@ -328,7 +342,7 @@ static void catch_rotor(const float32 phase[2], float32 reference)
     const float32 cosine = -direction * i_beta / size;
     const float32 sine = direction * phase[0] / size;
     const float32 omega = direction * PROBE_SPEED * size / (float32)since;
-    start_filter((cosine * FILTER.x_0[0]) - (sine * FILTER.x_0[1]), (sine * FILTER.x_0[0]) + (cosine * FILTER.x_0[1]),
+    start_filter((cosine * FILTER.x_0[X_ALPHA]) - (sine * FILTER.x_0[X_BETA]), (sine * FILTER.x_0[X_ALPHA]) + (cosine * FILTER.x_0[X_BETA]),
                  omega, angle_of(cosine, sine));
     start_regulators();
     mode = CATCHING;
@@ -348,7 +362,7 @@ static void start_at_rest(void)
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
 static void mirror(void)
 {
-    start_filter(-FILTER.x[0], -FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);
+    start_filter(-FILTER.x[X_ALPHA], -FILTER.x[X_BETA], -FILTER.x[OMEGA], FILTER.x[THETA] + PI);
     mirrored = 1;
 }
 
@@ -426,9 +440,9 @@ static void report(int status)
         return;
     }
     ticks = 0;
-    words[0] = FILTER.x[2];                           /* rad/s mechanical */
-    words[1] = per_unit(FILTER.x[3]);                 /* electrical turn */
-    words[2] = FILTER.x[2] * POLE_PAIRS * INV_TWO_PI; /* Hz electrical */
+    words[0] = FILTER.x[OMEGA];                           /* rad/s mechanical */
+    words[1] = per_unit(FILTER.x[THETA]);                 /* electrical turn */
+    words[2] = FILTER.x[OMEGA] * POLE_PAIRS * INV_TWO_PI; /* Hz electrical */
     words[3] = (float32)status;
     telemetry(words, 4);
 }
@@ -513,7 +527,7 @@ INTERRUPT void adc_isr(void)
          * compare registers it was computed two interrupts ago. One interval off costs an angle error of omega_e T. */
         status = ipmsm_adaptive_ickf_step(&filter, v_acting, i);
 
-        your_current_loop(i, filter.x[2], per_unit(filter.x[3]), (mode == RUNNING) ? 1 : 0, v);
+        your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), (mode == RUNNING) ? 1 : 0, v);
         your_svgen(v, read_dc_link(), duty);
         write_duty(duty);
 

@@ -13,6 +13,26 @@
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    IPMSM_ADAPTIVE_CKF_PSI_ALPHA = 0,
+    IPMSM_ADAPTIVE_CKF_PSI_BETA = 1,
+    IPMSM_ADAPTIVE_CKF_OMEGA = 2,
+    IPMSM_ADAPTIVE_CKF_THETA = 3,
+    IPMSM_ADAPTIVE_CKF_LOAD_TORQUE = 4,
+    IPMSM_ADAPTIVE_CKF_MAGNET_FLUX = 5,
+    IPMSM_ADAPTIVE_CKF_STATOR_RESISTANCE = 6
+};
+enum {
+    IPMSM_ADAPTIVE_CKF_LD_PSI_ALPHA = 14,
+    IPMSM_ADAPTIVE_CKF_LD_PSI_BETA = 20,
+    IPMSM_ADAPTIVE_CKF_LD_OMEGA = 2,
+    IPMSM_ADAPTIVE_CKF_LD_THETA = 0,
+    IPMSM_ADAPTIVE_CKF_LD_LOAD_TORQUE = 27,
+    IPMSM_ADAPTIVE_CKF_LD_MAGNET_FLUX = 9,
+    IPMSM_ADAPTIVE_CKF_LD_STATOR_RESISTANCE = 5
+};
+
 typedef struct {
     /* estimate */
     float32 x[7]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad, load_torque N m, magnet_flux Wb, stator_resistance ohm */

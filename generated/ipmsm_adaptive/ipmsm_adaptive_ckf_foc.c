@@ -269,8 +269,8 @@ int ipmsm_adaptive_ckf_foc_step(ipmsm_adaptive_ckf_foc_t *c, const float32 phase
             status |= PMSM_COMMAND_REJECTED;
         }
     }
-    rotor[0] = c->filter.x[2];
-    rotor[1] = c->filter.x[3];
+    rotor[0] = c->filter.x[IPMSM_ADAPTIVE_CKF_OMEGA];
+    rotor[1] = c->filter.x[IPMSM_ADAPTIVE_CKF_THETA];
     if (c->sensored != 0) {
         if ((is_within(c->sensed[0], c->command_max[0]) != 0) && (is_within(c->sensed[1], SENSED_MAX) != 0)) {
             rotor[0] = c->sensed[0];

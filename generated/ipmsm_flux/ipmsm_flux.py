@@ -5,11 +5,16 @@ Needs NumPy alone. Every quantity is a scalar or an array of lanes: a trailing b
 float32 lanes compute the bits of the generated C; float64 lanes use the platform's sin and cos.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 
 STATES = ('psi_alpha', 'psi_beta', 'omega', 'theta')
 COVARIANCE = "LD"  # the field that carries P; see pack and unpack
-ORDER = (0, 1, 2, 3)  # row k of the factors of P is that of state ORDER[k]
+ORDER = (0, 1, 2, 3)  # row k of the carried triangle is that of state ORDER[k]
+ROWS = (0, 1, 2, 3)  # the row of each state
+VARIANCES = (0, 2, 5, 9)  # the word of each state's pivot
+WORDS = 10  # of LD
 UNITS = ('Wb', 'Wb', 'rad/s', 'rad')
 ANGLE = 3  # index of the state that lives on a circle
 KINDS = ('ckf', 'ickf')
@@ -82,8 +87,8 @@ def _larger(a, b):
 def _watch_pivots(words, Q, flags):
     """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised."""
     clear = True
-    for k, state in enumerate(ORDER):
-        clear = clear & (words[k * (k + 3) // 2] > Q[state])
+    for place, floor in zip(VARIANCES, Q):
+        clear = clear & (words[place] > floor)
     if not np.all(clear):
         flags.append(np.where(clear, 0, COVARIANCE_REPAIRED)[()])
 
@@ -101,8 +106,7 @@ def _forget_angle(words, z, where, flags, math, small_angle, widest):
     half that much is left of its variance. Its own is the last column in which it has a part; returns words and turns.
     """
     lost = (_total(z) > widest) & where
-    place = ORDER.index(ANGLE)
-    count, row = place + 1, place * (place + 1) // 2
+    count, row = ROWS[ANGLE] + 1, word(ORDER[0], ANGLE)
     capped = [*([math.dtype(0)] * (count - 1)), math.dtype(0.5) * math.dtype(widest)]
     flags.append(np.where(lost, COVARIANCE_REPAIRED, 0)[()])
     words = list(words)
@@ -136,10 +140,7 @@ def _look_after(f, check, flags, status):
     f.repairs = np.minimum(f.repairs + np.where(repaired, 1, 0), MOST_REPAIRS)[()]
     lost = status & RESTARTED != 0
     if np.any(lost):
-        diagonal = [i * (i + 3) // 2 for i in range(len(f.P_0))]
-        words = [0.0] * len(f.LD)
-        for place, state in zip(diagonal, ORDER):
-            words[place] = f.P_0[state]
+        words = diagonal(f.P_0, 0.0)
         f.x = tuple(np.where(lost, new, old)[()] for new, old in zip(f.x_0, f.x))
         f.LD = tuple(np.where(lost, new, old)[()] for new, old in zip(words, f.LD))
         f.nis = np.where(lost, 0.0, f.nis)[()]
@@ -258,6 +259,20 @@ class Float64:
 MATH = {"float32": Float32, "float64": Float64}
 
 
+def word(i, j):
+    """The word that states i and j share, or i's pivot where j is i too."""
+    low, high = sorted((ROWS[i], ROWS[j]))
+    return high * (high + 1) // 2 + low
+
+
+def diagonal(variances, zero):
+    """The words of a covariance without correlations: the variances in their places, zero elsewhere."""
+    words = [zero] * WORDS
+    for place, variance in zip(VARIANCES, variances):
+        words[place] = variance
+    return words
+
+
 def pack(P):
     """Covariance (n, n, ...) -> the words of a filter's state: P = L D L^T row by row, D on the diagonal."""
     n = len(STATES)
@@ -276,13 +291,30 @@ def unpack(words):
     n = len(STATES)
     words = np.asarray(words, dtype=float)
     L = np.zeros((n, n, *words.shape[1:]))
-    for i in range(n):
-        L[i, :i] = words[i * (i + 1) // 2 : i * (i + 1) // 2 + i]
-        L[i, i] = 1.0
-    D = words[[i * (i + 3) // 2 for i in range(n)]]
-    L = L[np.argsort(ORDER)]
+    for row, state in enumerate(ORDER):
+        for column in range(row):
+            L[state, column] = words[word(state, ORDER[column])]
+        L[state, row] = 1.0
+    D = words[[VARIANCES[state] for state in ORDER]]
     return np.einsum("ik...,k...,jk...->ij...", L, D, L)
 
+
+
+def new_filter(dtype=np.float32, **tuning):
+    """A filter as its C's _init leaves it: DEFAULTS, some of them replaced, x_0, and P_0 on the diagonal.
+
+    dtype makes a number of the filter's arithmetic: np.float32, np.float64, or a type of one's own.
+    """
+    def cast(value):
+        if isinstance(value, int):
+            return value
+        return tuple(dtype(item) for item in value) if isinstance(value, tuple) else dtype(value)
+
+    f = SimpleNamespace(**{name: cast(value) for name, value in (DEFAULTS | tuning).items()})
+    f.x, f.LD = f.x_0, tuple(diagonal(f.P_0, dtype(0)))
+    f.u_held, f.iterations = (dtype(0), dtype(0)), 0
+    f.nis, f.repairs = dtype(0), 0
+    return f
 
 
 def _within(values, limit):
@@ -1131,6 +1163,23 @@ ADVANCE_DELAYED = 0.00015000000000000001  # s, replaces GAIN[8] where the voltag
 COMMAND_MAX = (400.0, 1080.0)  # speed reference rad/s, DC link V: beyond them a command is rejected
 COMMAND_FIRST = (0.0, 540.0)  # held until one is accepted
 SENSED_MAX = 1000.0  # rad: a sensed angle beyond is none
+
+
+def new_controller(dtype=np.float32, gain=GAIN, sensored=0, delay=0, **tuning):
+    """A controller as its C's _foc_init leaves it, around a new filter of that tuning; see foc_step."""
+    zeros = (dtype(0), dtype(0))
+    return SimpleNamespace(
+        filter=new_filter(dtype, **tuning),
+        gain=tuple(dtype(value) for value in gain),
+        integrator=(*zeros, dtype(0)),
+        command_max=tuple(dtype(value) for value in COMMAND_MAX),
+        command_held=tuple(dtype(value) for value in COMMAND_FIRST),
+        v_acting=zeros,
+        v_queued=zeros,
+        sensed=zeros,
+        sensored=sensored,
+        delay=delay,
+    )
 
 
 def foc_step(c, filter_step, phase, command, math):

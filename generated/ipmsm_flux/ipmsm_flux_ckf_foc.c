@@ -267,8 +267,8 @@ int ipmsm_flux_ckf_foc_step(ipmsm_flux_ckf_foc_t *c, const float32 phase[2], con
             status |= PMSM_COMMAND_REJECTED;
         }
     }
-    rotor[0] = c->filter.x[2];
-    rotor[1] = c->filter.x[3];
+    rotor[0] = c->filter.x[IPMSM_FLUX_CKF_OMEGA];
+    rotor[1] = c->filter.x[IPMSM_FLUX_CKF_THETA];
     if (c->sensored != 0) {
         if ((is_within(c->sensed[0], c->command_max[0]) != 0) && (is_within(c->sensed[1], SENSED_MAX) != 0)) {
             rotor[0] = c->sensed[0];

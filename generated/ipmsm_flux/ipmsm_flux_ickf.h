@@ -13,6 +13,20 @@
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    IPMSM_FLUX_ICKF_PSI_ALPHA = 0,
+    IPMSM_FLUX_ICKF_PSI_BETA = 1,
+    IPMSM_FLUX_ICKF_OMEGA = 2,
+    IPMSM_FLUX_ICKF_THETA = 3
+};
+enum {
+    IPMSM_FLUX_ICKF_LD_PSI_ALPHA = 0,
+    IPMSM_FLUX_ICKF_LD_PSI_BETA = 2,
+    IPMSM_FLUX_ICKF_LD_OMEGA = 5,
+    IPMSM_FLUX_ICKF_LD_THETA = 9
+};
+
 typedef struct {
     /* estimate */
     float32 x[4]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad */

@@ -95,6 +95,16 @@
 #define TELEMETRY_EVERY 1000
 #endif
 
+/* Places in the filter's struct; X: what it carries of the current. */
+#define X_ALPHA PAPER_SPMSM_ICKF_I_ALPHA
+#define VARIANCE_OF_X_ALPHA PAPER_SPMSM_ICKF_LD_I_ALPHA
+#define X_BETA PAPER_SPMSM_ICKF_I_BETA
+#define VARIANCE_OF_X_BETA PAPER_SPMSM_ICKF_LD_I_BETA
+#define OMEGA PAPER_SPMSM_ICKF_OMEGA
+#define VARIANCE_OF_OMEGA PAPER_SPMSM_ICKF_LD_OMEGA
+#define THETA PAPER_SPMSM_ICKF_THETA
+#define VARIANCE_OF_THETA PAPER_SPMSM_ICKF_LD_THETA
+
 #define PI 3.1415927f
 #define TWO_PI 6.2831855f
 #define INV_TWO_PI 0.15915494f
@@ -213,12 +223,12 @@ static int is_quiet(const float32 i[2])
 static void start_filter(float32 x_0, float32 x_1, float32 omega, float32 theta)
 {
     paper_spmsm_ickf_reset(&FILTER);
-    FILTER.x[0] = x_0;
-    FILTER.x[1] = x_1;
-    FILTER.x[2] = omega;
-    FILTER.x[3] = theta;
-    FILTER.LD[5] = UNKNOWN_SPEED;
-    FILTER.LD[9] = UNKNOWN_ANGLE;
+    FILTER.x[X_ALPHA] = x_0;
+    FILTER.x[X_BETA] = x_1;
+    FILTER.x[OMEGA] = omega;
+    FILTER.x[THETA] = theta;
+    FILTER.LD[VARIANCE_OF_OMEGA] = UNKNOWN_SPEED;
+    FILTER.LD[VARIANCE_OF_THETA] = UNKNOWN_ANGLE;
     since = 0;
     content = 0;
     rejected = 0;
@@ -250,7 +260,7 @@ static float32 angle_of(float32 cosine, float32 sine)
  * believe in the opposite speed, but its angle is pushed along by the rotor. */
 static void watch_turning(void)
 {
-    float32 step = FILTER.x[3] - theta_before;
+    float32 step = FILTER.x[THETA] - theta_before;
     if (step > PI) {
         step = step - TWO_PI;
     }
@@ -258,15 +268,15 @@ static void watch_turning(void)
         step = step + TWO_PI;
     }
     turned = turned + step;
-    stated = stated + (POLE_PAIRS * SAMPLE_TIME * FILTER.x[2]);
-    theta_before = FILTER.x[3];
+    stated = stated + (POLE_PAIRS * SAMPLE_TIME * FILTER.x[OMEGA]);
+    theta_before = FILTER.x[THETA];
 }
 
 static void begin_watch(void)
 {
     turned = 0.0f;
     stated = 0.0f;
-    theta_before = FILTER.x[3];
+    theta_before = FILTER.x[THETA];
 }
 
 /* Within half of what is stated, and an angle that a jolt may make. */
@@ -339,7 +349,7 @@ static void start_at_rest(void)
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
 static void mirror(void)
 {
-    start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);
+    start_filter(FILTER.x[X_ALPHA], FILTER.x[X_BETA], -FILTER.x[OMEGA], FILTER.x[THETA] + PI);
     mirrored = 1;
 }
 
@@ -417,9 +427,9 @@ static void report(int status)
         return;
     }
     ticks = 0;
-    words[0] = FILTER.x[2];                           /* rad/s mechanical */
-    words[1] = per_unit(FILTER.x[3]);                 /* electrical turn */
-    words[2] = FILTER.x[2] * POLE_PAIRS * INV_TWO_PI; /* Hz electrical */
+    words[0] = FILTER.x[OMEGA];                           /* rad/s mechanical */
+    words[1] = per_unit(FILTER.x[THETA]);                 /* electrical turn */
+    words[2] = FILTER.x[OMEGA] * POLE_PAIRS * INV_TWO_PI; /* Hz electrical */
     words[3] = (float32)status;
     telemetry(words, 4);
 }
@@ -504,7 +514,7 @@ INTERRUPT void adc_isr(void)
          * compare registers it was computed two interrupts ago. One interval off costs an angle error of omega_e T. */
         status = paper_spmsm_ickf_step(&filter, v_acting, i);
 
-        your_current_loop(i, filter.x[2], per_unit(filter.x[3]), (mode == RUNNING) ? 1 : 0, v);
+        your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), (mode == RUNNING) ? 1 : 0, v);
         your_svgen(v, read_dc_link(), duty);
         write_duty(duty);
 

@@ -13,6 +13,20 @@
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    PAPER_SPMSM_ICKF_I_ALPHA = 0,
+    PAPER_SPMSM_ICKF_I_BETA = 1,
+    PAPER_SPMSM_ICKF_OMEGA = 2,
+    PAPER_SPMSM_ICKF_THETA = 3
+};
+enum {
+    PAPER_SPMSM_ICKF_LD_I_ALPHA = 0,
+    PAPER_SPMSM_ICKF_LD_I_BETA = 2,
+    PAPER_SPMSM_ICKF_LD_OMEGA = 5,
+    PAPER_SPMSM_ICKF_LD_THETA = 9
+};
+
 typedef struct {
     /* estimate */
     float32 x[4]; /* i_alpha A, i_beta A, omega rad/s, theta rad */

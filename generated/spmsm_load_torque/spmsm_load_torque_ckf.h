@@ -13,6 +13,22 @@
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    SPMSM_LOAD_TORQUE_CKF_I_ALPHA = 0,
+    SPMSM_LOAD_TORQUE_CKF_I_BETA = 1,
+    SPMSM_LOAD_TORQUE_CKF_OMEGA = 2,
+    SPMSM_LOAD_TORQUE_CKF_THETA = 3,
+    SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE = 4
+};
+enum {
+    SPMSM_LOAD_TORQUE_CKF_LD_I_ALPHA = 0,
+    SPMSM_LOAD_TORQUE_CKF_LD_I_BETA = 2,
+    SPMSM_LOAD_TORQUE_CKF_LD_OMEGA = 5,
+    SPMSM_LOAD_TORQUE_CKF_LD_THETA = 9,
+    SPMSM_LOAD_TORQUE_CKF_LD_LOAD_TORQUE = 14
+};
+
 typedef struct {
     /* estimate */
     float32 x[5]; /* i_alpha A, i_beta A, omega rad/s, theta rad, load_torque N m */

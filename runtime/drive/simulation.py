@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -278,36 +277,9 @@ class Inputs:
     load: Array
 
 
-def numpy_controller(
-    module: Any, tuned: dict[str, Any], gain: tuple[float, ...], conditions: Conditions
-) -> SimpleNamespace:
+def numpy_controller(module: Any, tuned: dict[str, Any], gain: tuple[float, ...], conditions: Conditions) -> Any:
     """The controller's state for the NumPy twin, as ``_foc_init`` leaves it, some of the tuning replaced."""
-    single = np.float32
-    tuning = {name: _single(value) for name, value in {**module.DEFAULTS, **tuned}.items()}
-    n = len(tuning["x_0"])
-    words = tuple(tuning["P_0"][i] if i == j else single(0) for i in range(n) for j in range(i + 1))
-    zeros = (single(0), single(0))
-    state = {"x": tuning["x_0"], "u_held": zeros, "iterations": 0, "nis": single(0), "repairs": 0}
-    estimator = SimpleNamespace(**tuning, **state, **{module.COVARIANCE: words})
-    return SimpleNamespace(
-        filter=estimator,
-        gain=tuple(single(value) for value in gain),
-        integrator=(single(0), single(0), single(0)),
-        command_max=_single(module.COMMAND_MAX),
-        command_held=_single(module.COMMAND_FIRST),
-        v_acting=zeros,
-        v_queued=zeros,
-        sensed=zeros,
-        sensored=conditions.sensored,
-        delay=conditions.delay,
-    )
-
-
-def _single(value: Any) -> Any:
-    """Numbers and tuples of numbers in float32; counts stay."""
-    if isinstance(value, tuple):
-        return tuple(np.float32(item) for item in value)
-    return value if isinstance(value, int) else np.float32(value)
+    return module.new_controller(np.float32, gain, conditions.sensored, conditions.delay, **tuned)
 
 
 def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,7 @@ class NumpyBackend:
         self._step = module.STEPS[kind]
         self._covariance: str = module.COVARIANCE
         self.math = module.MATH[dtype]
-        self.filter = SimpleNamespace(**{name: self._cast(value) for name, value in module.DEFAULTS.items()})
-
-    def _cast(self, value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple(self.math.dtype(item) for item in value)
-        return value if isinstance(value, int) else self.math.dtype(value)
+        self.filter = module.new_filter(self.math.dtype)
 
     def reset(self, x0: Array, words: Array) -> None:
         """Start from a state and covariance words; see :meth:`Backend.reset`.
@@ -54,7 +49,6 @@ class NumpyBackend:
         return np.array(self.filter.x, dtype=self.math.dtype)
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
-        # A diverging filter shows in its numbers and its status, not in warnings from inside generated code.
         """Step every lane once.
 
         Parameters
@@ -66,6 +60,7 @@ class NumpyBackend:
         stages : dict, optional
             Receives every stage's entries by name.
         """
+        # A diverging filter shows in its numbers and its status, not in warnings from inside generated code.
         with np.errstate(all="ignore"):
             self.status = np.asarray(self._step(self.filter, tuple(u), tuple(y), self.math, stages))
 

@@ -154,7 +154,8 @@ def example_for(folder: GeneratedFolder, kind: str) -> str:
     """The example interrupt around any of the folder's filters: it names the one it has by its prefix alone."""
     text = folder.text("example_isr.c")
     own = next(name for name in folder.kinds if f'"{folder.drive}_{name}_selftest.h"' in text)
-    return text.replace(f"{folder.drive}_{own}", f"{folder.drive}_{kind}")
+    old, new = f"{folder.drive}_{own}", f"{folder.drive}_{kind}"
+    return text.replace(old, new).replace(old.upper(), new.upper())
 
 
 def _open(library: Path, controller: str, drive: str) -> tuple[Any, Any]:

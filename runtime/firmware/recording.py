@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.box import sample_box
+from codegen.ir.covariance import place
 from model.machines import MACHINES
 from model.machines.state_space import build
 from model.schema import Drive
@@ -125,7 +126,7 @@ def _box_segments(drive: Drive, names: Sequence[str], steps: int) -> list[Segmen
     if not count:
         return []
     box = sample_box(drive, build(drive), count)
-    diagonal = [i * (i + 3) // 2 for i in range(len(names))]
+    diagonal = [place(i, i) for i in range(len(names))]
     segments = []
     for k in range(count):
         row = np.concatenate([box.u[:, k], box.y[:, k]])

@@ -6,9 +6,10 @@ says is modelled, not measured; it is the expectation that the user's own board 
 
 from __future__ import annotations
 
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.fpu32 import FPU32, Flushed
@@ -27,7 +28,7 @@ class ChipBackend(NumpyBackend):
     def __init__(self, module: ModuleType, kind: str, number: type[Flushed] = FPU32) -> None:
         super().__init__(module, kind, "float32")
         self.number = number
-        self.filter = SimpleNamespace(**{name: self._wrap(value) for name, value in vars(self.filter).items()})
+        self.filter = module.new_filter(lambda value: number(np.float32(value)))
 
     def _wrap(self, value: Any) -> Any:
         if isinstance(value, tuple):

@@ -75,39 +75,12 @@ def link_control(
     ]
 
 
-def _controller(module: ModuleType, gain: Array, sensored: int, delay: int, dtype: Any) -> SimpleNamespace:
-    """As ``_foc_init`` leaves it."""
-    given = module.DEFAULTS
-
-    def single(values: Any) -> tuple[Any, ...]:
-        return tuple(dtype(value) for value in values)
-
-    words = single(module.pack(np.diag(given["P_0"])))
-    tuning = {name: single(value) if isinstance(value, tuple) else value for name, value in given.items()}
-    tuning |= {name: dtype(value) for name, value in given.items() if isinstance(value, float)}
-    zeros = single((0, 0))
-    state = {"x": tuning["x_0"], "u_held": zeros, "iterations": 0, "nis": dtype(0), "repairs": 0}
-    inner = SimpleNamespace(**tuning, **state, **{module.COVARIANCE: words})
-    return SimpleNamespace(
-        filter=inner,
-        gain=single(gain),
-        integrator=single((0, 0, 0)),
-        command_max=single(module.COMMAND_MAX),
-        command_held=single(module.COMMAND_FIRST),
-        v_acting=zeros,
-        v_queued=zeros,
-        sensed=zeros,
-        sensored=sensored,
-        delay=delay,
-    )
-
-
 def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: Mapping[str, Any], motor: Plant) -> Link:
     math, errors = module.MATH["float64"], []
     for seed, (sensored, delay, dead) in enumerate(settings()):
         gains = gains_of(parameters, delay)
         gains[6] = dead
-        c = _controller(module, gains, sensored, delay, np.float64)
+        c = module.new_controller(np.float64, gains, sensored, delay)
         for phase, command, sensed in zip(*inputs(parameters, seed), strict=True):
             before = deepcopy(c)
             c.sensed = tuple(sensed)
@@ -127,7 +100,7 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
                     float((int(status) & (REJECTED | COMMAND_REJECTED)) != wanted[4]),
                 ]
             )
-    c = _controller(module, gains_of(parameters, 0), 0, 0, np.float64)
+    c = module.new_controller(np.float64, gains_of(parameters, 0), 0, 0)
     started = float(np.sum(np.array([*c.command_held, *c.command_max]) != _commands(parameters)))
     worst = [float(v) if np.isfinite(v) else float("inf") for v in np.max(np.array(errors), axis=0)]
     named = ("duty cycles", "voltage, of the DC link", "integrators", "delay and commands held", "status")
@@ -193,7 +166,7 @@ def _bits(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str
         loaded += int(c.delay != delay) + int(c.sensored != 0) + int(list(c.sensed) != [0.0, 0.0])
         gains[6] = dead
         c.gain[6], c.sensored = single(dead), sensored
-        twin = _controller(module, gains, sensored, delay, single)
+        twin = module.new_controller(single, gains, sensored, delay)
         loaded += int(_words(c, module) != _words(twin, module))
         duty = ffi.new("float[3]")
         for phase, command, sensed in zip(*inputs(parameters, seed), strict=True):

@@ -106,8 +106,9 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     """
     if module.COVARIANCE != "LD":
         return None
-    order, n = _order(module), len(x)
-    angle, omega, half = order.index(module.ANGLE), order.index(2), 0.5 * module.SAMPLE_TIME * module.POLE_PAIRS
+    order, n, word = module.ORDER, len(x), module.word
+    theta, omega, half = module.ANGLE, module.STATES.index("omega"), 0.5 * module.SAMPLE_TIME * module.POLE_PAIRS
+    angle = module.ROWS[theta]
     absurd = [k for k in range(n) if k != module.ANGLE]
     apart, far = 16, [(column, z) for column in range(angle + 2) for z in (2 * LIMIT, 1.5 * UNKNOWN)]
     lanes = apart * (1 + len(absurd) + 2 + len(far))
@@ -117,11 +118,10 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     place = iter(range(7, lanes, apart))
     # --- an L that is absurd; a mean innovation beyond its limit has it looked at
     lane = next(place)
-    column, row = sorted(order.index(axis) for axis in (0, 1))
     x[2, lane], x[module.ANGLE, lane] = 0.0, 0.0
     Q[:, lane], nis[lane] = 1e-30, 2 * module.DEFAULTS["nis_max"]
     words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
-    words[row * (row + 1) // 2 + column, lane] = 1e10
+    words[word(0, 1), lane] = 1e10
     # --- each state
     for state, lane in zip(absurd, place, strict=False):
         x[:, lane], y[0, :, lane], Q[:, lane] = 0.0, np.nan, 1e-30
@@ -129,43 +129,35 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
         words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
     # --- turns of the angle's own column: once and twice halved, exactly small
     for power, lane in zip((1, 2), place, strict=False):
-        words[angle * (angle + 3) // 2, lane] = np.float32(LIMIT / n) * np.float32(4) ** power
+        words[word(theta, theta), lane] = np.float32(LIMIT / n) * np.float32(4) ** power
     # --- each column alone, and the speed's in half a step
     for (column, z), lane in zip(far, place, strict=False):
         if column == angle + 1:
-            words[omega * (omega + 3) // 2, lane] = z / n / half**2
+            words[word(omega, omega), lane] = z / n / half**2
         elif column == angle:
-            words[angle * (angle + 3) // 2, lane] = z / n
+            words[word(theta, theta), lane] = z / n
         else:
-            words[angle * (angle + 1) // 2 + column, lane] = np.sqrt(z / n / words[column * (column + 3) // 2, lane])
+            other = order[column]
+            words[word(theta, other), lane] = np.sqrt(z / n / words[word(other, other), lane])
     return Start("box, one corner", x, words, u, y, {"Q": Q, "nis": nis})
 
 
 def _diagonal(module: ModuleType, variances: Array, lanes: int) -> Array:
     """The words of a covariance without correlations, (n,) in every lane."""
-    words = np.zeros((len(variances) * (len(variances) + 1) // 2, lanes), dtype=np.float32)
-    for k, state in enumerate(_order(module)):
-        words[k * (k + 3) // 2] = variances[state]
-    return words
+    return np.repeat(np.array(module.diagonal(variances, 0.0), dtype=np.float32)[:, None], lanes, axis=1)
 
 
 def _turned(module: ModuleType, given: Array, widest: float) -> Array:
     """Covariances in which every column turns theta by a d^2 up to ``widest``; P as it is."""
-    words, order = given.copy(), _order(module)
+    words, order, theta, word = given.copy(), module.ORDER, module.ANGLE, module.word
     if module.COVARIANCE != "LD":
         return words
-    n, angle = len(order), order.index(module.ANGLE)
-    rng, row = np.random.default_rng(2), angle * (angle + 1) // 2
-    for column in range(angle):
+    n, rng = len(order), np.random.default_rng(2)
+    for other in order[: module.ROWS[theta]]:
         z = rng.uniform(0, widest / n, words.shape[1])
-        words[row + column] = np.sqrt(z / words[column * (column + 3) // 2])
-    words[row + angle] = rng.uniform(0, widest / n, words.shape[1])
+        words[word(theta, other)] = np.sqrt(z / words[word(other, other)])
+    words[word(theta, theta)] = rng.uniform(0, widest / n, words.shape[1])
     return words
-
-
-def _order(module: ModuleType) -> tuple[int, ...]:
-    """Which state has which row of the covariance's words."""
-    return tuple(getattr(module, "ORDER", range(len(module.STATES))))
 
 
 # --- pieces of the trajectory
@@ -198,25 +190,25 @@ def _at_their_worst(module: ModuleType, x: Array, words: Array) -> None:
     Turns that halved are exactly what counts as small, that are exactly not too wide, that are too wide by the
     angle's own column; wide in one column alone, and in all. A variance below nothing, which must meet its floor.
     """
-    n, order = len(x), _order(module)
-    angle, omega = order.index(module.ANGLE), order.index(2)
-    place = {(i, j): i * (i + 1) // 2 + j for i in range(n) for j in range(i + 1)}
+    n, order, theta, word = len(x), module.ORDER, module.ANGLE, module.word
+    own, speed = word(theta, theta), module.VARIANCES[module.STATES.index("omega")]
     for lane, z in ((7, 4 * UNKNOWN), (10, 4 * LIMIT), (13, UNKNOWN)):
-        words[place[angle, angle], lane], words[place[omega, omega], lane] = z / n, 0.0
+        words[own, lane], words[speed, lane] = z / n, 0.0
     if module.COVARIANCE != "LD":
         return  # a Cholesky factor has no floor: one of these would be no number, and no number has many bits
-    for column in range(angle):
-        wide = np.sqrt(2 * LIMIT / n / words[place[column, column], 1])
-        words[place[angle, column], 2 + 3 * column] = words[place[angle, column], 1] = wide
-    words[place[angle, angle], 1] = 2 * LIMIT / n
-    words[place[angle, 0], 10] = words[place[angle, 0], 2]  # a wide one beside it: else nobody asks again
+    for column, other in enumerate(order[: module.ROWS[theta]]):
+        wide = np.sqrt(2 * LIMIT / n / words[word(other, other), 1])
+        words[word(theta, other), 2 + 3 * column] = words[word(theta, other), 1] = wide
+    words[own, 1] = 2 * LIMIT / n
+    first = word(theta, order[0])
+    words[first, 10] = words[first, 2]  # a wide one beside it: else nobody asks again
     x[2, 6] = 2e12
     words[0, 3], words[0, 9] = np.nan, -1e13  # no number, and absurd: to be restarted
-    words[place[angle, angle], 0] = 8 * UNKNOWN / n  # unknown, but nothing else to repair
-    Q = np.array(module.DEFAULTS["Q"])[list(order)]
-    for i in range(n):
-        for j in range(n):
-            words[place[j, j], 14 + i] = -0.25 * Q[j] if i == j else 1e-3 * Q[j]
+    words[own, 0] = 8 * UNKNOWN / n  # unknown, but nothing else to repair
+    Q = module.DEFAULTS["Q"]
+    for i, below in enumerate(order):
+        for state in order:
+            words[word(state, state), 14 + i] = -0.25 * Q[state] if state == below else 1e-3 * Q[state]
 
 
 def _tuning(module: ModuleType) -> dict[str, Array]:

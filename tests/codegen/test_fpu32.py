@@ -202,22 +202,13 @@ def test_generated_code_runs_on_it_unchanged(drive: Drive) -> None:
 
 def test_a_rejected_lane_runs_on_it_too(drive: Drive) -> None:
     """NaN, infinite and far inputs: selections between lanes, and the guard's comparisons, as on the host."""
-    from codegen.evidence.certificate import filter_state
-
     module: dict[str, Any] = vars(GeneratedFolder(GENERATED / drive.name).module)
     kind = module["KINDS"][0]
     y = np.array([[0.1, np.nan, np.inf, 1e9], [0.2, 0.2, 0.2, 0.2]], dtype=F)
     statuses = []
     for number in (lambda value: value, FPU32):
-        state = filter_state(module, "float32", number)
         lanes = np.ones(4, dtype=F)
-        state.x = tuple(number(value * lanes) for value in module["DEFAULTS"]["x_0"])
-        n = len(state.x)
-        diagonal = {i * (i + 1) // 2 + i: module["DEFAULTS"]["P_0"][i] for i in range(n)}
-        words = tuple(number(F(diagonal.get(k, 0.0)) * lanes) for k in range(n * (n + 1) // 2))
-        setattr(state, module["COVARIANCE"], words)
-        state.u_held = (number(0 * lanes), number(0 * lanes))
-        state.nis, state.repairs = number(0 * lanes), 0
+        state = module["new_filter"](lambda value, number=number, lanes=lanes: number(F(value) * lanes))
         with np.errstate(all="ignore"):
             status = module["STEPS"][kind](
                 state, (number(lanes), number(lanes)), tuple(number(row) for row in y), module["MATH"]["float32"]

@@ -18,6 +18,22 @@ typedef double float64; /* of this flavour only: the firmware knows no double */
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    IPMSM_CKF_F64_I_ALPHA = 0,
+    IPMSM_CKF_F64_I_BETA = 1,
+    IPMSM_CKF_F64_OMEGA = 2,
+    IPMSM_CKF_F64_THETA = 3,
+    IPMSM_CKF_F64_LOAD_TORQUE = 4
+};
+enum {
+    IPMSM_CKF_F64_LD_I_ALPHA = 0,
+    IPMSM_CKF_F64_LD_I_BETA = 2,
+    IPMSM_CKF_F64_LD_OMEGA = 5,
+    IPMSM_CKF_F64_LD_THETA = 9,
+    IPMSM_CKF_F64_LD_LOAD_TORQUE = 14
+};
+
 typedef struct {
     /* estimate */
     float64 x[5]; /* i_alpha A, i_beta A, omega rad/s, theta rad, load_torque N m */

@@ -905,6 +905,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
 /* What is left to do in a lane where something was not as usual: as in the scalar form. */
 static void mend(ipmsm_ckf_lanes_t *__restrict f, float32 check, int lane)
 {
+    static const int variance[5] = { 0, 2, 5, 9, 14 }; /* its place among the words */
     float32 size = check * PER_SOUND;
     float32 worst = size * size;
     int k;
@@ -925,7 +926,7 @@ static void mend(ipmsm_ckf_lanes_t *__restrict f, float32 check, int lane)
         }
         for (k = 0; k < 5; k++) {
             f->x[k].of[lane] = f->x_0[k].of[lane];
-            f->LD[(k * (k + 3)) / 2].of[lane] = f->P_0[k].of[lane];
+            f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
         }
         f->nis[0].of[lane] = 0.0f;
     }

@@ -81,13 +81,13 @@ static void watch_pivots(const lanes *__restrict LD_pred, const lanes *__restric
 {
     int lane;
     for (lane = 0; lane < LANES; lane++) {
-        const int clear_0 = (LD_pred[0].of[lane] > Q[3].of[lane]) ? 1 : 0;
-        const int clear_1 = (LD_pred[2].of[lane] > Q[2].of[lane]) ? 1 : 0;
-        const int clear_2 = (LD_pred[5].of[lane] > Q[6].of[lane]) ? 1 : 0;
-        const int clear_3 = (LD_pred[9].of[lane] > Q[5].of[lane]) ? 1 : 0;
-        const int clear_4 = (LD_pred[14].of[lane] > Q[0].of[lane]) ? 1 : 0;
-        const int clear_5 = (LD_pred[20].of[lane] > Q[1].of[lane]) ? 1 : 0;
-        const int clear_6 = (LD_pred[27].of[lane] > Q[4].of[lane]) ? 1 : 0;
+        const int clear_0 = (LD_pred[14].of[lane] > Q[0].of[lane]) ? 1 : 0;
+        const int clear_1 = (LD_pred[20].of[lane] > Q[1].of[lane]) ? 1 : 0;
+        const int clear_2 = (LD_pred[2].of[lane] > Q[2].of[lane]) ? 1 : 0;
+        const int clear_3 = (LD_pred[0].of[lane] > Q[3].of[lane]) ? 1 : 0;
+        const int clear_4 = (LD_pred[27].of[lane] > Q[4].of[lane]) ? 1 : 0;
+        const int clear_5 = (LD_pred[9].of[lane] > Q[5].of[lane]) ? 1 : 0;
+        const int clear_6 = (LD_pred[5].of[lane] > Q[6].of[lane]) ? 1 : 0;
         const int clear = clear_0 & clear_1 & clear_2 & clear_3 & clear_4 & clear_5 & clear_6;
         status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
     }
@@ -1275,7 +1275,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
 /* What is left to do in a lane where something was not as usual: as in the scalar form. */
 static void mend(ipmsm_adaptive_ckf_lanes_t *__restrict f, float32 check, int lane)
 {
-    static const int order[7] = { 3, 2, 6, 5, 0, 1, 4 };
+    static const int variance[7] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
     float32 size = check * PER_SOUND;
     float32 worst = size * size;
     int k;
@@ -1296,7 +1296,7 @@ static void mend(ipmsm_adaptive_ckf_lanes_t *__restrict f, float32 check, int la
         }
         for (k = 0; k < 7; k++) {
             f->x[k].of[lane] = f->x_0[k].of[lane];
-            f->LD[(k * (k + 3)) / 2].of[lane] = f->P_0[order[k]].of[lane];
+            f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
         }
         f->nis[0].of[lane] = 0.0f;
     }

@@ -18,6 +18,20 @@ typedef double float64; /* of this flavour only: the firmware knows no double */
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    IPMSM_FLUX_CKF_F64_PSI_ALPHA = 0,
+    IPMSM_FLUX_CKF_F64_PSI_BETA = 1,
+    IPMSM_FLUX_CKF_F64_OMEGA = 2,
+    IPMSM_FLUX_CKF_F64_THETA = 3
+};
+enum {
+    IPMSM_FLUX_CKF_F64_LD_PSI_ALPHA = 0,
+    IPMSM_FLUX_CKF_F64_LD_PSI_BETA = 2,
+    IPMSM_FLUX_CKF_F64_LD_OMEGA = 5,
+    IPMSM_FLUX_CKF_F64_LD_THETA = 9
+};
+
 typedef struct {
     /* estimate */
     float64 x[4]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad */

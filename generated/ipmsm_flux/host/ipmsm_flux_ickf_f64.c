@@ -767,12 +767,13 @@ void ipmsm_flux_ickf_f64_init(ipmsm_flux_ickf_f64_t *f)
 static void start_over(ipmsm_flux_ickf_f64_t *f)
 {
     int i;
+    static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
     for (i = 0; i < N_WORDS; i++) {
         f->LD[i] = 0.0;
     }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
-        f->LD[(i * (i + 3)) / 2] = f->P_0[i]; /* on the diagonal */
+        f->LD[variance[i]] = f->P_0[i];
     }
     f->nis = 0.0;
 }

@@ -18,6 +18,20 @@ typedef double float64; /* of this flavour only: the firmware knows no double */
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    PAPER_SPMSM_ICKF_F64_I_ALPHA = 0,
+    PAPER_SPMSM_ICKF_F64_I_BETA = 1,
+    PAPER_SPMSM_ICKF_F64_OMEGA = 2,
+    PAPER_SPMSM_ICKF_F64_THETA = 3
+};
+enum {
+    PAPER_SPMSM_ICKF_F64_LD_I_ALPHA = 0,
+    PAPER_SPMSM_ICKF_F64_LD_I_BETA = 2,
+    PAPER_SPMSM_ICKF_F64_LD_OMEGA = 5,
+    PAPER_SPMSM_ICKF_F64_LD_THETA = 9
+};
+
 typedef struct {
     /* estimate */
     float64 x[4]; /* i_alpha A, i_beta A, omega rad/s, theta rad */

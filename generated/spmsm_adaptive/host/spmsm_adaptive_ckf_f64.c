@@ -1150,13 +1150,13 @@ void spmsm_adaptive_ckf_f64_init(spmsm_adaptive_ckf_f64_t *f)
 static void start_over(spmsm_adaptive_ckf_f64_t *f)
 {
     int i;
-    static const int order[N_STATES] = { 3, 2, 6, 5, 0, 1, 4 };
+    static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
     for (i = 0; i < N_WORDS; i++) {
         f->LD[i] = 0.0;
     }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
-        f->LD[(i * (i + 3)) / 2] = f->P_0[order[i]]; /* on the diagonal */
+        f->LD[variance[i]] = f->P_0[i];
     }
     f->nis = 0.0;
 }

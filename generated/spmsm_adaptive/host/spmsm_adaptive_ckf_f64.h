@@ -18,6 +18,26 @@ typedef double float64; /* of this flavour only: the firmware knows no double */
 extern "C" {
 #endif
 
+/* The place of each state in x, and that of its pivot in LD. */
+enum {
+    SPMSM_ADAPTIVE_CKF_F64_PSI_ALPHA = 0,
+    SPMSM_ADAPTIVE_CKF_F64_PSI_BETA = 1,
+    SPMSM_ADAPTIVE_CKF_F64_OMEGA = 2,
+    SPMSM_ADAPTIVE_CKF_F64_THETA = 3,
+    SPMSM_ADAPTIVE_CKF_F64_LOAD_TORQUE = 4,
+    SPMSM_ADAPTIVE_CKF_F64_MAGNET_FLUX = 5,
+    SPMSM_ADAPTIVE_CKF_F64_STATOR_RESISTANCE = 6
+};
+enum {
+    SPMSM_ADAPTIVE_CKF_F64_LD_PSI_ALPHA = 14,
+    SPMSM_ADAPTIVE_CKF_F64_LD_PSI_BETA = 20,
+    SPMSM_ADAPTIVE_CKF_F64_LD_OMEGA = 2,
+    SPMSM_ADAPTIVE_CKF_F64_LD_THETA = 0,
+    SPMSM_ADAPTIVE_CKF_F64_LD_LOAD_TORQUE = 27,
+    SPMSM_ADAPTIVE_CKF_F64_LD_MAGNET_FLUX = 9,
+    SPMSM_ADAPTIVE_CKF_F64_LD_STATOR_RESISTANCE = 5
+};
+
 typedef struct {
     /* estimate */
     float64 x[7]; /* psi_alpha Wb, psi_beta Wb, omega rad/s, theta rad, load_torque N m, magnet_flux Wb, stator_resistance ohm */
