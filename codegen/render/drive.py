@@ -179,7 +179,10 @@ def render_example(about: Description, step: FilterStep) -> str:
     source = render(
         "example_isr.c.j2",
         slow=slow,
-        places=[(label, state_place(p, name), variance_place(p, layout, name)) for label, name in names.items()],
+        places=[
+            (label, state_place(p, name), variance_place(p, layout, name) if flux_states or label[0] != "X" else "")
+            for label, name in names.items()
+        ],
         p=p,
         drive=drive.name,
         sha=drive.sha256,

@@ -131,7 +131,6 @@ def render_filter(
     """Header and source of one filter for one target; ``notes`` are the lines at the source's head."""
     model = about.model
     printer = CPrinter(target)
-    n = len(model.states)
     layout = CovarianceLayout.of(step)
     looped = has_loop(step.body)
     spread = common_spread(listings[block.name] for block in step.blocks)

@@ -97,9 +97,7 @@
 
 /* Places in the filter's struct; X: what it carries of the current. */
 #define X_ALPHA IPMSM_ICKF_I_ALPHA
-#define VARIANCE_OF_X_ALPHA IPMSM_ICKF_LD_I_ALPHA
 #define X_BETA IPMSM_ICKF_I_BETA
-#define VARIANCE_OF_X_BETA IPMSM_ICKF_LD_I_BETA
 #define OMEGA IPMSM_ICKF_OMEGA
 #define VARIANCE_OF_OMEGA IPMSM_ICKF_LD_OMEGA
 #define THETA IPMSM_ICKF_THETA

@@ -14,14 +14,14 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_ckf_state {
     IPMSM_CKF_I_ALPHA = 0,
     IPMSM_CKF_I_BETA = 1,
     IPMSM_CKF_OMEGA = 2,
     IPMSM_CKF_THETA = 3,
     IPMSM_CKF_LOAD_TORQUE = 4
 };
-enum {
+enum ipmsm_ckf_variance {
     IPMSM_CKF_LD_I_ALPHA = 0,
     IPMSM_CKF_LD_I_BETA = 2,
     IPMSM_CKF_LD_OMEGA = 5,

@@ -14,14 +14,14 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_ickf_state {
     IPMSM_ICKF_I_ALPHA = 0,
     IPMSM_ICKF_I_BETA = 1,
     IPMSM_ICKF_OMEGA = 2,
     IPMSM_ICKF_THETA = 3,
     IPMSM_ICKF_LOAD_TORQUE = 4
 };
-enum {
+enum ipmsm_ickf_variance {
     IPMSM_ICKF_LD_I_ALPHA = 0,
     IPMSM_ICKF_LD_I_BETA = 2,
     IPMSM_ICKF_LD_OMEGA = 5,

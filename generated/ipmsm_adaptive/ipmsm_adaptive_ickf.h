@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_adaptive_ickf_state {
     IPMSM_ADAPTIVE_ICKF_PSI_ALPHA = 0,
     IPMSM_ADAPTIVE_ICKF_PSI_BETA = 1,
     IPMSM_ADAPTIVE_ICKF_OMEGA = 2,
@@ -23,7 +23,7 @@ enum {
     IPMSM_ADAPTIVE_ICKF_MAGNET_FLUX = 5,
     IPMSM_ADAPTIVE_ICKF_STATOR_RESISTANCE = 6
 };
-enum {
+enum ipmsm_adaptive_ickf_variance {
     IPMSM_ADAPTIVE_ICKF_LD_PSI_ALPHA = 14,
     IPMSM_ADAPTIVE_ICKF_LD_PSI_BETA = 20,
     IPMSM_ADAPTIVE_ICKF_LD_OMEGA = 2,

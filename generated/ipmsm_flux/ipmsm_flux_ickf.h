@@ -14,13 +14,13 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_flux_ickf_state {
     IPMSM_FLUX_ICKF_PSI_ALPHA = 0,
     IPMSM_FLUX_ICKF_PSI_BETA = 1,
     IPMSM_FLUX_ICKF_OMEGA = 2,
     IPMSM_FLUX_ICKF_THETA = 3
 };
-enum {
+enum ipmsm_flux_ickf_variance {
     IPMSM_FLUX_ICKF_LD_PSI_ALPHA = 0,
     IPMSM_FLUX_ICKF_LD_PSI_BETA = 2,
     IPMSM_FLUX_ICKF_LD_OMEGA = 5,

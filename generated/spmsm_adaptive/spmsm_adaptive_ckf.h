@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum spmsm_adaptive_ckf_state {
     SPMSM_ADAPTIVE_CKF_PSI_ALPHA = 0,
     SPMSM_ADAPTIVE_CKF_PSI_BETA = 1,
     SPMSM_ADAPTIVE_CKF_OMEGA = 2,
@@ -23,7 +23,7 @@ enum {
     SPMSM_ADAPTIVE_CKF_MAGNET_FLUX = 5,
     SPMSM_ADAPTIVE_CKF_STATOR_RESISTANCE = 6
 };
-enum {
+enum spmsm_adaptive_ckf_variance {
     SPMSM_ADAPTIVE_CKF_LD_PSI_ALPHA = 14,
     SPMSM_ADAPTIVE_CKF_LD_PSI_BETA = 20,
     SPMSM_ADAPTIVE_CKF_LD_OMEGA = 2,

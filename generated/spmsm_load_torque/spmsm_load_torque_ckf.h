@@ -14,14 +14,14 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum spmsm_load_torque_ckf_state {
     SPMSM_LOAD_TORQUE_CKF_I_ALPHA = 0,
     SPMSM_LOAD_TORQUE_CKF_I_BETA = 1,
     SPMSM_LOAD_TORQUE_CKF_OMEGA = 2,
     SPMSM_LOAD_TORQUE_CKF_THETA = 3,
     SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE = 4
 };
-enum {
+enum spmsm_load_torque_ckf_variance {
     SPMSM_LOAD_TORQUE_CKF_LD_I_ALPHA = 0,
     SPMSM_LOAD_TORQUE_CKF_LD_I_BETA = 2,
     SPMSM_LOAD_TORQUE_CKF_LD_OMEGA = 5,

@@ -13,7 +13,7 @@ from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT
 
 #: Hardware that is not there. The example's own text is included, so that its state can be looked at.
-MAIN = """
+STUBS = """
 #include <stdio.h>
 #include "example_isr.c"
 
@@ -40,6 +40,9 @@ void your_svgen(const float32 v[2], float32 dc_link, float32 duty[3])
     duty[0] = 0.5f + v[0] / dc_link; duty[1] = 0.5f; duty[2] = 0.5f;
 }
 
+"""
+
+MAIN = """
 int main(void)
 {
     float32 zero = 0.0f;
@@ -74,7 +77,7 @@ int main(void)
 
 def _run(folder: Path, drive: str, kind: str, build: Path, variant: int) -> list[list[float]]:
     main = build / "main.c"
-    main.write_text(MAIN)
+    main.write_text(STUBS + MAIN)
     p = f"{drive}_{kind}"
     parts = [folder / f"{p}{end}.c" for end in ("", "_foc", "_selftest", "_foc_selftest")]
     command = ["gcc", *STRICT, "-O2", f"-DWHOLE_CONTROLLER={variant}", f"-I{folder}", str(main), *map(str, parts)]

@@ -19,7 +19,7 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_adaptive_ickf_f64_state {
     IPMSM_ADAPTIVE_ICKF_F64_PSI_ALPHA = 0,
     IPMSM_ADAPTIVE_ICKF_F64_PSI_BETA = 1,
     IPMSM_ADAPTIVE_ICKF_F64_OMEGA = 2,
@@ -28,7 +28,7 @@ enum {
     IPMSM_ADAPTIVE_ICKF_F64_MAGNET_FLUX = 5,
     IPMSM_ADAPTIVE_ICKF_F64_STATOR_RESISTANCE = 6
 };
-enum {
+enum ipmsm_adaptive_ickf_f64_variance {
     IPMSM_ADAPTIVE_ICKF_F64_LD_PSI_ALPHA = 14,
     IPMSM_ADAPTIVE_ICKF_F64_LD_PSI_BETA = 20,
     IPMSM_ADAPTIVE_ICKF_F64_LD_OMEGA = 2,

@@ -19,13 +19,13 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum ipmsm_flux_ckf_f64_state {
     IPMSM_FLUX_CKF_F64_PSI_ALPHA = 0,
     IPMSM_FLUX_CKF_F64_PSI_BETA = 1,
     IPMSM_FLUX_CKF_F64_OMEGA = 2,
     IPMSM_FLUX_CKF_F64_THETA = 3
 };
-enum {
+enum ipmsm_flux_ckf_f64_variance {
     IPMSM_FLUX_CKF_F64_LD_PSI_ALPHA = 0,
     IPMSM_FLUX_CKF_F64_LD_PSI_BETA = 2,
     IPMSM_FLUX_CKF_F64_LD_OMEGA = 5,

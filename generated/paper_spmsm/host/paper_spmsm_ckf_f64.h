@@ -19,13 +19,13 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum paper_spmsm_ckf_f64_state {
     PAPER_SPMSM_CKF_F64_I_ALPHA = 0,
     PAPER_SPMSM_CKF_F64_I_BETA = 1,
     PAPER_SPMSM_CKF_F64_OMEGA = 2,
     PAPER_SPMSM_CKF_F64_THETA = 3
 };
-enum {
+enum paper_spmsm_ckf_f64_variance {
     PAPER_SPMSM_CKF_F64_LD_I_ALPHA = 0,
     PAPER_SPMSM_CKF_F64_LD_I_BETA = 2,
     PAPER_SPMSM_CKF_F64_LD_OMEGA = 5,

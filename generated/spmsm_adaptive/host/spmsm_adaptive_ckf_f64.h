@@ -19,7 +19,7 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum spmsm_adaptive_ckf_f64_state {
     SPMSM_ADAPTIVE_CKF_F64_PSI_ALPHA = 0,
     SPMSM_ADAPTIVE_CKF_F64_PSI_BETA = 1,
     SPMSM_ADAPTIVE_CKF_F64_OMEGA = 2,
@@ -28,7 +28,7 @@ enum {
     SPMSM_ADAPTIVE_CKF_F64_MAGNET_FLUX = 5,
     SPMSM_ADAPTIVE_CKF_F64_STATOR_RESISTANCE = 6
 };
-enum {
+enum spmsm_adaptive_ckf_f64_variance {
     SPMSM_ADAPTIVE_CKF_F64_LD_PSI_ALPHA = 14,
     SPMSM_ADAPTIVE_CKF_F64_LD_PSI_BETA = 20,
     SPMSM_ADAPTIVE_CKF_F64_LD_OMEGA = 2,

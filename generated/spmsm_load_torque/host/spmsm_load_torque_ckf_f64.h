@@ -19,14 +19,14 @@ extern "C" {
 #endif
 
 /* The place of each state in x, and that of its pivot in LD. */
-enum {
+enum spmsm_load_torque_ckf_f64_state {
     SPMSM_LOAD_TORQUE_CKF_F64_I_ALPHA = 0,
     SPMSM_LOAD_TORQUE_CKF_F64_I_BETA = 1,
     SPMSM_LOAD_TORQUE_CKF_F64_OMEGA = 2,
     SPMSM_LOAD_TORQUE_CKF_F64_THETA = 3,
     SPMSM_LOAD_TORQUE_CKF_F64_LOAD_TORQUE = 4
 };
-enum {
+enum spmsm_load_torque_ckf_f64_variance {
     SPMSM_LOAD_TORQUE_CKF_F64_LD_I_ALPHA = 0,
     SPMSM_LOAD_TORQUE_CKF_F64_LD_I_BETA = 2,
     SPMSM_LOAD_TORQUE_CKF_F64_LD_OMEGA = 5,
