@@ -153,7 +153,6 @@ def render_filter(
         "filter.c.j2",
         **common,
         generated_trig=target.generated_trig,
-        order=() if layout.natural else layout.order,
         notes=notes,
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(target.precision.rounding),

@@ -53,7 +53,6 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "per_sound": printer.format_literal(1.0 / SOUND),
         "one": printer.format_literal(1.0),
         "most_turns": max((len(block.outputs[0].entries) for block in step.blocks if is_turns(block)), default=0),
-        "order": () if layout.natural else layout.order,
         "layout": layout,
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),
