@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from model.state_space import default_initial_state
+from model.machines.state_space import default_initial_state
 from tests.codegen.board import Board, on_board
 
 REJECTED, NOT_CONVERGED, COMMAND, REPAIRED, DIVERGED, RESTARTED = 1, 2, 4, 8, 16, 32

@@ -27,7 +27,8 @@ from codegen.evidence.recording import approximate, execute, record_control, rec
 from codegen.evidence.selftest import control_run, gains, segments
 from codegen.generate import build_steps
 from codegen.render.drive import default_kind
-from model.drive import Drive, load_drive
+from model.drives.load import load_drive
+from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 
 HERE = Path(__file__).parent
