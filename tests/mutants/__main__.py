@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
 from tests.mutants.emitted import SEED, emitted_mutants
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError
@@ -33,7 +34,7 @@ SAMPLE = (
 
 def everything(each: int | None = None) -> list[Mutant]:
     """All of the catalogue's; of those made by rule ``each`` of a sort, or all."""
-    return [*SOURCES, *drawn([*data_mutants(), *emitted_mutants()], each)]
+    return [*SOURCES, *drawn([*data_mutants(), *emitted_mutants(), *around_mutants()], each)]
 
 
 def drawn(mutants: Sequence[Mutant], each: int | None) -> list[Mutant]:
@@ -95,7 +96,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=SEED, help="where --places draws them")
     parser.add_argument("--sample", action="store_true", help="only the few that the test suite runs")
     options, console, start = parser.parse_args(), Console(), time.monotonic()
-    every = emitted_mutants(options.places, options.seed) if options.places else everything(options.each)
+    made = (emitted_mutants, around_mutants)
+    every = [m for make in made for m in make(options.places, options.seed)] if options.places else everything(options.each)
     outcomes = known(every, options.json) if options.again else []
     done = {outcome.mutant.digest for outcome in outcomes}
     choices = SAMPLE if options.sample else (options.words,)

@@ -105,8 +105,23 @@ class _Finder:
 
 
 def overlay(mutant: Mutant) -> str:
-    """From now on this process imports the mutated module, whose name is returned."""
+    """From now on this process imports the mutated module, whose name is returned; of a template its reader's."""
+    if mutant.file.endswith(".j2"):
+        return _overlay_template(Path(mutant.file).name, mutated_source(mutant))
     name = mutant.file.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
     assert name not in sys.modules, f"{name} was imported before it could be mutated"
     sys.meta_path.insert(0, _Finder(name, ROOT / mutant.file, mutated_source(mutant)))  # type: ignore[arg-type]
     return name
+
+
+def _overlay_template(template: str, text: str) -> str:
+    """From now on this process fills in the mutated template."""
+    import jinja2
+
+    read = jinja2.FileSystemLoader.get_source
+
+    def get_source(self: Any, environment: Any, name: str) -> Any:
+        return (text, None, lambda: True) if name == template else read(self, environment, name)
+
+    jinja2.FileSystemLoader.get_source = get_source  # type: ignore[method-assign]
+    return "codegen.render.filter"

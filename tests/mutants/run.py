@@ -18,8 +18,8 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
-from tests.mutants.checks import Bench, bits_of, copy, first_failure, overlaid, verdict
-from tests.mutants.mutant import Mutant, Outcome, StaleMutantError, mutated_source, overlay
+from tests.mutants.checks import Bench, bits_of, copy, first_failure, overlaid, rewritten, run_pytest, verdict
+from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source, overlay
 
 #: Seconds of processor time after which a mutant is taken to hang, and of the clock, whatever else the machine does.
 PROCESSOR, PATIENCE = 200, 1800.0
@@ -135,6 +135,26 @@ class EmittedBench:
         yield from self.foc(folder, record)
 
 
+class TextJudge:
+    """Tests on a shipped folder in which one file has another text."""
+
+    def __call__(self, mutant: Mutant) -> Verdict:
+        name, file = mutant.file.split("/", 1)
+        for node in mutant.checks:
+            with rewritten(name, file, mutant.text):
+                found = run_pytest(node.removeprefix("pytest "))
+            if found:
+                return found
+        return None
+
+    def shortly(self, mutant: Mutant) -> Verdict:
+        """In a process of its own: test modules must not be imported before the folder is exchanged."""
+        found = in_child(self, mutant)
+        if found.crash:
+            raise RuntimeError(found.crash)
+        return (found.killer, found.said) if found.killer else None
+
+
 # --- processes
 
 
@@ -197,6 +217,8 @@ def _prepare(group: str) -> Judge:
         return lambda mutant: _first(mutant, Bench())
     if word == "data":
         return judge_data(Bench())
+    if word == "text":
+        return TextJudge()
     return EmittedBench(word, rest[0])
 
 
@@ -226,6 +248,8 @@ def _unmutated(judge: Judge, mutants: list[Mutant]) -> Iterator[Mutant]:
     for mutant in one_each.values():
         if isinstance(judge, EmittedBench):
             yield replace(mutant, text=judge.folder.text(mutant.file.split("/", 1)[1]))
+        elif isinstance(judge, TextJudge):
+            yield replace(mutant, text=(ROOT / "generated" / mutant.file).read_text(encoding="utf-8"))
         else:
             yield replace(mutant, drive=None)
 
