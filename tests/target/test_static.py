@@ -175,3 +175,20 @@ def test_every_deviation_is_advisory_and_documented() -> None:
         assert rules()[rule]["category"] == "advisory", "a required rule has no deviation"
         assert f"| {rule} | {rules()[rule]['about']} | {reason} |" in page
     assert page.count("\n| ") == len(deviations()) + 1, "no row without a deviation, beside the head"
+
+
+def test_both_examples_are_read(tmp_path: Path) -> None:
+    """The example is two programs in one file: what is wrong in the one that its default leaves out is told, too."""
+    need("gcc"), need("clang")
+    for path in (GENERATED / "paper_spmsm").glob("*.[ch]"):
+        if not path.stem.endswith("_ckf"):
+            shutil.copy(path, tmp_path)
+    for name in ("paper_spmsm_ckf.h", "paper_spmsm_ckf.c"):
+        shutil.copy(GENERATED / "paper_spmsm" / name, tmp_path)
+    path = tmp_path / "example_isr.c"
+    text = path.read_text()
+    place = "static float32 v_acting[2];"
+    assert text.count(place) == 1
+    path.write_text(text.replace(place, f"{place} static int never_used;"))
+    checks = compiler_checks(tmp_path)
+    assert all(any("never_used" in line for line in said(checks, name)) for name in ("warnings, GCC", "warnings, Clang"))

@@ -1,4 +1,4 @@
-"""The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller."""
+"""The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller, errors around them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from tests.mutants.catalogue.fast import FORM
 from tests.mutants.catalogue.filters import FILTERS
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
+from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.mutant import Mutant
 
-SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL)
+SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS)
 
 __all__ = ["SOURCES", "data_mutants"]

@@ -1,0 +1,353 @@
+"""Errors around the filters: in the example interrupt, the self-tests, printed figures, and what judges and measures.
+
+Templates are mutated as modules are: the generator prints the mutated text, and the test that must notice reads it.
+"""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+Row = tuple[str, str, str, tuple[str, ...]]
+
+# --- the example interrupt
+
+_MODES = "tests/codegen/test_example_modes.py -k"
+WHOLE = (f"example paper_spmsm {_MODES} paper_spmsm-1",)
+ALONE = (f"example paper_spmsm {_MODES} paper_spmsm-0",)
+FLUX = (f"example ipmsm_flux {_MODES} ipmsm_flux",)
+
+_EXAMPLE: tuple[Row, ...] = (
+    ("overcurrent never trips", "if (excess > MAX_EXCESS) {", "if (excess > 2 * MAX_EXCESS) {", WHOLE),
+    ("overcurrent at the first sample", "if (excess > MAX_EXCESS) {", "if (excess > 0) {", WHOLE),
+    (
+        "overcurrent of phase a alone",
+        "((i[0] * i[0] > most) || (i[1] * i[1] > most))",
+        "((i[0] * i[0] > most) || (i[0] * i[0] > most))",
+        WHOLE,
+    ),
+    ("excess judged by what reads as zero", "is_beyond(phase, TRIP_CURRENT)", "is_beyond(phase, ZERO_CURRENT)", WHOLE),
+    ("a restart does not stop torque", "|| (restarted != 0)) ? 1 : 0);", ") ? 1 : 0);", WHOLE),
+    (
+        "a restart is another bit",
+        "restarted = ((status & PMSM_RESTARTED) != 0)",
+        "restarted = ((status & PMSM_COVARIANCE_REPAIRED) != 0)",
+        WHOLE,
+    ),
+    ("blindness does not stop torque", "judge_run(((rejected > MAX_REJECTED) || ", "judge_run((", WHOLE),
+    ("divergence does not stop torque", " || (diverged > MAX_DIVERGED)", "", WHOLE),
+    ("what is lost runs on", "    if (lost != 0) {\n        rest();", "    if (lost != 0) {\n        run();", WHOLE),
+    (
+        "gates stay on at rest",
+        "static void rest(void)\n{\n    inverter_off();",
+        "static void rest(void)\n{\n    inverter_on();",
+        WHOLE,
+    ),
+    ("gates on before rest", "    ticks = 0;\n    rest();", "    ticks = 0;\n    probe();", WHOLE),
+    (
+        "no rest after a current that is not zero",
+        "since = (is_within(i, ZERO_CURRENT) != 0) ? (since + 1) : 0;",
+        "since = since + 1;",
+        WHOLE,
+    ),
+    ("rest half as long", "return (since >= REST) ? 1 : 0;", "return (since >= REST / 2) ? 1 : 0;", WHOLE),
+    ("probing does not trip", "if (is_within(phase, TRIP_CURRENT) == 0) {", "if (0) {", WHOLE),
+    ("probe's current is any", "is_within(phase, PROBE_CURRENT) == 0", "is_within(phase, ZERO_CURRENT) == 0", WHOLE),
+    ("never starts at rest", "else if (since >= PROBE) {", "else if (since >= 100 * PROBE) {", WHOLE),
+    (
+        "speed of one interval",
+        "PROBE_SPEED * size / (float32)since",
+        "PROBE_SPEED * size",
+        WHOLE,
+    ),
+    ("direction of the reference lost", "(reference < 0.0f) ? -1.0f : 1.0f", "(reference < 0.0f) ? 1.0f : 1.0f", WHOLE),
+    ("back-EMF's angle turned", "cosine = -direction * i_beta / size", "cosine = direction * i_beta / size", WHOLE),
+    ("angle_of: second octant", "(s < c) ? part : ((0.5f * PI) - part)", "part", WHOLE),
+    ("caught with torque", "    start_regulators();\n    mode = CATCHING;", "    run();\n    mode = CATCHING;", WHOLE),
+    ("mirrored again and again", "    mirrored = 1;", "    mirrored = 0;", WHOLE),
+    ("mirrored, same speed", "FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);\n{% endif %}", "FILTER.x[1], FILTER.x[2], FILTER.x[3] + PI);\n{% endif %}", WHOLE),
+    ("mirrored by a quarter turn", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2], FILTER.x[3] + 0.5f * PI);", WHOLE),
+    ("flux not mirrored", "start_filter(-FILTER.x[0], -FILTER.x[1], -FILTER.x[2]", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2]", FLUX),
+    ("flux at the sensor's currents", "start_filter((cosine * FILTER.x_0[0]) - (sine * FILTER.x_0[1])", "start_filter((cosine * FILTER.x_0[1]) - (sine * FILTER.x_0[0])", FLUX),
+    ("catching never ends", "} else if (since >= CATCH) {\n        rest();", "} else if (since >= CATCH) {\n        since = CATCH;", WHOLE),
+    ("torque before it is content", "(content >= LOCKED) && (turns_as_stated(0.1f) != 0)", "turns_as_stated(0.1f) != 0", WHOLE),
+    ("torque though it does not turn", "(content >= LOCKED) && (turns_as_stated(0.1f) != 0)", "content >= LOCKED", WHOLE),
+    ("running is not watched", "        if (turns_as_stated(0.3f) == 0) {", "        if (0) {", WHOLE),
+    ("watched against all that went before", "        since = 0;\n        begin_watch();\n    } else {", "        since = 0;\n    } else {", WHOLE),
+    ("half of what is stated", "0.25f * stated * stated", "0.5f * stated * stated", WHOLE),
+    ("turning by mechanical speed", "stated + (POLE_PAIRS * SAMPLE_TIME", "stated + (SAMPLE_TIME", WHOLE),
+    ("seam of the angle", "step = step - TWO_PI;", "step = step - PI;", WHOLE),
+    ("tuned maximum lost", "        max_current = control.gain[MAX_CURRENT]; /* it may have been tuned since */\n", "", WHOLE),
+    ("torque while caught", "        control.gain[MAX_CURRENT] = 0.0f;\n", "", WHOLE),
+    ("regulators go on from where they were", "    control.integrator[2] = 0.0f;\n", "", WHOLE),
+    ("queued voltage left", "    v_queued[0] = 0.0f;\n", "", ALONE),
+    ("voltage of one interrupt ago", "        v_acting[0] = v_queued[0];", "        v_acting[0] = v[0];", ALONE),
+    ("torque in every mode", "(mode == RUNNING) ? 1 : 0, v)", "1, v)", ALONE),
+    ("speed loop gets the angle in rad", "filter.x[2], per_unit(filter.x[3])", "filter.x[2], filter.x[3]", ALONE),
+    ("Clarke's factor in the example", "i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));", "i[1] = INV_SQRT_3 * (phase[0] + phase[1]);", ALONE),
+    ("telemetry: speed in r/min", "words[0] = FILTER.x[2];  ", "words[0] = FILTER.x[2] * 9.549f;  ", WHOLE),
+    ("telemetry: mechanical hertz", "words[2] = FILTER.x[2] * POLE_PAIRS * INV_TWO_PI;", "words[2] = FILTER.x[2] * INV_TWO_PI;", WHOLE),
+    ("telemetry: no status", "words[3] = (float32)status;", "words[3] = 0.0f;", WHOLE),
+    ("telemetry: one word less", "telemetry(words, 4);", "telemetry(words, 3);", WHOLE),
+    ("telemetry twice as seldom", "    if (ticks < TELEMETRY_EVERY) {", "    if (ticks < 2 * TELEMETRY_EVERY) {", WHOLE),
+    ("not acknowledged", "    report(status);\n    acknowledge_interrupt();", "    report(status);", WHOLE),
+    ("self-test's code without its sign", "        return -failed;\n    }\n    failed = ", "        return failed;\n    }\n    failed = ", WHOLE),
+    ("controller's self-test passes whatever it says", "        return failed;\n    }\n    {{ p }}_foc_init", "        return 0;\n    }\n    {{ p }}_foc_init", WHOLE),
+    ("filter begins with what the self-test left", "    {{ p }}_init(&filter);\n", "", ALONE),
+    ("controller without the delay", "{{ p }}_foc_init(&control, 1);", "{{ p }}_foc_init(&control, 0);", WHOLE),
+    ("self-test without its tolerance", "{{ p }}_selftest(&control.filter, PMSM_SELFTEST_TOLERANCE)", "{{ p }}_selftest(&control.filter, 1.0f)", WHOLE),
+    ("probing writes no zero voltage", "    write_duty(ZERO);\n", "", WHOLE),
+    ("zero voltage is none", "{0.5f, 0.5f, 0.5f}", "{0.0f, 0.5f, 0.5f}", WHOLE),
+)  # fmt: skip
+
+_EXAMPLE_NUMBERS: tuple[Row, ...] = (
+    ("trip at twice the maximum", "TRIP_CURRENT, UNKNOWN_SPEED = 0.05, 0.1, 1.5, 0.5", "TRIP_CURRENT, UNKNOWN_SPEED = 0.05, 0.1, 2.0, 0.5", WHOLE),
+    ("blind for longer", "BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3", "BLIND_TIME, DIVERGED_TIME = 3e-3, 100e-3", WHOLE),
+    ("adrift for longer", "BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3", "BLIND_TIME, DIVERGED_TIME = 2e-3, 200e-3", WHOLE),
+    ("probe's speed by L_d", "drive.motor.inductance_q / (drive.motor.magnet_flux", "drive.motor.inductance_d / (drive.motor.magnet_flux", FLUX),
+    ("sigma for the variance", '"unknown_speed": (UNKNOWN_SPEED * speed) ** 2', '"unknown_speed": UNKNOWN_SPEED * speed', WHOLE),
+    ("telemetry's rate", "TELEMETRY_RATE = 50.0", "TELEMETRY_RATE = 25.0", WHOLE),
+    ("gain beside the maximum current", 'max_current=Gains.names().index("max_current")', 'max_current=Gains.names().index("max_current") - 1', WHOLE),
+    ("sample time of the example in ms", 'sample_time_us=f"{T * 1e6:g}"', 'sample_time_us=f"{T * 1e3:g}"', ("pytest tests/codegen/test_printed_figures.py",)),
+)  # fmt: skip
+
+# --- the self-tests
+
+_WORDS = "tests/codegen/test_selftest_words.py -k"
+FILTER = (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm and not foc'",)
+CONTROLLER = (f"regenerated paper_spmsm {_WORDS} paper_spmsm-foc",)
+HEADERS = (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm and (plan or sizes or comments)'",)
+
+_FILTER_TEST: tuple[Row, ...] = (
+    ("a vector left out", "for (k = 0; (k < N_VECTORS) && (stage == 0); k++) {", "for (k = 0; (k < N_VECTORS - 1) && (stage == 0); k++) {", FILTER),
+    ("nothing compared but x", "for (k = 0; k < N_WORDS; k++) {", "for (k = 0; k < N_STATES; k++) {", FILTER),
+    ("status not compared", "if (status != v->status) {", "if (status != v->status && v->status != 0) {", FILTER),
+    ("iterations not compared", "if (!(tolerance > 0.0f) && (f->iterations != v->iterations)) {", "if ((tolerance > 0.0f) && (f->iterations != v->iterations)) {", FILTER),
+    ("rejected inputs tolerated", "status = (status & PMSM_INPUT_REJECTED) | (v->status & ~PMSM_INPUT_REJECTED);", "status = v->status;", FILTER),
+    ("starts not begun", "            begin(work, &STARTS[next]);\n", "", FILTER),
+    ("P_0 not set", "        f->P_0[k] = value_of(s->P_0[k]);\n", "", FILTER),
+    ("root not looked at", "agrees(PMSM_SQRT(a), s->root, s->root_allowed, tolerance) == 0", "agrees(PMSM_SQRT(a), s->root, s->root_allowed, 1e30f) == 0", FILTER),
+    ("sine with a tolerance", "agrees(pair.sine, s->sine, 0, 0.0f)", "agrees(pair.sine, s->sine, 254, tolerance)", FILTER),
+    ("wrapped angle not looked at", "return (agrees(wrap_angle(angle), s->wrapped, 0, 0.0f) != 0) ? 0 : 5;", "return 0;", FILTER),
+    ("code of x for P", "(10 + k) : (20 + k - N_STATES)", "(10 + k) : (10 + k)", FILTER),
+    ("first vector is number 0", "(100 * k) + stage; /*", "(100 * (k - 1)) + stage; /*", FILTER),
+    ("work left as the last vector left it", "    {{ p }}_init(work);\n    return", "    return", FILTER),
+    ("voltage twice", "        y[k] = value_of(v->y[k]);", "        y[k] = value_of(v->u[k]);", FILTER),
+)  # fmt: skip
+
+_COMPARE: tuple[Row, ...] = (
+    ("no number agrees", "((off <= limit) && (off >= -limit)) ? 1 : 0", "((off > limit) || (off < -limit)) ? 0 : 1", FILTER),
+    ("one side compared", "((off <= limit) && (off >= -limit)) ? 1 : 0", "(off <= limit) ? 1 : 0", FILTER),
+    ("allowance not scaled", "limit = tolerance * value_of", "limit = value_of", FILTER),
+    ("allowance doubled", "(Uint32)allowed << 23", "(Uint32)(allowed + 1U) << 23", FILTER),
+    ("bits compared as numbers", "return (b.word == expected) ? 1 : 0;", "return (b.word + 1U >= expected) ? 1 : 0;", FILTER),
+)
+
+_CONTROLLER_TEST: tuple[Row, ...] = (
+    ("controller's compares nothing", "if (agrees(found, v->expected[k], v->allowed[k], tolerance) == 0) {", "if (agrees(found, v->expected[k], v->allowed[k], tolerance) == 2) {", CONTROLLER),
+    ("duty alone compared", "for (k = 0; k < N_WORDS; k++) {", "for (k = 0; k < 3; k++) {", CONTROLLER),
+    ("status not compared by the controller's", "    if (status != v->status) {", "    if (0) {", CONTROLLER),
+    ("controller's last vector left out", "(k < N_VECTORS) && (stage == 0)", "(k < N_VECTORS - 1) && (stage == 0)", CONTROLLER),
+    ("commands not replayed", "        command[k] = value_of(v->command[k]);", "        command[k] = value_of(VECTORS[0].command[k]);", CONTROLLER),
+    ("integrators' places", "duty[k] : c->integrator[k - 3]", "duty[k] : c->integrator[5 - k]", CONTROLLER),
+)  # fmt: skip
+
+_SELFTEST_PRINT: tuple[Row, ...] = (
+    ("size without the starts", " + len(runs) * _even(1 + 4 * n)", "", HEADERS),
+    ("size in bytes", "words = vectors * _even(8 + 1 + 3 * outputs)", "words = 2 * vectors * _even(8 + 1 + 3 * outputs)", (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm-foc and sizes'",)),
+    ("plan begins with vector 0", "plan += [(int(a) + 1, int(b), run.title)", "plan += [(int(a), int(b), run.title)", HEADERS),
+    ("stages of x and P exchanged", '("10 + k", "x[k]")', '("20 + k", "x[k]")', HEADERS),
+    ("inputs' units exchanged", '(u[k], "u", "V"), (y[k], "y", "A")', '(u[k], "u", "A"), (y[k], "y", "V")', HEADERS),
+    ("allowance of nothing", "allowed = [int(np.frexp(value)[1]) - 1 + 127 - 23 + 2", "allowed = [int(np.frexp(value)[1]) - 1 + 127 - 23 + 6", FILTER),
+    ("one start's P_0 for another", "zip(firsts, runs, strict=False)]", "zip(firsts, [runs[0], runs[2], runs[1], *runs[3:]], strict=False)]", FILTER),
+)  # fmt: skip
+
+_SELFTEST_EVIDENCE = {
+    "codegen/evidence/recording.py": (
+        ("errors one way", "rng.integers(-UNITS, UNITS,", "rng.integers(0, UNITS,", FILTER),
+        ("two units", "UNITS = 3", "UNITS = 2", (f"pytest {_WORDS} three_units",)),
+        ("median for the worst", "deviation = np.max(np.abs(blurred", "deviation = np.median(np.abs(blurred", FILTER),
+        ("margin lost", "bound = np.maximum(MARGIN * np.where", "bound = np.maximum(np.where", FILTER),
+        ("margin squared", "MARGIN = 64, 8", "MARGIN = 64, 64", FILTER),
+        ("a power of two less", ".astype(int) + 127)", ".astype(int) + 124)", FILTER),
+    ),
+    "codegen/evidence/selftest.py": (
+        ("no bad input in the start", "runs[0].y[BEYOND, 0] = 2 * drive", "runs[0].y[BEYOND, 0] = 0.2 * drive", ("pytest tests/codegen/test_status_bits.py -k recorded_starts",)),
+        ("no bad command", "run.command[CONTROL_BAD_COMMAND] = np.inf, np.nan\n", "", ("pytest tests/codegen/test_status_bits.py -k recorded_starts",)),
+        ("speed within reach to the end", "< CONTROL_STEPS - 2, 0.1, 1.0)", "< CONTROL_STEPS, 0.1, 1.0)", (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm-foc and plan'",)),
+    ),
+}  # fmt: skip
+
+# --- printed figures
+
+FIGURES = ("pytest tests/codegen/test_printed_figures.py",)
+BUDGET = "pytest tests/codegen/test_budget.py"
+
+_REPORT_TEMPLATE: tuple[Row, ...] = (
+    ("stack and code exchanged", "{{ row.stack }} | {{ row.text }}", "{{ row.text }} | {{ row.stack }}", FIGURES),
+    ("heads of stack and code exchanged", "stack, bytes (M4F) | code, bytes (M4F)", "code, bytes (M4F) | stack, bytes (M4F)", FIGURES),
+    ("RAM in bytes", "{{ row.ledger.words }}", "{{ 2 * row.ledger.words }}", FIGURES),
+    ("called and expanded exchanged", '{{ row.cycles | join(" / ") }} | {{ row.expanded | join(" / ") }}', '{{ row.expanded | join(" / ") }} | {{ row.cycles | join(" / ") }}', FIGURES),
+    ("x_0 and P_0 exchanged", "{{ s.x_0 }} | {{ s.P_0 }}", "{{ s.P_0 }} | {{ s.x_0 }}", FIGURES),
+    ("P_0 and Q exchanged", "| {{ s.P_0 }} | {{ s.Q }} |", "| {{ s.Q }} | {{ s.P_0 }} |", FIGURES),
+    ("unit of the noise", '| join(", ") }} A^2.', '| join(", ") }} A.', FIGURES),
+    ("99 % and worst exchanged", "c.x + (c.P_99, c.P)", "c.x + (c.P, c.P_99)", FIGURES),
+    ("not finite and indefinite exchanged", "{{ c.not_finite }} | {{ c.indefinite }}", "{{ c.indefinite }} | {{ c.not_finite }}", FIGURES),
+    ("chip's certificate is the host's", 'certificate(kind ~ ", chip", f.chip.fpu32)', 'certificate(kind ~ ", chip", f.certificate)', FIGURES),
+    ("current of the box in V", "{{ \"%g\" | format(drive.operating_box.current) }} A", "{{ \"%g\" | format(drive.operating_box.current) }} V", FIGURES),
+    ("sine: proved and seen exchanged", 'error proved <= {{ "%.1e" | format(trig.proved) }}', 'error proved <= {{ "%.1e" | format(trig.seen) }}', FIGURES),
+    ("price of a division", "{{ budget.prices.div }} div + {{ budget.prices.sqrt }} sqrt", "{{ budget.prices.sqrt }} div + {{ budget.prices.div }} sqrt", FIGURES),
+    ("expanded add is mul", "{{ row.ledger.expanded.add }} | {{ row.ledger.expanded.mul }}", "{{ row.ledger.expanded.mul }} | {{ row.ledger.expanded.add }}", FIGURES),
+)  # fmt: skip
+
+_FIGURES = {
+    "codegen/render/templates/report.md.j2": _REPORT_TEMPLATE,
+    "codegen/render/report.py": (
+        ("shares of the expanded", "for value in called] for period", "for value in expanded] for period", FIGURES),
+        ("shares per mille", "round(100 * value / period)", "round(1000 * value / period)", FIGURES),
+        ("row of the step's record", "_row(subject, ledger, measured[function], periods)", '_row(subject, ledger, measured[f"{account.name}_step"], periods)', FIGURES),
+        ("controller's ledger for the filter's", '(kind, account.filter, f"{account.name}_step")', '(kind, account.controller, f"{account.name}_step")', FIGURES),
+        ("stack is the code's size", 'record.get("stack_bytes", "not measured")', 'record.get("text_bytes", "not measured")', FIGURES),
+    ),
+    "codegen/render/notes.py": (
+        ("k = 5 with k = 4's cycles", "{cycles(ops, 5)} at k = 5", "{cycles(ops, 4)} at k = 5", FIGURES),
+        ("expanded cost for the called", "    ops = ledger.calls\n", "    ops = ledger.expanded\n", FIGURES),
+        ("mul and add exchanged", "{ops['add']} add, {ops['mul']} mul", "{ops['mul']} add, {ops['add']} mul", FIGURES),
+        ("P's 99 % for its worst", "P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e})", "P {certificate.P_99:.1e} relative (99 %: {certificate.P:.1e})", FIGURES),
+        ("chip says flush to zero", "{_deviation(states, chip.fpu32)}", "{_deviation(states, chip.flushed)}", FIGURES),
+        ("units one state on", '"{state.name} {error:.1e} {state.unit}" for state', '"{state.name} {error:.1e} {states[0].unit}" for state', FIGURES),
+    ),
+    "codegen/evidence/budget.py": (
+        ("price of a root", '"sqrt": 29', '"sqrt": 92', FIGURES),
+        ("k of the bound", "FACTORS = (2.5, 4.0, 5.0)", "FACTORS = (2.5, 4.0, 6.0)", FIGURES),
+        ("interrupt not counted", "+ priced + INTERRUPT)", "+ priced)", FIGURES),
+        ("clock of another chip", "CLOCK = 150e6", "CLOCK = 100e6", FIGURES),
+        ("20 kHz at 100 us", '"20 kHz": 7_500', '"20 kHz": 15_000', FIGURES),
+        ("budget refuses what it allows", "    if spent[kind] <= allowed:\n", "    if spent[kind] < allowed:\n", (BUDGET,)),
+        ("RAM's budget refuses what it allows", "account.filter.words > budget.ram_words", "account.filter.words >= budget.ram_words", (BUDGET,)),
+        ("cheapest kind named", "    kind = max(spent, key", "    kind = min(spent, key", (BUDGET,)),
+        ("controller's budget not asked", '("controller_cycles", "_foc_step")', '("controller_cycles", "_step")', (BUDGET,)),
+        ("iterations that do not fit are offered", "<= budget]\n", "<= 2 * budget]\n", (BUDGET,)),
+    ),
+    "codegen/generate.py": (
+        ("estimated at k = 4", "cycles(ledger.calls, FACTORS[0])", "cycles(ledger.calls, FACTORS[1])", FIGURES),
+        ("filter's cost for the controller's", "_cost_facts(accounts[kind].controller)", "_cost_facts(accounts[kind].filter)", FIGURES),
+        ("three digits", '[float(f"{value:.1e}") for value', '[float(f"{value:.0e}") for value', FIGURES),
+        ("self-test of the controller", "tests[kind].vectors,", 'tests[f"{kind}_foc"].vectors,', HEADERS),
+    ),
+    "codegen/render/templates/filter.h.j2": (
+        ("u_max in A", "u_max; /* V: voltages", "u_max; /* A: voltages", FIGURES),
+        ("R is a sigma", "measurement noise variances, A^2,", "measurement noise variances, A,", FIGURES),
+        ("u after the interval", "mean over the interval ending now; y", "mean over the interval beginning now; y", FIGURES),
+    ),
+    "codegen/render/templates/foc.h.j2": (
+        ("speed reference in r/min", "speed reference rad/s mechanical, DC link V", "speed reference r/min mechanical, DC link V", FIGURES),
+        ("integrators' units", "speed N m, d and q current V", "speed A, d and q current V", FIGURES),
+    ),
+    "codegen/render/templates/port.h.j2": (
+        ("two bits exchanged", "#define PMSM_DIVERGED 0x10", "#define PMSM_DIVERGED 0x8", ("regenerated paper_spmsm tests/codegen/test_status_bits.py -k 'values_agree and paper_spmsm'",)),
+    ),
+    "codegen/render/filter.py": (
+        ("sample time in ms", "sample_time * 1e6:g} us", "sample_time * 1e3:g} us", FIGURES),
+        ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
+        ("sinc's bound for cosm1's", "sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e}", "sinc {bound.cosm1:.1e}, cosm1 {bound.sinc:.1e}", FIGURES),
+        ("small angles as far as d^2", "for d up to {LIMIT**0.5:.2g} rad", "for d up to {LIMIT:.2g} rad", FIGURES),
+        ("units of x forgotten one on", 'f"{state.name} {state.unit}" for state', 'f"{state.name} {model.states[0].unit}" for state', FIGURES),
+        ("y_max is the voltage", '"y_max": drive.operating_box.current', '"y_max": drive.operating_box.voltage', FIGURES),
+    ),
+}  # fmt: skip
+
+# --- what measures and judges
+
+STATIC = "pytest tests/target/test_static.py -k "
+DIVISIONS, EVA = "pytest tests/target/test_divisions.py", "pytest tests/target/test_eva.py"
+MEASURE, LEDGER, FPU = (f"pytest tests/codegen/test_{name}.py" for name in ("measure", "ledger", "fpu32"))
+
+_EVIDENCE = {
+    "codegen/evidence/certificate.py": (
+        ("90 % for 99 %", "np.quantile(dP[good], 0.99)", "np.quantile(dP[good], 0.9)", FIGURES),
+        ("mean for the worst", "P=float(np.max(dP[good]))", "P=float(np.mean(dP[good]))", FIGURES),
+        ("angle not taken round", "dx[angle] = np.abs(np.remainder(", "dx[angle] = np.abs(1.5 * np.remainder(", FIGURES),
+        ("relative to P_ii alone", "scale = sigma[:, :, None] * sigma[:, None, :]", "scale = sigma[:, :, None] * sigma[:, :, None]", FIGURES),
+        ("bad draws not counted", "not_finite=int(np.sum(~good))", "not_finite=0", FIGURES),
+        ("indefinite not counted", "indefinite=int(np.sum(lowest <= 0))", "indefinite=int(np.sum(lowest < -1e9))", FIGURES),
+        ("chip against float64", "return ChipModel(_compare(module, fpu32, host)", 'return ChipModel(_compare(module, fpu32, one_step(module, kind, box, "float64"))', FIGURES),
+    ),
+    "codegen/evidence/box.py": (
+        ("half the speed", "omega = rng.uniform(-box.speed, box.speed, count)", "omega = rng.uniform(-box.speed / 2, box.speed / 2, count)", FIGURES),
+        ("voltage of one sign", "rng.uniform(-voltage, voltage, (2, count))", "rng.uniform(0, voltage, (2, count))", FIGURES + ("pytest tests/codegen/test_fpu32.py",)),
+        ("sigma for the variance", "high = np.sqrt(drive.filter.initial_covariance)", "high = np.array(drive.filter.initial_covariance)", FIGURES),
+    ),
+    "codegen/evidence/measure.py": (
+        ("frames beside each other", "return own + max((depth(*callee)", "return max((own, *(depth(*callee)", (MEASURE,)),
+        ("smallest clone", "frames[name] = max(frames.get(name, 0), int(size))", "frames[name] = int(size)", (MEASURE,)),
+        ("flags not in the key", '" ".join(FLAGS), *(f"{name}', '"", *(f"{name}', (MEASURE,)),
+        ("only the own file's code", "sum(text for _, text in objects.values())", "max(text for _, text in objects.values())", (MEASURE,)),
+        ("data for text", "splitlines()[1].split()[0])", "splitlines()[1].split()[1])", (MEASURE,)),
+        ("kept though the code changed", 'usable = kept.get("source_sha256") == key', 'usable = "source_sha256" in kept', (MEASURE,)),
+    ),
+    "codegen/evidence/ledger.py": (
+        ("cheaper side of a branch", "return self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))\n\n    def _count_DoWhile", "return self.count(node.cond) + (self.count(node.iftrue) & self.count(node.iffalse))\n\n    def _count_DoWhile", (LEDGER,)),
+        ("a loop once", "bound * number for name, number in once", "number for name, number in once", (LEDGER,)),
+        ("padding forgotten", "offset += -offset % align + words", "offset += words", (LEDGER,)),
+        ("minus not counted", '"-": "add", "*": "mul"', '"*": "mul"', (LEDGER,)),
+    ),
+    "codegen/evidence/fpu32.py": (
+        ("one Newton step", "    y = seed = reciprocal_seed(b)\n    for _ in range(2):", "    y = seed = reciprocal_seed(b)\n    for _ in range(1):", (FPU,)),
+        ("denormals kept", "np.abs(value) < TINY, np.copysign", "np.abs(value) < 0, np.copysign", (FPU,)),
+    ),
+}  # fmt: skip
+
+_GATES = {
+    "runtime/firmware/static/bans.py": (
+        ("double allowed", 'TYPE_WORDS = frozenset({"float",', 'TYPE_WORDS = frozenset({"double", "float",', (STATIC + "plant",)),
+        ("double literals allowed", 'CONSTANTS = frozenset({"float",', 'CONSTANTS = frozenset({"double", "float",', (STATIC + "plant",)),
+        ("globals allowed", "if _variable(item) and not open_ended:", "if _variable(item) and open_ended:", (STATIC + "plant",)),
+        ("recursion allowed", "        if start in reached:\n", "        if start in reached and not calls:\n", (STATIC + "plant",)),
+        ("unknown calls allowed", "if node.name.name not in known and node.name.name not in SQRT:", "if node.name.name not in known and node.name.name in SQRT:", (STATIC + "plant",)),
+        ("gate passes whatever is found", '"failed" if found or not good else "passed"', '"failed" if not good else "passed"', (STATIC + "plant",)),
+        ("unguarded divisions pass", '"failed" if unguarded or broken or not good else "passed"', '"failed" if broken or not good else "passed"', (STATIC + "plant",)),
+    ),
+    "runtime/firmware/static/divisions.py": (
+        ("zero is avoided at zero", "return self.low > 0.0 or self.high < 0.0", "return self.low >= 0.0 or self.high <= 0.0", (DIVISIONS,)),
+        ("anything is positive", 'POSITIVE = ("Q",', 'POSITIVE = ("x", "y", "Q",', (DIVISIONS,)),
+    ),
+    "runtime/firmware/static/misra.py": (
+        ("required rules forgiven", "bad = [*broken, *required, *unexplained]", "bad = [*broken, *unexplained]", (STATIC + "misra",)),
+        ("advisory rules forgiven", 'category(f.rule) == "advisory" and f.rule not in deviations()]', 'category(f.rule) == "advisory" and f.rule in ()]', (STATIC + "misra",)),
+        ("unknown rules are advisory", 'if rule in rules() else "required"', 'if rule in rules() else "advisory"', (STATIC + "misra",)),
+    ),
+    "runtime/firmware/static/compilers.py": (
+        ("warnings pass", '"failed" if said or not sources else "passed"', '"passed"', (STATIC + "plant",)),
+        ("the other example not read", "for source in sources if is_example(source)]", "for source in sources if not is_example(source)]", (STATIC + "both_examples",)),
+    ),
+    "runtime/firmware/static/eva.py": (
+        ("alarms pass", "return not self.alarms and not self.failure", "return not self.failure", (EVA,)),
+        ("a failed analysis is not proved", '    if verdict.failure:\n        return "failed"\n', "", (EVA,)),
+        ("a step that never ends is proved", 'failure = "no execution reaches the end of the step"', 'failure = ""', (EVA,)),
+        ("division by zero is no alarm", '_ASKED = ("', '_ASKED = ("division by zero", "', (EVA,)),
+    ),
+}  # fmt: skip
+
+_TEMPLATES = "codegen/render/templates"
+
+
+def _of(kind: str, file: str, rows: tuple[Row, ...]) -> tuple[Mutant, ...]:
+    return tuple(Mutant(kind, f"{file}: {name}", checks, file, old, new) for name, old, new, checks in rows)
+
+
+def _of_all(kind: str, files: dict[str, tuple[Row, ...]]) -> tuple[Mutant, ...]:
+    return tuple(mutant for file, rows in files.items() for mutant in _of(kind, file, rows))
+
+
+SURROUNDINGS = (
+    *_of("example interrupt", f"{_TEMPLATES}/example_isr.c.j2", _EXAMPLE),
+    *_of("example interrupt", "codegen/render/drive.py", _EXAMPLE_NUMBERS),
+    *_of("self-test", f"{_TEMPLATES}/selftest.c.j2", _FILTER_TEST),
+    *_of("self-test", f"{_TEMPLATES}/selftest_compare.j2", _COMPARE),
+    *_of("self-test", f"{_TEMPLATES}/foc_selftest.c.j2", _CONTROLLER_TEST),
+    *_of("self-test", "codegen/render/selftest.py", _SELFTEST_PRINT),
+    *_of_all("self-test", _SELFTEST_EVIDENCE),
+    *_of_all("printed figures", _FIGURES),
+    *_of_all("evidence", _EVIDENCE),
+    *_of_all("gates", _GATES),
+)
