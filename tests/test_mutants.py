@@ -8,9 +8,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import jinja2
 import pytest
 
 from tests.mutants.__main__ import SAMPLE, drawn
+from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
 from tests.mutants.emitted import C_OPERATORS, Code, emitted_mutants, next_float
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source
@@ -29,14 +31,17 @@ def test_a_sample_is_killed(tmp_path: Path) -> None:
 
 def test_no_mutant_is_stale() -> None:
     for mutant in SOURCES:
-        compile(mutated_source(mutant), mutant.file, "exec")
+        if mutant.file.endswith(".j2"):
+            jinja2.Environment(trim_blocks=True, lstrip_blocks=True).parse(mutated_source(mutant))
+        else:
+            compile(mutated_source(mutant), mutant.file, "exec")
     with pytest.raises(StaleMutantError, match="0 times"):
         mutated_source(replace(SOURCES[0], old="no such text"))
 
 
 @pytest.fixture(scope="module")
 def emitted() -> list[Mutant]:
-    return emitted_mutants()
+    return [*emitted_mutants(), *around_mutants()]
 
 
 def test_no_two_are_the_same_and_every_kind_has_some(emitted: list[Mutant]) -> None:

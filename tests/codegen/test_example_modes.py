@@ -416,6 +416,34 @@ def test_a_maximum_current_that_was_tuned_is_what_comes_back(board: Board) -> No
     assert board.now.gain_max == pytest.approx(tuned)
 
 
+def test_torque_comes_back_after_catches_that_failed(board: Board) -> None:
+    omega = caught(board)
+    for _ in range(2):
+        assert spin(board, 10_000, omega, status=DIVERGED, stop="0")
+        omega = caught(board)
+    assert until_torque(board, 10_000, omega) == board.interrupts(LOCKED) + 1
+    if board.variant:
+        assert board.now.gain_max == pytest.approx(board.drive.control.max_current)
+
+
+def test_the_limits_themselves_are_within(board: Board) -> None:
+    """A current that is exactly the limit, as float32 has it."""
+    zero, shows, trip = (float(np.float32(ampere(board, share))) for share in (ZERO, SHOWS, TRIP))
+    assert board.until("1", 10_000, phase=(zero, -zero)) == board.interrupts(REST)
+    board.interrupt(5, phase=(shows, shows))
+    assert board.gates and "s" not in board.interrupt(phase=(0.0, shows))
+    board.interrupt(phase=(trip, 0.0))
+    assert board.gates and "s" in board.interrupt(phase=(trip, -trip))
+    assert stops(board, 2 * board.interrupts(SETTLE), phase=(trip, -trip)) == 0
+
+
+def test_without_a_reference_forward_is_guessed(board: Board) -> None:
+    board.now.reference = 0.0
+    omega = caught(board)
+    board.interrupt()
+    assert list(board.now.x)[2] == pytest.approx(omega, rel=1e-5)
+
+
 # --- what goes to and fro every sample
 
 

@@ -394,9 +394,7 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     texts = [made.words(f"{name}_ckf.c"), made.words(f"{name}_ckf_foc.c")]
     pattern = r"Error for \|x\| <= (\d+) rad: proved (\S+), worst of (\d+) arguments (\S+)\."
     said = {re.search(pattern, text).groups() for text in texts}  # type: ignore[union-attr]
-    report = re.search(
-        r"\|x\| <= (\d+) rad\): error proved <= (\S+), worst of (\d+) arguments (\S+)\.", made.report
-    )
+    report = re.search(r"\|x\| <= (\d+) rad\): error proved <= (\S+), worst of (\d+) arguments (\S+)\.", made.report)
     assert report is not None and said == {report.groups()}
     limit, proved, samples, seen = (float(word) for word in report.groups())
     assert (limit, samples) == (1000, 200_002)
@@ -560,7 +558,10 @@ def test_units_in_headers(made: Made) -> None:
         words = " ".join(header.replace(" * ", " ").split())
         assert "u: v_alpha, v_beta in V, mean over the interval ending now; y: i_alpha, i_beta in A, now." in words
         words = " ".join(controller.replace(" * ", " ").split())
-        assert "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1" in words
+        assert (
+            "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1"
+            in words
+        )
     example = made.files["example_isr.c"]
     for macro, unit in EXAMPLE_UNITS.items():
         found = re.search(rf"^#define {macro} \S+ /\* (\S+(?: per A)?)(?::|,| \*/)", example, re.MULTILINE)

@@ -46,6 +46,7 @@ class Subject:
     controller: bool
     library: Any
     tamper: Any
+    table: Any
     expected: np.ndarray
     allowed: np.ndarray
     integers: np.ndarray
@@ -104,6 +105,7 @@ def subject(name: str, controller: bool) -> Subject:
         controller,
         library,
         tamper,
+        table,
         np.array([list(item.expected) for item in table], dtype=np.uint32).view(np.float32),
         np.array([list(item.allowed) for item in table]),
         np.array([list(item.ints) for item in table]),
@@ -195,6 +197,30 @@ def test_status_and_iterations(test_of: Subject) -> None:
             assert test_of.run(1.0, k, passes=1) == 0
 
 
+def test_a_recorded_status_that_is_wrong_is_named(test_of: Subject) -> None:
+    """The same the other way round: the table's status is changed, not the step's."""
+    for k, row in enumerate(test_of.table):
+        for bit in STATUS:
+            row.ints[0] ^= bit
+            compared = bit != 2 if test_of.controller else bit == 1
+            answers = test_of.run(0.0), test_of.run(1.0)
+            row.ints[0] ^= bit
+            assert answers == (100 * (k + 1) + 1, 100 * (k + 1) + 1 if compared else 0)
+
+
+@pytest.mark.parametrize("end", ["", "_foc"])
+def test_no_table_is_read_beyond_its_end(end: str, tmp_path: Path) -> None:
+    """With the compiler's bounds trapped."""
+    folder, p = GENERATED / "paper_spmsm", f"paper_spmsm_ickf{end}"
+    text = f'#include "{p}_selftest.h"\nstatic {p}_t work;\n'
+    text += f"int main(void) {{ return {p}_selftest(&work, 0.0f) + {p}_selftest(&work, 1.0f); }}\n"
+    (tmp_path / "main.c").write_text(text)
+    sources = [str(folder / f"{name}.c") for name in sorted({p, p.removesuffix("_foc"), f"{p}_selftest"})]
+    command = ["gcc", "-O0", "-w", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error", f"-I{folder}"]
+    subprocess.run([*command, "main.c", *sources, "-o", "t", "-lm"], cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "t"]).returncode == 0
+
+
 def _recorded(test_of: Subject) -> tuple[np.ndarray, Any]:
     """Inputs (N, 4) and the recording, from the drive."""
     drive = test_of.drive
@@ -270,7 +296,9 @@ def test_what_is_allowed_is_what_the_chips_errors_make_of_a_word(test_of: Subjec
 
 
 def test_random_errors_are_three_units_either_way() -> None:
-    module = "def divide_it(a, b):\n    return a / b\n\n\ndef root_it(a):\n    return np.sqrt(a)\n\n\nimport numpy as np\n"
+    module = (
+        "def divide_it(a, b):\n    return a / b\n\n\ndef root_it(a):\n    return np.sqrt(a)\n\n\nimport numpy as np\n"
+    )
     names = approximate(module, "m")
     one = np.ones(4000, dtype=np.float32)
     for values in (names["divide_it"](one, one), names["root_it"](one)):

@@ -91,7 +91,9 @@ class Both:
 
     def run(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Status (N,), the same in both."""
-        one, other = (np.asarray(backend.run(np.float32(u), np.float32(y))[3]).ravel() for backend in (self.c, self.twin))
+        one, other = (
+            np.asarray(backend.run(np.float32(u), np.float32(y))[3]).ravel() for backend in (self.c, self.twin)
+        )
         assert np.array_equal(one, other)
         return one
 
@@ -208,4 +210,3 @@ def test_of_the_recorded_starts_only_the_bad_samples_say_so(drive: Drive) -> Non
         status = record_control(module, kind, run, gains(drive, run.delay).values).status
         assert np.flatnonzero(status & BITS["INPUT_REJECTED"]).tolist() == [CONTROL_BAD_CURRENT]
         assert np.flatnonzero(status & BITS["COMMAND_REJECTED"]).tolist() == [CONTROL_BAD_COMMAND]
-

@@ -97,7 +97,9 @@ def main() -> int:
     parser.add_argument("--sample", action="store_true", help="only the few that the test suite runs")
     options, console, start = parser.parse_args(), Console(), time.monotonic()
     made = (emitted_mutants, around_mutants)
-    every = [m for make in made for m in make(options.places, options.seed)] if options.places else everything(options.each)
+    every = (
+        [m for make in made for m in make(options.places, options.seed)] if options.places else everything(options.each)
+    )
     outcomes = known(every, options.json) if options.again else []
     done = {outcome.mutant.digest for outcome in outcomes}
     choices = SAMPLE if options.sample else (options.words,)

@@ -22,6 +22,13 @@ KINDS = {
     "Python": "the emitted module",
     "controller": "the controller's equations and gains",
     "plant": "the motor that is simulated",
+    "example interrupt": "the example's text: what enables and stops the inverter, and what is sent",
+    "self-test": "the self-tests' text, tables and allowances",
+    "printed figures": "costs, sizes, bounds and units in headers, report and manifest",
+    "evidence": "what counts, measures and certifies",
+    "gates": "what judges the C without running it",
+    "example interrupt, drawn": "the emitted example, by rule",
+    "self-test, drawn": "the emitted self-tests, by rule",
 }
 
 

@@ -191,4 +191,6 @@ def test_both_examples_are_read(tmp_path: Path) -> None:
     assert text.count(place) == 1
     path.write_text(text.replace(place, f"{place} static int never_used;"))
     checks = compiler_checks(tmp_path)
-    assert all(any("never_used" in line for line in said(checks, name)) for name in ("warnings, GCC", "warnings, Clang"))
+    assert all(
+        any("never_used" in line for line in said(checks, name)) for name in ("warnings, GCC", "warnings, Clang")
+    )

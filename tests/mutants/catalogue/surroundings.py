@@ -135,11 +135,21 @@ _FILTER_TEST: tuple[Row, ...] = (
 )  # fmt: skip
 
 _COMPARE: tuple[Row, ...] = (
-    ("no number agrees", "((off <= limit) && (off >= -limit)) ? 1 : 0", "((off > limit) || (off < -limit)) ? 0 : 1", FILTER),
+    (
+        "no number agrees",
+        "((off <= limit) && (off >= -limit)) ? 1 : 0",
+        "((off > limit) || (off < -limit)) ? 0 : 1",
+        FILTER,
+    ),
     ("one side compared", "((off <= limit) && (off >= -limit)) ? 1 : 0", "(off <= limit) ? 1 : 0", FILTER),
     ("allowance not scaled", "limit = tolerance * value_of", "limit = value_of", FILTER),
     ("allowance doubled", "(Uint32)allowed << 23", "(Uint32)(allowed + 1U) << 23", FILTER),
-    ("bits compared as numbers", "return (b.word == expected) ? 1 : 0;", "return (b.word + 1U >= expected) ? 1 : 0;", FILTER),
+    (
+        "bits compared as numbers",
+        "return (b.word == expected) ? 1 : 0;",
+        "return (b.word + 1U >= expected) ? 1 : 0;",
+        FILTER,
+    ),
 )
 
 _CONTROLLER_TEST: tuple[Row, ...] = (
@@ -172,7 +182,7 @@ _SELFTEST_EVIDENCE = {
     ),
     "codegen/evidence/selftest.py": (
         ("no bad input in the start", "runs[0].y[BEYOND, 0] = 2 * drive", "runs[0].y[BEYOND, 0] = 0.2 * drive", ("pytest tests/codegen/test_status_bits.py -k recorded_starts",)),
-        ("no bad command", "run.command[CONTROL_BAD_COMMAND] = np.inf, np.nan\n", "", ("pytest tests/codegen/test_status_bits.py -k recorded_starts",)),
+        ("no bad command", "run.command[CONTROL_BAD_COMMAND] = np.inf, np.nan", "run.command[CONTROL_BAD_COMMAND] = 0.0, 0.0", ("pytest tests/codegen/test_status_bits.py -k recorded_starts",)),
         ("speed within reach to the end", "< CONTROL_STEPS - 2, 0.1, 1.0)", "< CONTROL_STEPS, 0.1, 1.0)", (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm-foc and plan'",)),
     ),
 }  # fmt: skip
@@ -278,7 +288,7 @@ _EVIDENCE = {
         ("sigma for the variance", "high = np.sqrt(drive.filter.initial_covariance)", "high = np.array(drive.filter.initial_covariance)", FIGURES),
     ),
     "codegen/evidence/measure.py": (
-        ("frames beside each other", "return own + max((depth(*callee)", "return max((own, *(depth(*callee)", (MEASURE,)),
+        ("own frame forgotten", "return own + max((depth(*callee)", "return 0 * own + max((depth(*callee)", (MEASURE,)),
         ("smallest clone", "frames[name] = max(frames.get(name, 0), int(size))", "frames[name] = int(size)", (MEASURE,)),
         ("flags not in the key", '" ".join(FLAGS), *(f"{name}', '"", *(f"{name}', (MEASURE,)),
         ("only the own file's code", "sum(text for _, text in objects.values())", "max(text for _, text in objects.values())", (MEASURE,)),
