@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from codegen.render.drive import default_kind
-from model.loop.controller import Gains
 from model.drives.load import load_drive
+from model.loop.controller import Gains
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 

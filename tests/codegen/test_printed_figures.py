@@ -298,10 +298,11 @@ def test_certificates_are_the_worst_of_single_steps(name: str) -> None:
         ordered = sorted(P_off)
         assert found.samples == 40
         assert found.x == pytest.approx(x_off.tolist(), rel=1e-6)
-        assert found.P == pytest.approx(ordered[-1], rel=1e-6)
-        assert found.P_99 == pytest.approx(ordered[-2] + 0.61 * (ordered[-1] - ordered[-2]), rel=1e-6)
+        assert pytest.approx(ordered[-1], rel=1e-6) == found.P
+        assert pytest.approx(ordered[-2] + 0.61 * (ordered[-1] - ordered[-2]), rel=1e-6) == found.P_99
         assert (found.not_finite, found.indefinite) == (0, 0)
-    assert certify(module, kind, box).P > 0 and model.fpu32.P > 0
+    assert certify(module, kind, box).P > 0
+    assert model.fpu32.P > 0
 
 
 def one(module: dict[str, Any], kind: str, box: Any, k: int, dtype: str, number: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -310,10 +311,12 @@ def one(module: dict[str, Any], kind: str, box: Any, k: int, dtype: str, number:
     to = (lambda v: number(math.dtype(v))) if number else math.dtype
     state = SimpleNamespace(
         **{
-            key: tuple(to(v) for v in value) if isinstance(value, tuple) else value if key == "max_iterations" else to(value)
+            key: tuple(to(v) for v in value) if isinstance(value, tuple) else to(value)
             for key, value in module["DEFAULTS"].items()
-        }
-    )  # fmt: skip
+            if key != "max_iterations"
+        },
+        max_iterations=module["DEFAULTS"]["max_iterations"],
+    )
     P = np.zeros((n, n))
     P[np.tril_indices(n)] = box.P[:, k]
     words = np.float32(module["pack"](P + np.tril(P, -1).T))
@@ -374,7 +377,8 @@ def test_draws_fill_the_box_and_no_more() -> None:
         P[:, *np.tril_indices(n)] = draws.P.T
         sigma = np.sqrt(np.einsum("bii->bi", P))
         low, high = np.sqrt(drive.filter.process_noise), np.sqrt(drive.filter.initial_covariance)
-        assert np.all(sigma >= 0.99 * np.minimum(low, high)) and np.all(sigma <= 2.02 * np.maximum(low, high))
+        assert np.all(sigma >= 0.99 * np.minimum(low, high))
+        assert np.all(sigma <= 2.02 * np.maximum(low, high))
         assert np.all(np.max(sigma, 0) > 0.8 * np.maximum(low, high))
         assert 0.97 * box.speed < np.max(np.abs(draws.x[2])) <= box.speed * (1 + 1e-6)
         assert 3.1 < np.max(np.abs(draws.x[3])) <= np.pi
@@ -385,7 +389,8 @@ def test_draws_fill_the_box_and_no_more() -> None:
         if name == "spmsm_load_torque":
             assert 0.97 * box.load_torque < np.max(np.abs(draws.x[4])) <= box.load_torque
         correlation = P / (sigma[:, :, None] * sigma[:, None, :])
-        assert np.max(np.abs(correlation[:, 1, 0])) > 0.8 and np.min(np.abs(correlation[:, 1, 0])) < 0.05
+        assert np.max(np.abs(correlation[:, 1, 0])) > 0.8
+        assert np.min(np.abs(correlation[:, 1, 0])) < 0.05
 
 
 def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) -> None:
@@ -395,7 +400,8 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     pattern = r"Error for \|x\| <= (\d+) rad: proved (\S+), worst of (\d+) arguments (\S+)\."
     said = {re.search(pattern, text).groups() for text in texts}  # type: ignore[union-attr]
     report = re.search(r"\|x\| <= (\d+) rad\): error proved <= (\S+), worst of (\d+) arguments (\S+)\.", made.report)
-    assert report is not None and said == {report.groups()}
+    assert report is not None
+    assert said == {report.groups()}
     limit, proved, samples, seen = (float(word) for word in report.groups())
     assert (limit, samples) == (1000, 200_002)
     module = execute(made.files[f"{name}.py"], "m")
@@ -432,7 +438,8 @@ def test_states_and_their_data_stand_in_their_columns(made: Made) -> None:
         numbers = [f"{value[k]:g}" for value in (x_0, drive.filter.initial_covariance, drive.filter.process_noise)]
         assert row == [str(k), f"`{state.name}`", state.unit, state.meaning, *numbers]
     names = [row[1].strip("`") for row in rows[1:]]
-    assert names[2:4] == ["omega", "theta"] and [row[2] for row in rows[3:5]] == ["rad/s", "rad"]
+    assert names[2:4] == ["omega", "theta"]
+    assert [row[2] for row in rows[3:5]] == ["rad/s", "rad"]
     first = ("psi_alpha", "Wb") if drive.model.machine == "salient_flux" else ("i_alpha", "A")
     assert (names[0], rows[1][2]) == first
     R = ", ".join(str(value) for value in drive.filter.measurement_noise)
@@ -451,7 +458,8 @@ def test_the_sample_time_is_said_everywhere_alike(made: Made) -> None:
     assert f"once every {1e6 * T:.0f} us" in made.files["example_isr.c"]
     assert float(re.search(r"#define SAMPLE_TIME (\S+)f /\* s \*/", made.files["example_isr.c"])[1]) == T  # type: ignore[index]
     module = execute(made.files[f"{name}.py"], "m")
-    assert module["SAMPLE_TIME"] == T and "SAMPLE_TIME = " + repr(T) + "  # s" in made.files[f"{name}.py"]
+    assert module["SAMPLE_TIME"] == T
+    assert "SAMPLE_TIME = " + repr(T) + "  # s" in made.files[f"{name}.py"]
 
 
 def test_iteration_is_told_as_it_is(made: Made) -> None:
@@ -465,7 +473,8 @@ def test_iteration_is_told_as_it_is(made: Made) -> None:
         assert "eps of (33) */" in made.files[f"{drive.name}_ickf.h"]
         assert "max_iterations; /* N_max */" in made.files[f"{drive.name}_ickf.h"]
     ickf = made.words(f"{drive.name}_ickf.c")
-    assert f"Gain: {drive.filter.gain}. Iteration: " in ickf and "Gain:" not in made.words(f"{drive.name}_ckf.c")
+    assert f"Gain: {drive.filter.gain}. Iteration: " in ickf
+    assert "Gain:" not in made.words(f"{drive.name}_ckf.c")
 
 
 def test_entries_that_are_not_zero_are_counted(made: Made) -> None:
@@ -552,7 +561,8 @@ def test_units_in_headers(made: Made) -> None:
         for text, units in ((header, FILTER_UNITS), (controller, CONTROLLER_UNITS)):
             for field, said in units.items():
                 comment = re.search(rf"^ +\w+ {field}(?:\[\d\])?; /\* (.*) \*/", text, re.MULTILINE)
-                assert comment is not None and said in comment[1], field
+                assert comment is not None, field
+                assert said in comment[1], field
         states = ", ".join(f"{s['name']} {s['unit']}" for s in made.facts["states"])
         assert f"float32 x[{len(made.facts['states'])}]; /* {states} */" in header
         words = " ".join(header.replace(" * ", " ").split())

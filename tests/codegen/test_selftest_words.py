@@ -272,7 +272,8 @@ def test_a_wrong_result_of_the_arithmetic_is_named_by_its_stage(test_of: Subject
             kept = sample.w[3 + k]
             for units, tolerant in ((1, k >= 2), (-1, k >= 2), (9, True), (-9, True)):
                 sample.w[3 + k] = kept + units
-                assert test_of.run(0.0) == 1 + k and test_of.tamper.calls == 0
+                assert test_of.run(0.0) == 1 + k
+                assert test_of.tamper.calls == 0
                 assert test_of.run(1.0) == (1 + k if tolerant else 0)
             sample.w[3 + k] = kept
     assert test_of.run(0.0) == 0
@@ -303,7 +304,8 @@ def test_random_errors_are_three_units_either_way() -> None:
     one = np.ones(4000, dtype=np.float32)
     for values in (names["divide_it"](one, one), names["root_it"](one)):
         units, counts = np.unique(np.round((values - 1) * 2**23), return_counts=True)
-        assert units.tolist() == [-3, -2, -1, 0, 1, 2, 3] and min(counts) > 400
+        assert units.tolist() == [-3, -2, -1, 0, 1, 2, 3]
+        assert min(counts) > 400
 
 
 # --- what the headers and the manifest say

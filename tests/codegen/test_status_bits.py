@@ -122,7 +122,8 @@ def test_input_rejected_alone(both: Both, place: int, value: Any) -> None:
     assert status[20] == BITS["INPUT_REJECTED"]
     assert not np.any(np.delete(status, 20) & ~BITS["NOT_CONVERGED"])
     native, python = both.filters
-    assert native.iterations > 0 and np.all(python.iterations > 0)
+    assert native.iterations > 0
+    assert np.all(python.iterations > 0)
     inputs[20, place] = limit
     both.reset()
     assert not both.run(inputs[:, :2], inputs[:, 2:])[20] & BITS["INPUT_REJECTED"]
@@ -133,7 +134,8 @@ def test_not_converged_alone() -> None:
     u, y = healthy(both.drive)
     both.set("tolerance", None, 0.0)
     status = both.run(u, y)
-    assert np.all(status[1:] & ~BITS["NOT_CONVERGED"] == 0) and np.mean(status == BITS["NOT_CONVERGED"]) > 0.8
+    assert np.all(status[1:] & ~BITS["NOT_CONVERGED"] == 0)
+    assert np.mean(status == BITS["NOT_CONVERGED"]) > 0.8
     both.reset()
     both.set("tolerance", None, 1e6)
     assert not np.any(both.run(u, y)), "the first pass is near enough"
@@ -173,7 +175,8 @@ def test_restarted_leaves_the_start(both: Both, field: str, bad: float) -> None:
     assert not found & (BITS["INPUT_REJECTED"] | BITS["COMMAND_REJECTED"])
     x, words = both.c.state()
     if status[-1] & BITS["RESTARTED"]:
-        assert np.array_equal(np.ravel(x), both.x_0) and np.array_equal(np.ravel(words), both.words)
+        assert np.array_equal(np.ravel(x), both.x_0)
+        assert np.array_equal(np.ravel(words), both.words)
     assert not np.any(both.run(u[12:], y[12:])[5:] & BITS["RESTARTED"])
 
 
@@ -195,7 +198,8 @@ def test_a_stuck_sensor_diverges_and_nothing_else(both: Both) -> None:
     y[100:] = y[100] + 0.5 * both.module.DEFAULTS["y_max"] * np.where(np.arange(300)[:, None] % 2, 1, -1)
     y = np.clip(y, -both.module.DEFAULTS["y_max"], both.module.DEFAULTS["y_max"])
     status = both.run(u, y)
-    assert not np.any(status[:100] & BITS["DIVERGED"]) and np.mean(status[200:] & BITS["DIVERGED"] > 0) > 0.9
+    assert not np.any(status[:100] & BITS["DIVERGED"])
+    assert np.mean(status[200:] & BITS["DIVERGED"] > 0) > 0.9
     assert not np.any(status & (BITS["INPUT_REJECTED"] | BITS["COMMAND_REJECTED"]))
 
 

@@ -284,7 +284,7 @@ _EVIDENCE = {
     ),
     "codegen/evidence/box.py": (
         ("half the speed", "omega = rng.uniform(-box.speed, box.speed, count)", "omega = rng.uniform(-box.speed / 2, box.speed / 2, count)", FIGURES),
-        ("voltage of one sign", "rng.uniform(-voltage, voltage, (2, count))", "rng.uniform(0, voltage, (2, count))", FIGURES + ("pytest tests/codegen/test_fpu32.py",)),
+        ("voltage of one sign", "rng.uniform(-voltage, voltage, (2, count))", "rng.uniform(0, voltage, (2, count))", (*FIGURES, "pytest tests/codegen/test_fpu32.py")),
         ("sigma for the variance", "high = np.sqrt(drive.filter.initial_covariance)", "high = np.array(drive.filter.initial_covariance)", FIGURES),
     ),
     "codegen/evidence/measure.py": (
