@@ -7,125 +7,27 @@ printed structs, certificates by a loop over single samples.
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
-import codegen.generate as pipeline
 from codegen.evidence.box import sample_box
-from codegen.evidence.certificate import Certificate, ChipModel, Figures, certify, certify_chip
+from codegen.evidence.certificate import Certificate, certify, certify_chip
 from codegen.evidence.fpu32 import FPU32, Flushed
 from codegen.evidence.ledger import Program
 from codegen.evidence.recording import execute
 from model.drives.load import load_drive
-from model.machines.state_space import build, default_initial_state
-from model.schema import Drive
+from model.machines.state_space import build
+from tests.codegen.printed import CLOCK, DRIVES, KS, OPERATIONS, Made, make, price, subjects
 from tests.conftest import shipped_package
 
-DRIVES = ("ipmsm_flux", "paper_spmsm")
-PRICES = {"div": 25, "sqrt": 29, "sincos": 44}
-KS = (2.5, 4, 5)
-OPERATIONS = ["add", "mul", "div", "sqrt", "sincos", "compare", "select"]
-CLOCK = 150e6
 
-
-def price(operations: Mapping[str, float], k: float) -> int:
-    """The published formula, 60 cycles for the interrupt with it."""
-    cheap = operations["add"] + operations["mul"]
-    return round(k * cheap + sum(PRICES[name] * operations[name] for name in PRICES) + 60)
-
-
-@dataclass(frozen=True)
-class Made:
-    """A folder in memory, the figures it was given, and its report's tables."""
-
-    drive: Drive
-    files: dict[str, str]
-    figures: dict[str, Figures]
-    measured: dict[str, dict[str, Any]]
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.files["manifest.json"])
-        return found
-
-    @property
-    def report(self) -> str:
-        return self.files["REPORT.md"]
-
-    @property
-    def tables(self) -> list[list[list[str]]]:
-        """Rows of cells, heads first."""
-        found: list[list[list[str]]] = []
-        before = ""
-        for line in self.report.splitlines():
-            if line.startswith("|"):
-                if not before.startswith("|") and not (before == "" and found and _is_rule(line)):
-                    found.append([])
-                cells = [cell.strip() for cell in line.strip("|").split("|")]
-                if not _is_rule(line):
-                    found[-1].append(cells)
-            before = line
-        return found
-
-    def table(self, *head: str) -> dict[str, list[str]]:
-        """The table whose head begins with these cells: rows by their first cell."""
-        for rows in self.tables:
-            if rows and rows[0][: len(head)] == list(head):
-                return {row[0]: row[1:] for row in rows}
-        raise AssertionError(f"no table with the head {head}")
-
-    def words(self, name: str) -> str:
-        """A file's text without comment marks and line ends."""
-        return " ".join(re.sub(r"^ \*|/\*|\*/", " ", self.files[name], flags=re.MULTILINE).split())
-
-
-def _is_rule(line: str) -> bool:
-    return set(line) <= set("|-")
-
-
-def _figures(kinds: Iterator[str] | list[str], states: int) -> dict[str, Figures]:
-    """Certificates of which no two numbers are alike in two digits."""
-    number = count(11)
-
-    def certificate(samples: int) -> Certificate:
-        values = [next(number) * 10.0 ** -(3 + k % 4) for k in range(states + 2)]
-        return Certificate(samples, tuple(values[:-2]), values[-2], values[-1], next(number), next(number))
-
-    return {kind: Figures(certificate(2345), ChipModel(certificate(2345), certificate(2345))) for kind in kinds}
-
-
-@pytest.fixture(scope="module", params=DRIVES)
+@pytest.fixture(params=DRIVES)
 def made(request: pytest.FixtureRequest) -> Made:
-    drive = load_drive(request.param)
-    measured: dict[str, dict[str, Any]] = {}
-
-    def measurer(files: Mapping[str, str], program: Any, function: str) -> dict[str, Any]:
-        k = len(measured)
-        record = {"stack_bytes": 111 + 10 * k, "text_bytes": 5003 + 100 * k, "compiler": "arm-none-eabi-gcc 9.8.7"}
-        return dict(measured.setdefault(function, {"source_sha256": "0" * 64, **record}))
-
-    figures = _figures(list(drive.filter.kinds), len(drive.filter.process_noise))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "certify_module", lambda *given: figures)
-        files = pipeline.generate(drive, measurer=measurer).files  # type: ignore[arg-type]
-    return Made(drive, files, figures, measured)
-
-
-def subjects(made: Made) -> Iterator[tuple[str, str, dict[str, Any], str]]:
-    """Row of the report, C function, what the manifest says, the struct's name."""
-    for kind in made.drive.filter.kinds:
-        facts, stem = made.facts["filters"][kind], f"{made.drive.name}_{kind}"
-        yield kind, f"{stem}_step", facts, f"{stem}_t"
-        yield f"{kind} and controller", f"{stem}_foc_step", facts["controller"], f"{stem}_foc_t"
+    return make(request.param)
 
 
 # --- cost
@@ -423,182 +325,3 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     off = np.max(np.abs(sinc - np.sin(d) / d)), np.max(np.abs(cosm1 + 2 * np.sin(d / 2) ** 2) / (d**2 / 2))
     assert off[0] <= sinc_bound <= 6 * off[0]
     assert off[1] <= cosm1_bound <= 6 * off[1]
-
-
-# --- states, constants, times, units
-
-
-def test_states_and_their_data_stand_in_their_columns(made: Made) -> None:
-    drive, model = made.drive, build(made.drive)
-    rows = next(table for table in made.tables if table[0][1:3] == ["state", "unit"])
-    assert rows[0] == ["", "state", "unit", "meaning", "x_0", "P_0", "Q per step"]
-    x_0 = default_initial_state(drive)
-    for k, row in enumerate(rows[1:]):
-        state = model.states[k]
-        numbers = [f"{value[k]:g}" for value in (x_0, drive.filter.initial_covariance, drive.filter.process_noise)]
-        assert row == [str(k), f"`{state.name}`", state.unit, state.meaning, *numbers]
-    names = [row[1].strip("`") for row in rows[1:]]
-    assert names[2:4] == ["omega", "theta"]
-    assert [row[2] for row in rows[3:5]] == ["rad/s", "rad"]
-    first = ("psi_alpha", "Wb") if drive.model.machine == "salient_flux" else ("i_alpha", "A")
-    assert (names[0], rows[1][2]) == first
-    R = ", ".join(str(value) for value in drive.filter.measurement_noise)
-    assert f"Measured: `i_alpha`, `i_beta` in A, noise variances R = {R} A^2." in made.report
-    facts = made.facts
-    assert facts["states"] == [{"name": s.name, "unit": s.unit} for s in model.states]
-    assert facts["parameters"] == json.loads(json.dumps(drive.model_dump(exclude={"sha256", "name"})))
-
-
-def test_the_sample_time_is_said_everywhere_alike(made: Made) -> None:
-    T, name = made.drive.model.sample_time, made.drive.name
-    said = f"T = {1e6 * T:.0f} us"
-    for file in (f"{name}_ckf.h", f"{name}_ckf.c", f"{name}_ckf_foc.h", f"{name}.py", "REPORT.md"):
-        assert said in made.files[file][:700], file
-        assert not re.search(r"T = (?!" + said[4:] + r")[\d.e+-]+ \w?s\b", made.files[file][:700])
-    assert f"once every {1e6 * T:.0f} us" in made.files["example_isr.c"]
-    assert float(re.search(r"#define SAMPLE_TIME (\S+)f /\* s \*/", made.files["example_isr.c"])[1]) == T  # type: ignore[index]
-    module = execute(made.files[f"{name}.py"], "m")
-    assert module["SAMPLE_TIME"] == T
-    assert "SAMPLE_TIME = " + repr(T) + "  # s" in made.files[f"{name}.py"]
-
-
-def test_iteration_is_told_as_it_is(made: Made) -> None:
-    drive = made.drive
-    if drive.name == "paper_spmsm":
-        assert "**Proved idle.**" in made.report
-        assert "tolerance; /* eps of (33); unused here" in made.files[f"{drive.name}_ickf.h"]
-    else:
-        said = f"at most N_max = {drive.filter.max_iterations} passes that ends early once (33) holds with eps = "
-        assert f"{said}{drive.filter.tolerance}." in made.report
-        assert "eps of (33) */" in made.files[f"{drive.name}_ickf.h"]
-        assert "max_iterations; /* N_max */" in made.files[f"{drive.name}_ickf.h"]
-    ickf = made.words(f"{drive.name}_ickf.c")
-    assert f"Gain: {drive.filter.gain}. Iteration: " in ickf
-    assert "Gain:" not in made.words(f"{drive.name}_ckf.c")
-
-
-def test_entries_that_are_not_zero_are_counted(made: Made) -> None:
-    """Central differences of f and h at random points."""
-    model = build(made.drive)
-    rng = np.random.default_rng(3)
-    f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
-    h = ca.Function("h", [model.x], [model.numeric(model.h)])
-    n = len(model.states)
-    F, H = np.zeros((n, n)), np.zeros((2, n))
-    for _ in range(5):
-        x, u = rng.uniform(0.5, 2.0, n), rng.uniform(1, 2, 2)
-        for k in range(n):
-            d = 1e-4 * np.eye(n)[k]
-            F[:, k] += np.abs(np.array(f(x + d, u) - f(x - d, u)).ravel())
-            H[:, k] += np.abs(np.array(h(x + d) - h(x - d)).ravel())
-    counts = int(np.sum(F > 1e-14)), int(np.sum(H > 1e-14))
-    said = f"F has {counts[0]} of {n * n} entries that are not structurally zero, H {counts[1]} of {2 * n}."
-    assert said in made.report
-
-
-def test_constants_are_their_formulas(made: Made) -> None:
-    """Of the names that both drives explain: values by hand from the drive file, in report and C."""
-    m, T = made.drive.motor, made.drive.model.sample_time
-    by_hand = {
-        "POLE_PAIRS": m.pole_pairs,
-        "SAMPLE_TIME": T,
-        "DECAY_I": 1 - T * m.stator_resistance / m.inductance_d,
-        "GAIN_V": T / m.inductance_d,
-        "GAIN_E": T * m.magnet_flux / m.inductance_d,
-        "DECAY_OMEGA": 1 - T * m.friction / m.inertia,
-        "L_D": m.inductance_d,
-        "L_Q": m.inductance_q,
-        "PSI_M": m.magnet_flux,
-    }
-    if made.drive.model.discretization == "exact":
-        for name in ("DECAY_I", "GAIN_V", "GAIN_E", "DECAY_OMEGA"):
-            del by_hand[name]
-    table = made.table("constant", "value", "formula")
-    seen = 0
-    for name, value in by_hand.items():
-        if f"`{name}`" in table:
-            assert float(table[f"`{name}`"][0]) == pytest.approx(value, rel=1e-9)
-            seen += 1
-        for text in (made.files[f"{made.drive.name}_ckf.c"], made.files[f"{made.drive.name}_ckf_foc.c"]):
-            for found in re.findall(rf"^#define {name} (\S+)f ", text, re.MULTILINE):
-                assert float(found) == pytest.approx(value, rel=1e-7)
-    assert seen >= 2
-
-
-#: Field of a struct: words of its comment that say the unit.
-FILTER_UNITS = {
-    "R": "measurement noise variances, A^2, each positive: 1e-18 .. 1e18",
-    "Q": "process noise variances per step, each positive: 1e-18 .. 1e18",
-    "u_max": "V: voltages beyond are rejected; 1e-18 .. 1e18",
-    "y_max": "A: currents beyond are rejected; 1e-18 .. 1e18",
-    "u_held": "V: last accepted voltages",
-    "nis_max": "from this mean of the normalised innovation squared on; expected: 2",
-}
-CONTROLLER_UNITS = {
-    "integrator": "speed N m, d and q current V",
-    "command_max": "speed reference rad/s, DC link V",
-    "v_acting": "V: voltage of the interval that begins now",
-    "v_queued": "V: with a sample of delay",
-    "sensed": "speed rad/s mechanical, angle rad electrical",
-    "delay": "0 or 1",
-}
-EXAMPLE_UNITS = {
-    "TRIP_CURRENT": "A",
-    "ZERO_CURRENT": "A",
-    "PROBE_CURRENT": "A",
-    "PROBE_SPEED": "rad/s per A",
-    "UNKNOWN_SPEED": "(rad/s)^2",
-    "UNKNOWN_ANGLE": "rad^2",
-    "UNKNOWN_FLUX": "Wb^2",
-    "SAMPLE_TIME": "s",
-}
-
-
-def test_units_in_headers(made: Made) -> None:
-    name = made.drive.name
-    for kind in made.drive.filter.kinds:
-        header, controller = made.files[f"{name}_{kind}.h"], made.files[f"{name}_{kind}_foc.h"]
-        for text, units in ((header, FILTER_UNITS), (controller, CONTROLLER_UNITS)):
-            for field, said in units.items():
-                comment = re.search(rf"^ +\w+ {field}(?:\[\d\])?; /\* (.*) \*/", text, re.MULTILINE)
-                assert comment is not None, field
-                assert said in comment[1], field
-        states = ", ".join(f"{s['name']} {s['unit']}" for s in made.facts["states"])
-        assert f"float32 x[{len(made.facts['states'])}]; /* {states} */" in header
-        words = " ".join(header.replace(" * ", " ").split())
-        assert "u: v_alpha, v_beta in V, mean over the interval ending now; y: i_alpha, i_beta in A, now." in words
-        words = " ".join(controller.replace(" * ", " ").split())
-        assert (
-            "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1"
-            in words
-        )
-    example = made.files["example_isr.c"]
-    for macro, unit in EXAMPLE_UNITS.items():
-        found = re.search(rf"^#define {macro} \S+ /\* (\S+(?: per A)?)(?::|,| \*/)", example, re.MULTILINE)
-        assert (found is None) == (macro == "UNKNOWN_FLUX" and name == "paper_spmsm"), macro
-        if found is not None:
-            assert found[1] == unit, macro
-    for words in ("i_a, i_b in A, positive", "DC link in V", "Speed reference in rad/s, mechanical"):
-        assert words in example
-    for place, unit in enumerate(("rad/s mechanical", "electrical turn", "Hz electrical")):
-        assert re.search(rf"words\[{place}\] = .*; +/\* {unit} \*/", example)
-
-
-def test_tuning_in_the_c_is_the_drive_files(made: Made) -> None:
-    """What _init loads: each number by its name, as float32."""
-    drive = made.drive
-    wanted = {
-        **{f"Q[{k}]": v for k, v in enumerate(drive.filter.process_noise)},
-        **{f"R[{k}]": v for k, v in enumerate(drive.filter.measurement_noise)},
-        **{f"P_0[{k}]": v for k, v in enumerate(drive.filter.initial_covariance)},
-        **{f"x_0[{k}]": v for k, v in enumerate(default_initial_state(drive))},
-        "u_max": drive.operating_box.voltage,
-        "y_max": drive.operating_box.current,
-        "tolerance": drive.filter.tolerance,
-        "max_iterations": drive.filter.max_iterations,
-    }
-    for kind in drive.filter.kinds:
-        text = made.files[f"{drive.name}_{kind}.c"]
-        found = dict(re.findall(r"f->(\w+(?:\[\d\])?) = ([-+.\de]+)f?;", text))
-        for name, value in wanted.items():
-            assert np.float32(found[name]) == np.float32(value), name

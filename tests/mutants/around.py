@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from tests.mutants.emitted import GENERATED, SEED, Code, Edit, Operator, _pattern
 from tests.mutants.mutant import Mutant
 
-EXAMPLE = "pytest tests/codegen/test_example_modes.py -k {drive}"
+EXAMPLE = "pytest tests/codegen/test_example_catch.py tests/codegen/test_example_modes.py -k {drive}"
 WORDS = "pytest tests/codegen/test_selftest_words.py -k '{drive}-foc'"
 FILTER_WORDS = "pytest tests/codegen/test_selftest_words.py -k '{drive} and not foc'"
 

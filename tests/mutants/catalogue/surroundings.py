@@ -11,7 +11,7 @@ Row = tuple[str, str, str, tuple[str, ...]]
 
 # --- the example interrupt
 
-_MODES = "tests/codegen/test_example_modes.py -k"
+_MODES = "tests/codegen/test_example_catch.py tests/codegen/test_example_modes.py -k"
 WHOLE = (f"example paper_spmsm {_MODES} paper_spmsm-1",)
 ALONE = (f"example paper_spmsm {_MODES} paper_spmsm-0",)
 FLUX = (f"example ipmsm_flux {_MODES} ipmsm_flux",)
@@ -107,7 +107,7 @@ _EXAMPLE_NUMBERS: tuple[Row, ...] = (
     ("sigma for the variance", '"unknown_speed": (UNKNOWN_SPEED * speed) ** 2', '"unknown_speed": UNKNOWN_SPEED * speed', WHOLE),
     ("telemetry's rate", "TELEMETRY_RATE = 50.0", "TELEMETRY_RATE = 25.0", WHOLE),
     ("gain beside the maximum current", 'max_current=Gains.names().index("max_current")', 'max_current=Gains.names().index("max_current") - 1', WHOLE),
-    ("sample time of the example in ms", 'sample_time_us=f"{T * 1e6:g}"', 'sample_time_us=f"{T * 1e3:g}"', ("pytest tests/codegen/test_printed_figures.py",)),
+    ("sample time of the example in ms", 'sample_time_us=f"{T * 1e6:g}"', 'sample_time_us=f"{T * 1e3:g}"', ("pytest tests/codegen/test_printed_units.py",)),
 )  # fmt: skip
 
 # --- the self-tests
@@ -189,7 +189,7 @@ _SELFTEST_EVIDENCE = {
 
 # --- printed figures
 
-FIGURES = ("pytest tests/codegen/test_printed_figures.py",)
+FIGURES = ("pytest tests/codegen/test_printed_figures.py tests/codegen/test_printed_units.py",)
 BUDGET = "pytest tests/codegen/test_budget.py"
 
 _REPORT_TEMPLATE: tuple[Row, ...] = (

@@ -1,0 +1,110 @@
+"""How a test leads the example interrupt from mode to mode, and the times and limits that docs/firmware.md states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tests.codegen.board import Board, on_board
+
+REJECTED, NOT_CONVERGED, COMMAND, REPAIRED, DIVERGED, RESTARTED = 1, 2, 4, 8, 16, 32
+#: Seconds, and shares of the maximum current.
+REST, PROBE, BLIND, ADRIFT, SETTLE, LOCKED, CATCH = 2e-3, 2e-3, 2e-3, 100e-3, 1e-3, 3e-3, 10e-3
+ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
+NAN = math.nan
+
+BOARDS = (("paper_spmsm", 1), ("paper_spmsm", 0), ("ipmsm_flux", 1), ("ipmsm_adaptive", 1))
+
+
+@contextmanager
+def set_up(name: str, variant: int) -> Iterator[Board]:
+    """A board whose example has been set up; gates off."""
+    with on_board(name, variant) as made:
+        made.now.link, made.now.reference = 0.9 * made.drive.control.dc_link, 10.0
+        made.now.duty_wanted[:] = 0.25, 0.5, 0.75
+        assert made.setup() == 0
+        yield made
+
+
+def ampere(board: Board, share: float) -> float:
+    return share * board.drive.control.max_current
+
+
+def probing(board: Board) -> None:
+    """From RESTING until the gates are enabled."""
+    board.interrupt(phase=(0.0, 0.0), status=0, moves=0)
+    assert board.gates or board.until("1", board.interrupts(REST)), "the currents read zero for long enough"
+
+
+def running(board: Board) -> None:
+    """On until the first step with torque has been made, of a rotor that stands."""
+    probing(board)
+    assert board.until("s", board.interrupts(PROBE) + 1) == board.interrupts(PROBE) + 1
+    assert board.torque
+    assert board.gates
+
+
+def short_circuit(board: Board, omega: float, theta: float, count: int) -> tuple[float, float]:
+    """Phase currents that zero voltage lets rise to in ``count`` intervals: di/dt = -e / L."""
+    m = board.drive.motor
+    rise = -board.T * count / m.inductance_q * m.pole_pairs * omega * m.magnet_flux
+    i_alpha, i_beta = -rise * math.sin(theta), rise * math.cos(theta)
+    return i_alpha, -0.5 * i_alpha + 0.5 * math.sqrt(3) * i_beta
+
+
+def half_of_the_maximum(board: Board, count: int) -> float:
+    """Speed, rad/s, at which the short circuit's current is that after ``count`` intervals."""
+    m = board.drive.motor
+    return ampere(board, 0.5) * m.inductance_q / (board.T * count * m.pole_pairs * m.magnet_flux)
+
+
+def caught(board: Board, theta: float = 0.3, count: int = 3) -> float:
+    """On until the rotor is caught; the speed it turns with. The next interrupt makes the first step."""
+    probing(board)
+    omega = half_of_the_maximum(board, count)
+    assert "s" not in board.interrupt(count - 1)
+    assert "s" not in board.interrupt(phase=short_circuit(board, omega, theta, count))
+    board.now.phase[:] = 0.0, 0.0
+    return omega
+
+
+def spin(board: Board, count: int, omega: float, ratio: float = 1.0, status: int = 0, stop: str = "") -> int:
+    """Steps of a filter that states ``omega`` and whose angle turns ``ratio`` times as fast; how many had passed when
+    one had the event ``stop``, or 0."""
+    board.now.moves, board.now.omega, board.now.status = 1, omega, status
+    for k in range(1, count + 1):
+        theta = board.now.theta + ratio * board.drive.motor.pole_pairs * board.T * omega
+        board.now.theta = math.remainder(theta, 2 * math.pi)
+        if stop and stop in board.interrupt():
+            return k
+        if not stop:
+            board.interrupt()
+    return 0
+
+
+def until_torque(board: Board, most: int, omega: float, **given: float) -> int:
+    """Steps until one has torque, that one included; 0 if none of ``most`` has."""
+    for k in range(1, most + 1):
+        spin(board, 1, omega, **given)  # type: ignore[arg-type]
+        if not board.gates:
+            return 0
+        if board.torque:
+            return k
+    return 0
+
+
+def flux(board: Board) -> bool:
+    return board.drive.model.machine == "salient_flux"
+
+
+def rate(board: Board, seconds: float, angle: float) -> float:
+    """Speed, rad/s, that turns the electrical angle by so much in a time."""
+    return angle / (board.drive.motor.pole_pairs * board.T * board.interrupts(seconds))
+
+
+def stops(board: Board, most: int, **given: object) -> int:
+    """Interrupts until the gates are off."""
+    found = board.until("0", most, **given)
+    assert board.gates == (found == 0)
+    return found
