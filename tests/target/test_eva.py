@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,8 +13,18 @@ from codegen.output.folder import read_manifest
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.gates import Gated
+from runtime.firmware.static.bans import NotCError
 from runtime.firmware.static.box import MARGIN, Interval, filter_box
-from runtime.firmware.static.eva import SHOWN, analyse, driver, eva_check, eva_checks, with_bounds, with_contract
+from runtime.firmware.static.eva import (
+    SHOWN,
+    analyse,
+    analyse_step,
+    driver,
+    eva_check,
+    eva_checks,
+    with_bounds,
+    with_contract,
+)
 from tests.codegen.strict import need
 
 PORT = GENERATED / "paper_spmsm"
@@ -173,3 +186,24 @@ def test_a_wider_box_raises_alarms() -> None:
     check = eva_check(GENERATED / "paper_spmsm", "ckf", box)
     assert check.state == "not proved"
     assert any("finite" in line for line in check.detail)
+
+
+def test_an_analysis_that_fails_fails_the_gate(tmp_path: Path) -> None:
+    """A filter that never returns, and one that is no C: neither passes, and neither is merely not proved."""
+    need("frama-c")
+    name = "paper_spmsm_ckf"
+    for what in ("for (;;) { }", "this is not C;"):
+        folder = tmp_path / str(len(what))
+        shutil.copytree(GENERATED / "paper_spmsm", folder)
+        path = folder / f"{name}.c"
+        head = f"int {name}_step({name}_t *f, const float32 u[2], const float32 y[2])\n{{\n"
+        text = path.read_text()
+        assert text.count(head) == 1
+        path.write_text(text.replace(head, f"{head}    {what}\n"))
+        verdict = analyse_step(folder, name, filter_box(read_manifest(folder), "LD")) if "for" in what else None
+        if verdict is not None:
+            assert verdict.failure == "no execution reaches the end of the step"
+            assert eva_check(folder, "ckf").state == "failed"
+        else:
+            with pytest.raises(NotCError):
+                eva_check(folder, "ckf")

@@ -14,7 +14,7 @@ from runtime.firmware.static import static_checks, tool
 from runtime.firmware.static.bans import ban_checks
 from runtime.firmware.static.check import Check
 from runtime.firmware.static.compilers import compiler_checks
-from runtime.firmware.static.misra import deviations, misra_checks, rules
+from runtime.firmware.static.misra import category, deviations, misra_checks, rules
 from tests.codegen.strict import need
 
 #: A helper that every generated filter has, whatever its form: plants go into its body.
@@ -194,3 +194,8 @@ def test_both_examples_are_read(tmp_path: Path) -> None:
     assert all(
         any("never_used" in line for line in said(checks, name)) for name in ("warnings, GCC", "warnings, Clang")
     )
+
+
+def test_a_rule_that_the_table_does_not_know_is_taken_as_required() -> None:
+    assert category("99.9") == "required"
+    assert all(category(rule) == found["category"] for rule, found in rules().items())
