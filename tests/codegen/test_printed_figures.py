@@ -258,6 +258,7 @@ def test_what_is_no_covariance_is_counted() -> None:
         "COVARIANCE": "P",
         "ANGLE": 3,
         "DEFAULTS": {},
+        "new_filter": lambda dtype: SimpleNamespace(),
         "STEPS": {"k": step},
         "pack": lambda P: P[rows, columns],
         "unpack": unpack,

@@ -99,6 +99,7 @@ OPERATORS: dict[str, Operator] = {
     "and for or": _pattern(r" (&&|\|\|) ", lambda m: " || " if m[1] == "&&" else " && ", steering=True),
     "another mode": _other(_MODES),
     "another status bit": _other(_STATUS),
+    "another place": _other(("OMEGA", "THETA", "X_ALPHA", "X_BETA")),
     "macro": _macros,
     "number": _literals,
     "dropped statement": _dropped,

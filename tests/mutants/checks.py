@@ -268,12 +268,13 @@ def first_failure(check: str, bench: Bench) -> tuple[str, str] | None:
 
 def printed_example(drive: Any) -> str:
     """The example interrupt as the (mutated) generator prints it now."""
+    from codegen.generate import build_steps
     from codegen.render.drive import default_kind, render_example
     from codegen.render.filter import Description
-    from model.machines.state_space import build, default_initial_state
+    from model.machines.state_space import default_initial_state
 
-    about = Description(drive, build(drive), tuple(default_initial_state(drive)))
-    return render_example(about, default_kind(drive.filter.kinds), "LD")
+    model, steps = build_steps(drive)
+    return render_example(Description(drive, model, tuple(default_initial_state(drive))), steps[default_kind(steps)])
 
 
 def verdict(link: Any) -> tuple[str, str]:

@@ -15,6 +15,7 @@ _MODES = "tests/codegen/test_example_catch.py tests/codegen/test_example_modes.p
 WHOLE = (f"example paper_spmsm {_MODES} paper_spmsm-1",)
 ALONE = (f"example paper_spmsm {_MODES} paper_spmsm-0",)
 FLUX = (f"example ipmsm_flux {_MODES} ipmsm_flux",)
+ADAPTIVE = (f"example ipmsm_adaptive {_MODES} ipmsm_adaptive",)
 
 _EXAMPLE: tuple[Row, ...] = (
     ("overcurrent never trips", "if (excess > MAX_EXCESS) {", "if (excess > 2 * MAX_EXCESS) {", WHOLE),
@@ -64,10 +65,10 @@ _EXAMPLE: tuple[Row, ...] = (
     ("angle_of: second octant", "(s < c) ? part : ((0.5f * PI) - part)", "part", WHOLE),
     ("caught with torque", "    start_regulators();\n    mode = CATCHING;", "    run();\n    mode = CATCHING;", WHOLE),
     ("mirrored again and again", "    mirrored = 1;", "    mirrored = 0;", WHOLE),
-    ("mirrored, same speed", "FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);\n{% endif %}", "FILTER.x[1], FILTER.x[2], FILTER.x[3] + PI);\n{% endif %}", WHOLE),
-    ("mirrored by a quarter turn", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2], FILTER.x[3] + PI);", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2], FILTER.x[3] + 0.5f * PI);", WHOLE),
-    ("flux not mirrored", "start_filter(-FILTER.x[0], -FILTER.x[1], -FILTER.x[2]", "start_filter(FILTER.x[0], FILTER.x[1], -FILTER.x[2]", FLUX),
-    ("flux at the sensor's currents", "start_filter((cosine * FILTER.x_0[0]) - (sine * FILTER.x_0[1])", "start_filter((cosine * FILTER.x_0[1]) - (sine * FILTER.x_0[0])", FLUX),
+    ("mirrored, same speed", "FILTER.x[X_BETA], -FILTER.x[OMEGA], FILTER.x[THETA] + PI);\n{% endif %}", "FILTER.x[X_BETA], FILTER.x[OMEGA], FILTER.x[THETA] + PI);\n{% endif %}", WHOLE),
+    ("mirrored by a quarter turn", "start_filter(FILTER.x[X_ALPHA], FILTER.x[X_BETA], -FILTER.x[OMEGA], FILTER.x[THETA] + PI);", "start_filter(FILTER.x[X_ALPHA], FILTER.x[X_BETA], -FILTER.x[OMEGA], FILTER.x[THETA] + 0.5f * PI);", WHOLE),
+    ("flux not mirrored", "start_filter(-FILTER.x[X_ALPHA], -FILTER", "start_filter(FILTER.x[X_ALPHA], FILTER", FLUX),
+    ("flux at the sensor's currents", "start_filter((cosine * FILTER.x_0[X_ALPHA])", "start_filter((cosine * FILTER.x_0[X_BETA])", FLUX),
     ("catching never ends", "} else if (since >= CATCH) {\n        rest();", "} else if (since >= CATCH) {\n        since = CATCH;", WHOLE),
     ("torque before it is content", "(content >= LOCKED) && (turns_as_stated(0.1f) != 0)", "turns_as_stated(0.1f) != 0", WHOLE),
     ("torque though it does not turn", "(content >= LOCKED) && (turns_as_stated(0.1f) != 0)", "content >= LOCKED", WHOLE),
@@ -82,10 +83,10 @@ _EXAMPLE: tuple[Row, ...] = (
     ("queued voltage left", "    v_queued[0] = 0.0f;\n", "", ALONE),
     ("voltage of one interrupt ago", "        v_acting[0] = v_queued[0];", "        v_acting[0] = v[0];", ALONE),
     ("torque in every mode", "(mode == RUNNING) ? 1 : 0, v)", "1, v)", ALONE),
-    ("speed loop gets the angle in rad", "filter.x[2], per_unit(filter.x[3])", "filter.x[2], filter.x[3]", ALONE),
+    ("speed loop gets the angle in rad", "per_unit(filter.x[THETA]), (mode", "filter.x[THETA], (mode", ALONE),
     ("Clarke's factor in the example", "i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));", "i[1] = INV_SQRT_3 * (phase[0] + phase[1]);", ALONE),
-    ("telemetry: speed in r/min", "words[0] = FILTER.x[2];  ", "words[0] = FILTER.x[2] * 9.549f;  ", WHOLE),
-    ("telemetry: mechanical hertz", "words[2] = FILTER.x[2] * POLE_PAIRS * INV_TWO_PI;", "words[2] = FILTER.x[2] * INV_TWO_PI;", WHOLE),
+    ("telemetry: speed in r/min", "words[0] = FILTER.x[OMEGA];", "words[0] = FILTER.x[OMEGA] * 9.549f;", WHOLE),
+    ("telemetry: mechanical hertz", "words[2] = FILTER.x[OMEGA] * POLE_PAIRS", "words[2] = FILTER.x[OMEGA]", WHOLE),
     ("telemetry: no status", "words[3] = (float32)status;", "words[3] = 0.0f;", WHOLE),
     ("telemetry: one word less", "telemetry(words, 4);", "telemetry(words, 3);", WHOLE),
     ("telemetry twice as seldom", "    if (ticks < TELEMETRY_EVERY) {", "    if (ticks < 2 * TELEMETRY_EVERY) {", WHOLE),
@@ -95,6 +96,10 @@ _EXAMPLE: tuple[Row, ...] = (
     ("filter begins with what the self-test left", "    {{ p }}_init(&filter);\n", "", ALONE),
     ("controller without the delay", "{{ p }}_foc_init(&control, 1);", "{{ p }}_foc_init(&control, 0);", WHOLE),
     ("self-test without its tolerance", "{{ p }}_selftest(&control.filter, PMSM_SELFTEST_TOLERANCE)", "{{ p }}_selftest(&control.filter, 1.0f)", WHOLE),
+    ("speed's variance at the angle", "VARIANCE_OF_OMEGA] = UNKNOWN_SPEED", "VARIANCE_OF_THETA] = UNKNOWN_SPEED", WHOLE),
+    ("angle's variance is the speed's", "] = UNKNOWN_ANGLE;", "] = UNKNOWN_SPEED;", WHOLE),
+    ("held data are not held", "] = HELD * FILTER.P_0[", "] = FILTER.P_0[", ADAPTIVE),
+    ("held for ever", "    FILTER.{{ covariance }}[VARIANCE_OF_{{ name | upper }}] = FILTER.P_0[{{ name | upper }}];\n", "", ADAPTIVE),
     ("probing writes no zero voltage", "    write_duty(ZERO);\n", "", WHOLE),
     ("zero voltage is none", "{0.5f, 0.5f, 0.5f}", "{0.0f, 0.5f, 0.5f}", WHOLE),
 )  # fmt: skip
