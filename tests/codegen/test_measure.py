@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from codegen.evidence import measure
 from codegen.evidence.ledger import Program
 from codegen.evidence.measure import NOT_FOUND, Measurer, kept_records
 from codegen.generate import generate
@@ -79,3 +81,41 @@ def test_report_says_what_was_not_measured(tmp_path: Path) -> None:
 
 def test_no_folder_keeps_nothing(tmp_path: Path) -> None:
     assert kept_records(tmp_path / "none") == {}
+
+
+def test_of_a_functions_clones_the_largest_frame_counts() -> None:
+    usage = "a.c:1:5:step.constprop.0\t96\tstatic\na.c:1:5:step\t40\tstatic\na.c:9:1:reset\t8\tstatic\n"
+    assert measure._frames(usage) == {"step": 96, "reset": 8}
+
+
+def test_stack_is_the_deepest_chain_and_code_the_sum_of_all_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The controller's step lies in two files."""
+    files, _ = committed()
+    name = "paper_spmsm_ckf"
+    objects = {
+        f"{name}.c": ({STEP: 72, "time_update": 100, "ckf_measurement_update": 40}, 1000),
+        f"{name}_foc.c": ({f"{name}_foc_step": 16, "control": 30}, 500),
+    }
+    monkeypatch.setattr(measure, "compile_object", lambda texts, source: objects[source])
+    monkeypatch.setattr(measure, "compiler_version", lambda: "1.2.3")
+    monkeypatch.setattr(shutil, "which", lambda name: f"bin/{name}")
+    program = Program(files, f"{name}.c", f"{name}_foc.c")
+    found = Measurer(compile=True)(files, program, f"{name}_foc_step")
+    assert (found["stack_bytes"], found["text_bytes"]) == (16 + 72 + 100, 1500)
+    assert Measurer(compile=True)(files, program, STEP)["text_bytes"] == 1000
+
+
+def test_other_flags_are_another_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = measure._digest({"a.c": "int a;"})
+    monkeypatch.setattr(measure, "FLAGS", ("-O0",))
+    assert measure._digest({"a.c": "int a;"}) != before
+
+
+def test_text_is_the_first_column_of_the_size_tool(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(command: list[str], cwd: str, **given: object) -> SimpleNamespace:
+        if command[0] == measure.COMPILER:
+            (Path(cwd) / "measured.su").write_text("a.c:1:5:step\t40\tstatic\n")
+        return SimpleNamespace(stdout="   text\tdata\tbss\tdec\thex\tfilename\n  123\t 4\t 5\t 132\t 84\tmeasured.o\n")
+
+    monkeypatch.setattr(measure.subprocess, "run", run)
+    assert measure.compile_object({"a.c": "int a;"}, "a.c") == ({"step": 40}, 123)

@@ -285,6 +285,9 @@ def test_draws_fill_the_box_and_no_more() -> None:
         assert np.all(np.max(sigma, 0) > 0.8 * np.maximum(low, high))
         assert 0.97 * box.speed < np.max(np.abs(draws.x[2])) <= box.speed * (1 + 1e-6)
         assert 3.1 < np.max(np.abs(draws.x[3])) <= np.pi
+        assert np.max(np.min(draws.u, 1)) < -0.97 * box.voltage
+        assert np.min(draws.x[2]) < -0.97 * box.speed
+        assert np.max(draws.x[2]) > 0.97 * box.speed
         assert 0.97 * box.voltage < np.min(np.max(np.abs(draws.u), 1)) <= np.max(np.abs(draws.u)) <= box.voltage
         assert np.max(np.abs(draws.y)) <= box.current
         if name == "paper_spmsm":
@@ -320,6 +323,9 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     )
     assert small is not None
     n, widest, sinc_bound, cosm1_bound = (float(word) for word in small.groups())
+    limit = re.search(r"#define SMALL_TURN (\S+)f", made.files[f"{name}_ckf.c"])
+    assert limit is not None
+    assert widest == pytest.approx((n * float(limit[1])) ** 0.5, rel=0.01)
     z = np.linspace(1e-4, (0.99 * widest) ** 2 / n, 20_000).astype(np.float32)
     d = np.sqrt(n * z.astype(float))
     sinc, cosm1 = getattr(module["MATH"]["float32"], f"small_angle_{n:g}")(z)
