@@ -21,7 +21,7 @@ class Unit:
 
 Resistance = Annotated[float, Field(ge=1e-4, le=1e3), Unit("ohm")]
 Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
-FluxLinkage = Annotated[float, Field(ge=1e-4, le=10.0), Unit("Wb")]
+FluxLinkage = Annotated[float, Field(ge=1e-5, le=10.0), Unit("Wb")]
 Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
 Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
 SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]

@@ -63,9 +63,8 @@ L_Q = 0.051  # L_q, H
 PSI_M = 0.545  # magnet flux linkage, Wb
 POLE_PAIRS = 3.0  # p
 TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
-A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
-MTPA_FLUX = 18.166666666666668  # psi_m / (2 (L_q - L_d)), A
 MTPA_RATIO = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
+A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
 INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
 HALF_T = 5e-05  # T / 2, s
 MAGNET_TURN = 4.1376251256330935e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
@@ -1094,22 +1093,29 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- speed PI
     error_omega = omega_ref - omega
-    torque_limit = TORQUE_PER_A * gain_max_current
+    reluctance_at_limit = MTPA_RATIO * gain_max_current
+    root_at_limit = np.sqrt(1.0 + 8.0 * (reluctance_at_limit * reluctance_at_limit))
+    d_share_at_limit = 2.0 * reluctance_at_limit / (1.0 + root_at_limit)
+    torque_limit = (TORQUE_PER_A * gain_max_current * np.sqrt(1.0 - d_share_at_limit * d_share_at_limit) * (1.0 + reluctance_at_limit * d_share_at_limit))
     torque_wanted = gain_speed_p * error_omega + integral_speed
     torque_ref = _larger(-torque_limit, _smaller(torque_limit, torque_wanted))
-    integral_speed_next = (integral_speed + gain_speed_i * (error_omega +
-        (torque_ref - torque_wanted) / gain_speed_p))
+    integral_speed_next = (integral_speed + gain_speed_i * error_omega +
+        _smaller(gain_speed_i / gain_speed_p, 1.0) * (torque_ref - torque_wanted))
 
     # --- current references
     i_q_at_zero_i_d = A_PER_TORQUE * torque_ref
-    i_d_ref = MTPA_FLUX - np.sqrt(330.0277777777778 + i_q_at_zero_i_d * i_q_at_zero_i_d)
-    i_q_ref = i_q_at_zero_i_d / (1.0 - MTPA_RATIO * i_d_ref)
+    reluctance_torque = MTPA_RATIO * i_q_at_zero_i_d
+    i_q_first = i_q_at_zero_i_d / np.sqrt(0.75 + np.sqrt(0.0625 + reluctance_torque * reluctance_torque))
+    reluctance = MTPA_RATIO * i_q_first
+    root_mtpa = np.sqrt(0.25 + reluctance * reluctance)
+    part_of_i_q_ref = i_q_first * reluctance / (0.5 + root_mtpa)
+    i_q_ref = i_q_at_zero_i_d / (1.0 + MTPA_RATIO * part_of_i_q_ref)
 
     # --- current PI with decoupling
-    error_d = i_d_ref - i_d
     error_q = i_q_ref - i_q
     omega_e = POLE_PAIRS * omega
-    v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q)
+    part_of_i_q_ref_plus_i_d = part_of_i_q_ref + i_d
+    v_d_wanted = integral_d - gain_current_d_p * part_of_i_q_ref_plus_i_d - omega_e * (L_Q * i_q)
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
 
     # --- voltage hexagon's inner circle
@@ -1120,8 +1126,10 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_q = shrink * v_q_wanted
 
     # --- anti-windup by back-calculation
-    integral_d_next = integral_d + gain_current_i * (error_d + (v_d - v_d_wanted) / gain_current_d_p)
-    integral_q_next = integral_q + gain_current_i * (error_q + (v_q - v_q_wanted) / gain_current_q_p)
+    integral_d_next = (integral_d - gain_current_i * part_of_i_q_ref_plus_i_d +
+        _smaller(gain_current_i / gain_current_d_p, 1.0) * (v_d - v_d_wanted))
+    integral_q_next = (integral_q + gain_current_i * error_q +
+        _smaller(gain_current_i / gain_current_q_p, 1.0) * (v_q - v_q_wanted))
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance

@@ -800,8 +800,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     torque_limit = TORQUE_PER_A * gain_max_current
     torque_wanted = gain_speed_p * error_omega + integral_speed
     torque_ref = _larger(-torque_limit, _smaller(torque_limit, torque_wanted))
-    integral_speed_next = (integral_speed + gain_speed_i * (error_omega +
-        (torque_ref - torque_wanted) / gain_speed_p))
+    integral_speed_next = (integral_speed + gain_speed_i * error_omega +
+        _smaller(gain_speed_i / gain_speed_p, 1.0) * (torque_ref - torque_wanted))
 
     # --- current references
     i_q_at_zero_i_d = A_PER_TORQUE * torque_ref
@@ -820,8 +820,10 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_q = shrink * v_q_wanted
 
     # --- anti-windup by back-calculation
-    integral_d_next = integral_d + gain_current_i * ((v_d - v_d_wanted) / gain_current_d_p - i_d)
-    integral_q_next = integral_q + gain_current_i * (error_q + (v_q - v_q_wanted) / gain_current_q_p)
+    integral_d_next = (integral_d - gain_current_i * i_d +
+        _smaller(gain_current_i / gain_current_d_p, 1.0) * (v_d - v_d_wanted))
+    integral_q_next = (integral_q + gain_current_i * error_q +
+        _smaller(gain_current_i / gain_current_q_p, 1.0) * (v_q - v_q_wanted))
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance

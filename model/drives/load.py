@@ -187,6 +187,11 @@ def _explain(problem: Any) -> str:
     allowed = f" ({low:g} .. {high:g}{unit})" if low is not None and high is not None else ""
     if kind == "missing":
         return f"{key} is missing{allowed}."
+    if location[-1] == "magnet_flux" and value == 0:
+        return (
+            f"{key} = 0: a motor without magnets is not for this tool, whose filters see the rotor by its magnet flux. "
+            f"With magnets, give their flux linkage{allowed}."
+        )
     if kind in {"greater_than_equal", "less_than_equal"} and low is not None and high is not None:
         return (
             f"{key} = {value}{unit} is outside {low:g} .. {high:g}{unit}.{_scale_hint(value, unit.strip(), low, high)}"

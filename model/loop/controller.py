@@ -142,8 +142,8 @@ def control_block(drive: Drive, constants: Constants) -> Block:
         "voltage hexagon's inner circle",
         {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim},
     )
-    z_d = z_d + gain.current_i * (error[0] + (v_d_lim - v_d) / gain.current_d_p)
-    z_q = z_q + gain.current_i * (error[1] + (v_q_lim - v_q) / gain.current_q_p)
+    z_d = z_d + gain.current_i * error[0] + _back(gain.current_i, gain.current_d_p) * (v_d_lim - v_d)
+    z_q = z_q + gain.current_i * error[1] + _back(gain.current_i, gain.current_q_p) * (v_q_lim - v_q)
     _record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
     acting = theta + omega_e * gain.advance
     _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
@@ -164,28 +164,74 @@ def _speed_regulator(
     b: BlockBuilder, drive: Drive, constants: Constants, gain: Any, error: Any, integral: Any
 ) -> tuple[Any, Any]:
     """PI with back-calculation; the torque is limited to what the maximum current makes."""
-    per_ampere = 1.5 * drive.motor.pole_pairs * drive.motor.magnet_flux
-    limit = constants("TORQUE_PER_A", ca.SX(per_ampere), "1.5 p psi_m, N m/A") * gain.max_current
+    limit = _torque_limit(b, drive, constants, gain.max_current)
     wanted = gain.speed_p * error + integral
     torque = ca.fmax(-limit, ca.fmin(limit, wanted))
-    following = integral + gain.speed_i * (error + (torque - wanted) / gain.speed_p)
-    named = {"torque_limit": limit, "torque_wanted": wanted, "torque_ref": torque, "integral_speed_next": following}
+    following = integral + gain.speed_i * error + _back(gain.speed_i, gain.speed_p) * (torque - wanted)
+    named = {"torque_wanted": wanted, "torque_ref": torque, "integral_speed_next": following}
     _record(b, "", named)
     return torque, following
 
 
+def _back(integral: Any, proportional: Any) -> Any:
+    """Share of what a limit took that is taken back from the integrator: that of the integral gain, at most all of it.
+
+    More than twice all of it would make the integrator of a saturated regulator grow without bound, as a sample time
+    beyond 2 L / R did.
+    """
+    return ca.fmin(integral / proportional, 1.0)
+
+
+def _saliency(drive: Drive, constants: Constants) -> Any | None:
+    """Return (L_q - L_d) / psi_m, 1/A, of either sign: what reluctance adds to the torque; None for a round rotor."""
+    m = drive.motor
+    difference = m.inductance_q - m.inductance_d
+    if difference == 0.0:
+        return None
+    return constants("MTPA_RATIO", ca.SX(difference / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
+
+
+def _torque_limit(b: BlockBuilder, drive: Drive, constants: Constants, current: Any) -> Any:
+    """Torque of the current on the curve of maximum torque per ampere (MTPA).
+
+    With r = (L_q - L_d) / psi_m the torque is 1.5 p psi_m i_q (1 - r i_d), and least current makes it where
+    i_d (1 - r i_d) = -r i_q^2. On the circle of radius I that is i_d = -2 I (r I) / (1 + sqrt(1 + 8 (r I)^2)): nothing
+    cancels, whatever the sign and size of r.
+    """
+    per_ampere = 1.5 * drive.motor.pole_pairs * drive.motor.magnet_flux
+    limit = constants("TORQUE_PER_A", ca.SX(per_ampere), "1.5 p psi_m, N m/A") * current
+    ratio = _saliency(drive, constants)
+    if ratio is not None:
+        reluctance = ratio * current
+        root = ca.sqrt(1 + 8 * (reluctance * reluctance))
+        share = 2 * reluctance / (1 + root)  # -i_d / I, at most sqrt(1 / 2) of it
+        limit = limit * ca.sqrt(1 - share * share) * (1 + reluctance * share)
+        _record(b, "", {"reluctance_at_limit": reluctance, "root_at_limit": root, "d_share_at_limit": share})
+    _record(b, "", {"torque_limit": limit})
+    return limit
+
+
 def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torque: Any) -> Pair:
-    """i_d = 0; for a salient machine maximum torque per ampere, one fixed-point pass from i_d = 0."""
+    """Currents that make a torque: i_d = 0, or where the axes differ maximum torque per ampere (MTPA).
+
+    In units of 1 / r the curve is i_d = -i_q^2 / (1/2 + sqrt(1/4 + i_q^2)) and the torque i_q (1 - i_d). The i_q of a
+    torque t is first taken as t / sqrt(3/4 + sqrt(1/16 + t^2)), which is right to third order for small and to first
+    order for large t; then i_d follows, and i_q once more from the torque. The torque is exact; the current is at most
+    0.26 % more than the least, since about the optimum it changes with the square of the error.
+    """
     m = drive.motor
     inverse = constants("A_PER_TORQUE", ca.SX(1 / (1.5 * m.pole_pairs * m.magnet_flux)), "1 / (1.5 p psi_m), A/(N m)")
     i_q = inverse * torque
     _record(b, "current references", {"i_q_at_zero_i_d": i_q})
     i_d = ca.SX(0)
-    saliency = m.inductance_q - m.inductance_d
-    if saliency != 0.0:
-        half = constants("MTPA_FLUX", ca.SX(m.magnet_flux / (2 * saliency)), "psi_m / (2 (L_q - L_d)), A")
-        i_d = half - ca.sqrt(half * half + i_q * i_q)
-        ratio = constants("MTPA_RATIO", ca.SX(saliency / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
+    ratio = _saliency(drive, constants)
+    if ratio is not None:
+        t = ratio * i_q
+        first = i_q / ca.sqrt(0.75 + ca.sqrt(0.0625 + t * t))
+        reluctance = ratio * first
+        root = ca.sqrt(0.25 + reluctance * reluctance)
+        _record(b, "", {"reluctance_torque": t, "i_q_first": first, "reluctance": reluctance, "root_mtpa": root})
+        i_d = -first * reluctance / (0.5 + root)
         i_q = i_q / (1 - ratio * i_d)
     _record(b, "", {"i_q_ref": i_q, "i_d_ref": i_d})
     return i_d, i_q

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
-from types import FrameType
+from contextlib import contextmanager
+from types import FrameType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -39,21 +40,35 @@ def numpy_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
     backend = NumpyBackend(folder.module, kind, "float32")
     start.load(backend)
     found: Entries = {}
+    with watched_locals(folder.module) as seen:
+        backend.step(start.u[0], start.y[0])
+    for key, value in seen.items():
+        if isinstance(value, np.float32 | np.ndarray) and np.asarray(value).dtype == np.float32:
+            found[key] = np.broadcast_to(value, start.lanes)
+    return found
+
+
+@contextmanager
+def watched_locals(module: ModuleType) -> Iterator[dict[tuple[str, str], Any]]:
+    """Collect every local that a module's functions have when they return, by function and name.
+
+    Parameters
+    ----------
+    module : module
+        A generated one.
+    """
+    found: dict[tuple[str, str], Any] = {}
 
     def watch(frame: FrameType, event: str, argument: Any) -> None:
-        if event == "return" and frame.f_globals is vars(folder.module):
-            block = frame.f_code.co_name
-            for name, value in frame.f_locals.items():
-                if isinstance(value, np.float32 | np.ndarray) and np.asarray(value).dtype == np.float32:
-                    found[block, name] = np.broadcast_to(value, start.lanes)
+        if event == "return" and frame.f_globals is vars(module):
+            found.update(((frame.f_code.co_name, name), value) for name, value in frame.f_locals.items())
 
     previous = sys.getprofile()
     sys.setprofile(watch)
     try:
-        backend.step(start.u[0], start.y[0])
+        yield found
     finally:
         sys.setprofile(previous if callable(previous) else None)  # a C profiler cannot be set from here again
-    return found
 
 
 def c_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:

@@ -17,9 +17,8 @@
 #define PSI_M 0.545f /* magnet flux linkage, Wb */
 #define POLE_PAIRS 3.0f /* p */
 #define TORQUE_PER_A 2.4525f /* 1.5 p psi_m, N m/A */
-#define A_PER_TORQUE 0.4077472f /* 1 / (1.5 p psi_m), A/(N m) */
-#define MTPA_FLUX 18.166666f /* psi_m / (2 (L_q - L_d)), A */
 #define MTPA_RATIO 0.027522936f /* (L_q - L_d) / psi_m, 1/A */
+#define A_PER_TORQUE 0.4077472f /* 1 / (1.5 p psi_m), A/(N m) */
 #define INV_L_Q 19.607843f /* 1 / L_q, A/Wb */
 #define SALIENCY 8.169934f /* 1 / L_d - 1 / L_q, A/Wb */
 
@@ -202,22 +201,32 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- speed PI */
         const float32 error_omega = omega_ref - omega;
-        const float32 torque_limit = TORQUE_PER_A * gain_max_current;
+        const float32 reluctance_at_limit = MTPA_RATIO * gain_max_current;
+        const float32 root_at_limit = PMSM_SQRT(1.0f + 8.0f * (reluctance_at_limit * reluctance_at_limit));
+        const float32 d_share_at_limit = 2.0f * reluctance_at_limit / (1.0f + root_at_limit);
+        const float32 torque_limit =
+            TORQUE_PER_A * gain_max_current * PMSM_SQRT(1.0f - d_share_at_limit * d_share_at_limit) * (1.0f + reluctance_at_limit * d_share_at_limit);
         const float32 torque_wanted = gain_speed_p * error_omega + integral_speed;
         const float32 torque_ref = larger(-torque_limit, smaller(torque_limit, torque_wanted));
-        const float32 integral_speed_next = integral_speed + gain_speed_i * (error_omega +
-            (torque_ref - torque_wanted) / gain_speed_p);
+        const float32 integral_speed_next = integral_speed + gain_speed_i * error_omega +
+            smaller(gain_speed_i / gain_speed_p, 1.0f) * (torque_ref - torque_wanted);
 
         /* --- current references */
         const float32 i_q_at_zero_i_d = A_PER_TORQUE * torque_ref;
-        const float32 i_d_ref = MTPA_FLUX - PMSM_SQRT(330.02777f + i_q_at_zero_i_d * i_q_at_zero_i_d);
-        const float32 i_q_ref = i_q_at_zero_i_d / (1.0f - MTPA_RATIO * i_d_ref);
+        const float32 reluctance_torque = MTPA_RATIO * i_q_at_zero_i_d;
+        const float32 i_q_first = i_q_at_zero_i_d / PMSM_SQRT(0.75f +
+            PMSM_SQRT(0.0625f + reluctance_torque * reluctance_torque));
+        const float32 reluctance = MTPA_RATIO * i_q_first;
+        const float32 root_mtpa = PMSM_SQRT(0.25f + reluctance * reluctance);
+        const float32 part_of_i_q_ref = i_q_first * reluctance / (0.5f + root_mtpa);
+        const float32 i_q_ref = i_q_at_zero_i_d / (1.0f + MTPA_RATIO * part_of_i_q_ref);
 
         /* --- current PI with decoupling */
-        const float32 error_d = i_d_ref - i_d;
         const float32 error_q = i_q_ref - i_q;
         const float32 omega_e = POLE_PAIRS * omega;
-        const float32 v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q);
+        const float32 part_of_i_q_ref_plus_i_d = part_of_i_q_ref + i_d;
+        const float32 v_d_wanted = integral_d - gain_current_d_p * part_of_i_q_ref_plus_i_d -
+            omega_e * (L_Q * i_q);
         const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
         /* --- voltage hexagon's inner circle */
@@ -229,10 +238,10 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 v_q = shrink * v_q_wanted;
 
         /* --- anti-windup by back-calculation */
-        const float32 integral_d_next = integral_d + gain_current_i * (error_d +
-            (v_d - v_d_wanted) / gain_current_d_p);
-        const float32 integral_q_next = integral_q + gain_current_i * (error_q +
-            (v_q - v_q_wanted) / gain_current_q_p);
+        const float32 integral_d_next = integral_d - gain_current_i * part_of_i_q_ref_plus_i_d +
+            smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
+        const float32 integral_q_next = integral_q + gain_current_i * error_q +
+            smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);
 
         /* --- inverse Park at the angle in the middle of the acting interval */
         const float32 theta_acting = theta + omega_e * gain_advance;

@@ -203,8 +203,8 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 torque_limit = TORQUE_PER_A * gain_max_current;
         const float32 torque_wanted = gain_speed_p * error_omega + integral_speed;
         const float32 torque_ref = larger(-torque_limit, smaller(torque_limit, torque_wanted));
-        const float32 integral_speed_next = integral_speed + gain_speed_i * (error_omega +
-            (torque_ref - torque_wanted) / gain_speed_p);
+        const float32 integral_speed_next = integral_speed + gain_speed_i * error_omega +
+            smaller(gain_speed_i / gain_speed_p, 1.0f) * (torque_ref - torque_wanted);
 
         /* --- current references */
         const float32 i_q_at_zero_i_d = A_PER_TORQUE * torque_ref;
@@ -224,10 +224,10 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 v_q = shrink * v_q_wanted;
 
         /* --- anti-windup by back-calculation */
-        const float32 integral_d_next = integral_d + gain_current_i * ((v_d - v_d_wanted) / gain_current_d_p -
-            i_d);
-        const float32 integral_q_next = integral_q + gain_current_i * (error_q +
-            (v_q - v_q_wanted) / gain_current_q_p);
+        const float32 integral_d_next = integral_d - gain_current_i * i_d +
+            smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
+        const float32 integral_q_next = integral_q + gain_current_i * error_q +
+            smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);
 
         /* --- inverse Park at the angle in the middle of the acting interval */
         const float32 theta_acting = theta + omega_e * gain_advance;

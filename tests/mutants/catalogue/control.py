@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 SURFACE, SALIENT = ("controller paper_spmsm",), ("controller ipmsm_flux",)
+FINITE = ("pytest tests/model/test_controller.py -k finite",)
+OPTIMUM = ("pytest tests/model/test_controller.py -k least_current",)
 PLANT = ("regenerated spmsm_load_torque tests/runtime/test_simulation.py -k 'dop853 and spmsm_load_torque'",)
 
 _ROWS = (
@@ -28,15 +30,28 @@ _ROWS = (
         "v_d_lim, v_q_lim = shrink * v_d, v_q",
         SURFACE,
     ),
-    ("no anti-windup on q", "(error[1] + (v_q_lim - v_q) / gain.current_q_p)", "error[1]", SURFACE),
-    ("anti-windup's sign on d", "(v_d_lim - v_d) / gain.current_d_p", "(v_d - v_d_lim) / gain.current_d_p", SURFACE),
+    (
+        "no anti-windup on q",
+        "error[1] + _back(gain.current_i, gain.current_q_p) * (v_q_lim - v_q)",
+        "error[1]",
+        SURFACE,
+    ),
+    ("anti-windup's sign on d", "current_d_p) * (v_d_lim - v_d)", "current_d_p) * (v_d - v_d_lim)", SURFACE),
+    ("anti-windup of d by q's gain", "gain.current_i, gain.current_d_p)", "gain.current_i, gain.current_q_p)", SALIENT),
+    ("anti-windup without bound", "ca.fmin(integral / proportional, 1.0)", "integral / proportional", FINITE),
     ("angle not advanced", "acting = theta + omega_e * gain.advance", "acting = theta", SURFACE),
     ("torque unlimited above", "ca.fmax(-limit, ca.fmin(limit, wanted))", "ca.fmax(-limit, wanted)", SURFACE),
-    ("no anti-windup of speed", "(error + (torque - wanted) / gain.speed_p)", "error", SURFACE),
+    ("no anti-windup of speed", "error + _back(gain.speed_i, gain.speed_p) * (torque - wanted)", "error", SURFACE),
     ("factor 1.5 lost", "per_ampere = 1.5 * drive", "per_ampere = drive", SURFACE),
-    ("MTPA's sign", "i_d = half - ca.sqrt(", "i_d = half + ca.sqrt(", SALIENT),
+    ("MTPA's sign", "i_d = -first * reluctance", "i_d = first * reluctance", SALIENT),
     ("MTPA: torque of i_d forgotten", "i_q = i_q / (1 - ratio * i_d)", "i_q = i_q / (1 + ratio * i_d)", SALIENT),
-    ("MTPA: saliency's factor", "m.magnet_flux / (2 * saliency)", "m.magnet_flux / saliency", SALIENT),
+    ("MTPA: saliency's factor", "ca.SX(difference / m.magnet_flux)", "ca.SX(2 * difference / m.magnet_flux)", SALIENT),
+    ("MTPA: axes exchanged", "m.inductance_q - m.inductance_d", "m.inductance_d - m.inductance_q", SALIENT),
+    ("MTPA: first i_q as of a round rotor", "first = i_q / ca.sqrt(0.75", "first = i_q / (1 + 0 * 0.75", OPTIMUM),
+    ("MTPA: root", "root = ca.sqrt(0.25 + reluctance", "root = ca.sqrt(0.5 + reluctance", OPTIMUM),
+    ("torque limit without reluctance", "* (1 + reluctance * share)", "", SALIENT),
+    ("torque limit: root", "ca.sqrt(1 + 8 * (reluctance", "ca.sqrt(1 + 4 * (reluctance", SALIENT),
+    ("torque limit: all current on q", "limit * ca.sqrt(1 - share * share)", "limit", SALIENT),
     (
         "phases b and c exchanged",
         "half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]",
