@@ -1526,14 +1526,14 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     i_q_first = i_q_at_zero_i_d / np.sqrt(0.75 + np.sqrt(0.0625 + reluctance_torque * reluctance_torque))
     reluctance = MTPA_RATIO * i_q_first
     root_mtpa = np.sqrt(0.25 + reluctance * reluctance)
-    part_of_i_q_ref = i_q_first * reluctance / (0.5 + root_mtpa)
-    i_q_ref = i_q_at_zero_i_d / (1.0 + MTPA_RATIO * part_of_i_q_ref)
+    minus_i_d_ref = i_q_first * reluctance / (0.5 + root_mtpa)
+    i_q_ref = i_q_at_zero_i_d / (1.0 + MTPA_RATIO * minus_i_d_ref)
 
     # --- current PI with decoupling
     error_q = i_q_ref - i_q
     omega_e = POLE_PAIRS * omega
-    part_of_i_q_ref_plus_i_d = part_of_i_q_ref + i_d
-    v_d_wanted = integral_d - gain_current_d_p * part_of_i_q_ref_plus_i_d - omega_e * (L_Q * i_q)
+    minus_i_d_ref_plus_i_d = minus_i_d_ref + i_d
+    v_d_wanted = integral_d - gain_current_d_p * minus_i_d_ref_plus_i_d - omega_e * (L_Q * i_q)
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
 
     # --- voltage hexagon's inner circle
@@ -1544,7 +1544,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_q = shrink * v_q_wanted
 
     # --- anti-windup by back-calculation
-    integral_d_next = (integral_d - gain_current_i * part_of_i_q_ref_plus_i_d +
+    integral_d_next = (integral_d - gain_current_i * minus_i_d_ref_plus_i_d +
         _smaller(gain_current_i / gain_current_d_p, 1.0) * (v_d - v_d_wanted))
     integral_q_next = (integral_q + gain_current_i * error_q +
         _smaller(gain_current_i / gain_current_q_p, 1.0) * (v_q - v_q_wanted))

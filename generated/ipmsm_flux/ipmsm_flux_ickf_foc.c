@@ -162,15 +162,14 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
         PMSM_SQRT(0.0625f + reluctance_torque * reluctance_torque));
     const float32 reluctance = MTPA_RATIO * i_q_first;
     const float32 root_mtpa = PMSM_SQRT(0.25f + reluctance * reluctance);
-    const float32 part_of_i_q_ref = i_q_first * reluctance / (0.5f + root_mtpa);
-    const float32 i_q_ref = i_q_at_zero_i_d / (1.0f + MTPA_RATIO * part_of_i_q_ref);
+    const float32 minus_i_d_ref = i_q_first * reluctance / (0.5f + root_mtpa);
+    const float32 i_q_ref = i_q_at_zero_i_d / (1.0f + MTPA_RATIO * minus_i_d_ref);
 
     /* --- current PI with decoupling */
     const float32 error_q = i_q_ref - i_q;
     const float32 omega_e = POLE_PAIRS * omega;
-    const float32 part_of_i_q_ref_plus_i_d = part_of_i_q_ref + i_d;
-    const float32 v_d_wanted = integral_d - gain_current_d_p * part_of_i_q_ref_plus_i_d -
-        omega_e * (L_Q * i_q);
+    const float32 minus_i_d_ref_plus_i_d = minus_i_d_ref + i_d;
+    const float32 v_d_wanted = integral_d - gain_current_d_p * minus_i_d_ref_plus_i_d - omega_e * (L_Q * i_q);
     const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
     /* --- voltage hexagon's inner circle */
@@ -182,7 +181,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 v_q = shrink * v_q_wanted;
 
     /* --- anti-windup by back-calculation */
-    const float32 integral_d_next = integral_d - gain_current_i * part_of_i_q_ref_plus_i_d +
+    const float32 integral_d_next = integral_d - gain_current_i * minus_i_d_ref_plus_i_d +
         smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
     const float32 integral_q_next = integral_q + gain_current_i * error_q +
         smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);

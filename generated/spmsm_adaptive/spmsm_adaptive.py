@@ -1416,10 +1416,10 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
         _smaller(gain_speed_i / gain_speed_p, 1.0) * (torque_ref - torque_wanted))
 
     # --- current references
-    i_q_at_zero_i_d = A_PER_TORQUE * torque_ref
+    i_q_ref = A_PER_TORQUE * torque_ref
 
     # --- current PI with decoupling
-    error_q = i_q_at_zero_i_d - i_q
+    error_q = i_q_ref - i_q
     omega_e = POLE_PAIRS * omega
     v_d_wanted = integral_d - gain_current_d_p * i_d - omega_e * (L_Q * i_q)
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)

@@ -141,10 +141,10 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
         smaller(gain_speed_i / gain_speed_p, 1.0f) * (torque_ref - torque_wanted);
 
     /* --- current references */
-    const float32 i_q_at_zero_i_d = A_PER_TORQUE * torque_ref;
+    const float32 i_q_ref = A_PER_TORQUE * torque_ref;
 
     /* --- current PI with decoupling */
-    const float32 error_q = i_q_at_zero_i_d - i_q;
+    const float32 error_q = i_q_ref - i_q;
     const float32 omega_e = POLE_PAIRS * omega;
     const float32 v_d_wanted = integral_d - gain_current_d_p * i_d - omega_e * (L_Q * i_q);
     const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);

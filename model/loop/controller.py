@@ -221,19 +221,20 @@ def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torq
     """
     m = drive.motor
     inverse = constants("A_PER_TORQUE", ca.SX(1 / (1.5 * m.pole_pairs * m.magnet_flux)), "1 / (1.5 p psi_m), A/(N m)")
-    i_q = inverse * torque
-    _record(b, "current references", {"i_q_at_zero_i_d": i_q})
-    i_d = ca.SX(0)
+    i_d, i_q = ca.SX(0), inverse * torque
     ratio = _saliency(drive, constants)
-    if ratio is not None:
+    if ratio is None:
+        _record(b, "current references", {"i_q_ref": i_q})
+    else:
+        _record(b, "current references", {"i_q_at_zero_i_d": i_q})
         t = ratio * i_q
         first = i_q / ca.sqrt(0.75 + ca.sqrt(0.0625 + t * t))
         reluctance = ratio * first
         root = ca.sqrt(0.25 + reluctance * reluctance)
         _record(b, "", {"reluctance_torque": t, "i_q_first": first, "reluctance": reluctance, "root_mtpa": root})
-        i_d = -first * reluctance / (0.5 + root)
-        i_q = i_q / (1 - ratio * i_d)
-    _record(b, "", {"i_q_ref": i_q, "i_d_ref": i_d})
+        against = first * reluctance / (0.5 + root)
+        i_d, i_q = -against, i_q / (1 + ratio * against)
+        _record(b, "", {"minus_i_d_ref": against, "i_q_ref": i_q})
     return i_d, i_q
 
 

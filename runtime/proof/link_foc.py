@@ -90,7 +90,7 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
             c.sensed = tuple(sensed)
             with np.errstate(all="ignore"), watched_locals(module) as seen:
                 duty, status = module.foc_step(c, module.STEPS[kind], tuple(phase), tuple(command), math)
-            i_ref = complex(seen.get(("control", "i_d_ref"), 0.0), seen["control", "i_q_ref"])
+            i_ref = complex(-seen.get(("control", "minus_i_d_ref"), 0.0), seen["control", "i_q_ref"])
             with np.errstate(all="ignore"):
                 wanted, held_now, rejected = _sample(
                     module, kind, parameters, motor, before, (phase, command, sensed), i_ref
