@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -44,40 +44,69 @@ def reference_run(
     name: str,
     parameters: Mapping[str, Any],
     step: FilterStep,
-    start: Array,
+    starts: tuple[Array, Array],
     u: Array,
     y: Array,
-    covariances: Array | None = None,
     motor: Plant | None = None,
 ) -> Situations:
-    """Run the reference: along a trajectory from ``start`` (n,), or from each state of ``start`` (N, n) anew.
+    """Run the reference from several starts side by side; situations come start by start, in each step by step.
 
-    ``motor``: the second statement of a machine that is not shipped.
     Where iterating is proved idle the reference iterates N_max times regardless of (33), to show it.
+
+    Parameters
+    ----------
+    starts : tuple
+        x (M, n) and P (M, n, n): where each run begins.
+    u, y : array, (steps, M, 2)
+        V and A of each run.
+    motor : Plant, optional
+        The second statement of a machine that is not shipped.
     """
-    reference = make_reference(parameters, step.kind, step.gain, start if start.ndim == 1 else start[0], motor)
+    reference = make_reference(parameters, step.kind, step.gain, starts[0], motor)
+    reference.P = starts[1].copy()
     if step.iteration_proof:
         reference.eps = -1.0
     before_x, before_P, records = [], [], []
-    for k in range(len(u)):
-        if covariances is not None:
-            reference.x, reference.P = start[k].copy(), covariances[k].copy()
+    for u_k, y_k in zip(u, y, strict=True):
         before_x.append(reference.x.copy())
         before_P.append(reference.P.copy())
-        records.append(reference.step(u[k], y[k]))
-    iterates, counts = _stack_iterates(records)
-    stages = {key: np.array([r[key] for r in records]) for key in records[0] if key != "iterates"}
-    return Situations(name, np.array(before_x), np.array(before_P), u, y, stages, iterates, counts)
-
-
-def _stack_iterates(records: list[dict[str, Any]]) -> tuple[list[dict[str, Array]], Array]:
-    """Iterate by iterate; a step that ended earlier repeats its last one, and ``counts`` says how many are real."""
-    counts = np.array([len(r.get("iterates", ())) for r in records])
-    stacked = []
-    for j in range(int(counts.max(initial=0))):
+        records.append(reference.step(u_k, y_k))
+    counts = _in_order([r.get("iterations", np.zeros(len(starts[0]), dtype=int)) for r in records])
+    iterates = []
+    for j in range(max(len(r.get("iterates", ())) for r in records)):  # a step that ended earlier repeats its last one
         chosen = [r["iterates"][min(j, len(r["iterates"]) - 1)] for r in records]
-        stacked.append({key: np.array([item[key] for item in chosen]) for key in chosen[0]})
-    return stacked, counts
+        iterates.append({key: _in_order([item[key] for item in chosen]) for key in chosen[0]})
+    names = [key for key in records[0] if key not in ("iterates", "iterations")]
+    stages = {key: _in_order([r[key] for r in records]) for key in names}
+    befores = _in_order(before_x), _in_order(before_P), _in_order(list(u)), _in_order(list(y))
+    return Situations(name, *befores, stages, iterates, counts)
+
+
+def _in_order(values: Sequence[Array]) -> Array:
+    """(steps, M, ...) -> (M steps, ...)."""
+    array = np.swapaxes(np.asarray(values), 0, 1)
+    return array.reshape(-1, *array.shape[2:])
+
+
+def pieces_of(run: tuple[Array, Array], start: tuple[Array, Array], piece: int) -> tuple[Array, Array]:
+    """Where the pieces of a trajectory begin, as a filter's own run has it: x (M, n), P (M, n, n).
+
+    Parameters
+    ----------
+    run : tuple
+        x (N, n), P (N, n, n) after each step.
+    start : tuple
+        x_0 (n,), P_0 (n, n): where the first piece begins, and every piece at whose beginning the run is no longer a
+        filter's: no number, or a P without a root. What is compared with the run there shows it.
+    """
+    x_0, P_0 = start
+    x, P = (
+        np.concatenate([first[None], after[piece - 1 : -1 : piece]]) for first, after in zip(start, run, strict=True)
+    )
+    for k in range(len(x)):
+        if not (np.isfinite(x[k]).all() and np.isfinite(P[k]).all() and np.linalg.eigvalsh(P[k])[0] > 0):
+            x[k], P[k] = x_0, P_0
+    return x, P
 
 
 def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situations, R: Array) -> Link:
@@ -174,18 +203,24 @@ def _first(
     )
 
 
-def free_run(
-    module: ModuleType, step: FilterStep, drive: str, situations: Situations, start: Array, sigma_0: Array
-) -> Link:
-    """B on its own along the trajectory, not set back to A each step: errors must not build up."""
-    backend = NumpyBackend(module, step.kind, "float64")
-    backend.reset(start.copy(), module.pack(np.diag(sigma_0**2)))
-    x, words, _, _ = backend.run(situations.u, situations.y)
-    P = np.moveaxis(module.unpack(words.T), 2, 0)
+def own_run(module: ModuleType, kind: str, starts: tuple[Array, Array], u: Array, y: Array) -> tuple[Array, Array]:
+    """B on its own along u, y (N, 2) from x_0 (n,), P_0 (n, n): x (N, n) and P (N, n, n) after each step."""
+    backend = NumpyBackend(module, kind, "float64")
+    backend.reset(starts[0].copy(), module.pack(starts[1]))
+    x, words, _, _ = backend.run(u, y)
+    return x, np.moveaxis(module.unpack(words.T), 2, 0)
+
+
+def free_run(step: FilterStep, drive: str, situations: Situations, run: tuple[Array, Array], angle: int) -> Link:
+    """B's own run against A's pieces, each begun where B's run then was: errors must not build up in any.
+
+    Piece by piece A ends where the next begins, so B's whole run is A's as well.
+    """
+    x, P = run
     A_x, A_P = situations.stages["x"], situations.stages["P"]
     sigma = np.sqrt(np.einsum("kii->ki", A_P))
     dx = x - A_x
-    dx[:, module.ANGLE] = np.remainder(dx[:, module.ANGLE] + np.pi, 2 * np.pi) - np.pi
+    dx[:, angle] = np.remainder(dx[:, angle] + np.pi, 2 * np.pi) - np.pi
     error_x = np.abs(dx) / np.maximum(sigma, np.abs(A_x))
     error_P = np.abs(P - A_P) / (sigma[:, :, None] * sigma[:, None, :])
     rows_out = (

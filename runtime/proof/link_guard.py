@@ -124,7 +124,7 @@ def _by_hand(
         held = u_k if u_good else held
         if u_good and np.all(np.abs(y_k) <= box["current"]):
             stages = reference.step(held, y_k)
-            count = len(stages.get("iterates", [None]))
+            count = int(stages.get("iterations", 1))
             status = 0 if stages.get("converged", True) or reference.N_max == 1 else NOT_CONVERGED
         else:
             reference.coast(held)

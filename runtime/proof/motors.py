@@ -20,7 +20,11 @@ QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 class Plant(Protocol):
-    """A discrete motor: x' = f(x, u), y = h(x), H = dh/dx."""
+    """A discrete motor: x' = f(x, u), y = h(x), H = dh/dx.
+
+    x (n, ...) and u (2, ...): what follows the first axis are motors side by side. An H that is the same everywhere
+    may stay (2, n).
+    """
 
     def f(self, x: Array, u: Array) -> Array: ...
 
@@ -124,29 +128,29 @@ class SalientMotor:
         # d/dth of R L R^T, seen from the rotor: what a turning inductance adds to the resistance, per rad/s.
         turning = QUARTER_TURN @ L - L @ QUARTER_TURN
         if not d.exact:  # L(th) di/dt = u - R i - w_e L'(th) i - e
-            to_stator = rotation(th)
-            magnet = to_stator @ np.array([0 * psi, psi])
-            induced = w_e * (to_stator @ turning @ to_stator.T @ i + magnet)
-            i_next = i + d.T * to_stator @ np.linalg.inv(L) @ to_stator.T @ (u - R * i - induced)
+            to_stator, to_rotor = rotation(th), rotation(-th)
+            magnet = times(to_stator, np.array([0 * th, psi + 0 * th]))
+            induced = w_e * (times(to_stator, times(turning, times(to_rotor, i))) + magnet)
+            i_next = i + d.T * times(to_stator, times(np.linalg.inv(L), times(to_rotor, u - R * i - induced)))
             return np.array([*i_next, *d.mechanics(x, self.torque(i, th, psi))])
         middle = th + d.T * w_e / 2
-        to_stator = rotation(middle)
-        i_dq = to_stator.T @ i
-        e = w_e * np.array([0 * psi, psi])
-        left = to_stator.T @ u - e - (R - d.R) * i_dq
+        to_stator, to_rotor = rotation(middle), rotation(-middle)
+        i_dq = times(to_rotor, i)
+        e = np.array([0 * w_e, w_e * psi])
+        left = times(to_rotor, u) - e - (R - d.R) * i_dq
         axes = np.array([d.L_d, d.L_q])
 
         def relax(t: float, i_coupling: Array) -> Array:
             a = np.exp(-t * d.R / axes)
-            return np.asarray(a * i_dq + (1 - a) / d.R * (left - w_e * (turning @ i_coupling)))
+            return times(np.diag(a), i_dq) + times(np.diag((1 - a) / d.R), left - w_e * times(turning, i_coupling))
 
-        i_next = to_stator @ relax(d.T, relax(d.T / 2, i_dq))
+        i_next = times(to_stator, relax(d.T, relax(d.T / 2, i_dq)))
         return np.array([*i_next, *d.mechanics(x, self.torque((i + i_next) / 2, middle, psi))])
 
     def torque(self, i: Array, th: Any, psi: Any) -> Any:
         """1.5 p (psi_m + (L_d - L_q) i_d) i_q."""
         d = self.data
-        i_d, i_q = rotation(th).T @ i
+        i_d, i_q = times(rotation(-th), i)
         return 1.5 * d.p * (psi + (d.L_d - d.L_q) * i_d) * i_q
 
     def h(self, x: Array) -> Array:
@@ -166,22 +170,22 @@ class SalientFluxMotor:
         d = self.data
         th, w_e = x[3], d.p * x[2]
         R, psi_m = d.now(x, "R"), d.now(x, "psi")
-        magnet = np.array([psi_m, 0 * psi_m])
+        magnet = np.array([psi_m + 0 * th, 0 * th])
         if not d.exact:
             psi = x[:2] + d.T * (u - R * self.currents(x[:2], th, psi_m))
             return np.array([*psi, *d.mechanics(x, self.torque(x[:2], th, psi_m))])
         # Rotor frame held at the middle of the interval; there d psi/dt = v - R L^-1 (psi - psi_m), diagonal, solved
         # exactly at the motor's own R.
         middle = th + d.T * w_e / 2
-        to_stator = rotation(middle)
+        to_stator, to_rotor = rotation(middle), rotation(-middle)
         L = np.array([d.L_d, d.L_q])
         z = d.T * d.R / L
         a = np.exp(-z)
-        i = (to_stator.T @ x[:2] - magnet) / L
-        psi_dq = to_stator.T @ x[:2] + (1 - a) / z * d.T * (to_stator.T @ u - R * i)
+        i = times(np.diag(1 / L), times(to_rotor, x[:2]) - magnet)
+        psi_dq = times(to_rotor, x[:2]) + times(np.diag((1 - a) / z * d.T), times(to_rotor, u) - R * i)
         # Meanwhile the magnet turns in that frame, from -T w_e / 2 to T w_e / 2.
         left = (1 + a - 2 * (1 - a) / z)[1]
-        psi = to_stator @ (psi_dq + left * d.T * w_e / 2 * (QUARTER_TURN @ magnet))
+        psi = times(to_stator, psi_dq + left * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
 
     def torque(self, psi: Array, th: Any, psi_m: Any) -> Any:
@@ -191,9 +195,9 @@ class SalientFluxMotor:
 
     def currents(self, psi: Array, th: Any, psi_m: Any) -> Array:
         d = self.data
-        to_stator = rotation(th)
-        i_dq = (to_stator.T @ psi - np.array([psi_m, 0 * psi_m])) / np.array([d.L_d, d.L_q])
-        return np.asarray(to_stator @ i_dq)
+        inverse = np.diag([1 / d.L_d, 1 / d.L_q])
+        i_dq = times(inverse, times(rotation(-th), psi) - np.array([psi_m + 0 * th, 0 * th]))
+        return times(rotation(th), i_dq)
 
     def h(self, x: Array) -> Array:
         return self.currents(x[:2], x[3], self.data.now(x, "psi"))
@@ -201,16 +205,26 @@ class SalientFluxMotor:
     def H(self, x: Array) -> Array:
         """By the product rule: di/dpsi = R L^-1 R^T; di/dth = R' i_dq + R L^-1 R'^T psi; di/dpsi_m = -R L^-1 e_d."""
         d = self.data
-        to_stator = rotation(x[3])
-        turned = to_stator @ QUARTER_TURN  # dR/dth
+        to_stator, to_rotor = rotation(x[3]), rotation(-x[3])
+        turned, turned_back = product(to_stator, QUARTER_TURN), -product(QUARTER_TURN, to_rotor)  # dR/dth, dR^T/dth
         inverse = np.diag([1 / d.L_d, 1 / d.L_q])
-        i_dq = inverse @ (to_stator.T @ x[:2] - np.array([d.now(x, "psi"), 0.0]))
-        H = np.zeros((2, len(x)))
-        H[:, :2] = to_stator @ inverse @ to_stator.T
-        H[:, 3] = turned @ i_dq + to_stator @ inverse @ turned.T @ x[:2]
+        i_dq = times(inverse, times(to_rotor, x[:2]) - np.array([d.now(x, "psi") + 0 * x[3], 0 * x[3]]))
+        H = np.zeros((2, *x.shape))
+        H[:, :2] = product(to_stator, product(inverse, to_rotor))
+        H[:, 3] = times(turned, i_dq) + times(to_stator, times(inverse, times(turned_back, x[:2])))
         if "psi" in d.slow:
-            H[:, 4 + d.loaded + d.slow.index("psi")] = -to_stator @ inverse[:, 0]
+            H[:, 4 + d.loaded + d.slow.index("psi")] = -product(to_stator, inverse)[:, 0]
         return H
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """Each motor's matrix (m, k, ...) times its vector (k, ...); a matrix (m, k) is every motor's."""
+    return np.asarray(np.einsum("ij...,j...->i...", matrix, vector))
+
+
+def product(a: Array, b: Array) -> Array:
+    """:func:`times` for two matrices."""
+    return np.asarray(np.einsum("ij...,jk...->ik...", a, b))
 
 
 def rotation(angle: Any) -> Array:

@@ -22,7 +22,10 @@ Stages = dict[str, Any]
 
 @dataclass
 class Reference:
-    """A filter in the paper's words. ``step`` returns every stage by name; ``x`` and ``P`` move on."""
+    """A filter in the paper's words. ``step`` returns every stage by name; ``x`` and ``P`` move on.
+
+    x (..., n), P (..., n, n), u and y (..., 2): leading axes are filters side by side, each on its own.
+    """
 
     motor: Plant
     kind: str
@@ -39,56 +42,70 @@ class Reference:
     def step(self, u: Array, y: Array) -> Stages:
         """One time update with u (V), one measurement update with y (A)."""
         self.stages = {}
-        predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
         update = {"ekf": self._ekf_update, "ukf": self._ukf_update, "ickf": self._ickf_update}.get(
             self.kind, self._ckf_update
         )
-        x_pred, P_pred = predict(u)
+        x_pred, P_pred = self._predict(u)
         self.x, self.P = update(x_pred, P_pred, y)
-        self.x[3] = wrap(self.x[3])
+        self.x[..., 3] = wrap(self.x[..., 3])
         self.stages |= {"x": self.x, "P": self.P}
         return self.stages
 
     def coast(self, u: Array) -> None:
         """A sample whose measurement is missing: the prediction is the estimate."""
+        self.x, self.P = self._predict(u)
+        self.x[..., 3] = wrap(self.x[..., 3])
+
+    def _predict(self, u: Array) -> tuple[Array, Array]:
         predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
-        self.x, self.P = predict(u)
-        self.x[3] = wrap(self.x[3])
+        return predict(u)
 
     def _time_update(self, u: Array) -> tuple[Array, Array]:
-        n = len(self.x)
+        n = self.x.shape[-1]
         S = self._root(self.P)  # (13)
         X = self._points(S, self.x)  # (14)
-        X_prop = np.array([self.motor.f(X[:, i], u) for i in range(2 * n)]).T  # (15)
-        x_pred = X_prop.mean(axis=1)  # (16)
+        X_prop = np.stack([self._f(X[..., i], u) for i in range(2 * n)], axis=-1)  # (15)
+        x_pred = X_prop.mean(axis=-1)  # (16)
         P_pred = covariance(X_prop, x_pred, X_prop, x_pred) + np.diag(self.Q)  # (17)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
+    def _f(self, x: Array, u: Array) -> Array:
+        """The motor's f, whose states are the first axis."""
+        return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(u, -1, 0))), 0, -1)
+
+    def _h(self, x: Array) -> Array:
+        return np.moveaxis(np.asarray(self.motor.h(np.moveaxis(x, -1, 0))), 0, -1)
+
+    def _H(self, x: Array) -> Array:
+        """(..., 2, n), also where it is the same everywhere."""
+        H = np.moveaxis(np.asarray(self.motor.H(np.moveaxis(x, -1, 0))), (0, 1), (-2, -1))
+        return np.broadcast_to(H, (*x.shape[:-1], *H.shape[-2:]))
+
     def _root(self, P: Array) -> Array:
         """S with S S^T = P by Cholesky's method, its rows as its columns in the states' order there."""
-        return np.asarray(np.linalg.cholesky(P[np.ix_(self.order, self.order)]))
+        return np.asarray(np.linalg.cholesky(P[..., self.order, :][..., self.order]))
 
     def _points(self, S: Array, centre: Array) -> Array:
-        n = len(centre)
+        n = centre.shape[-1]
         xi = math.sqrt(n) * np.hstack([np.eye(n), -np.eye(n)])  # (11)
-        return self._by_state(S) @ xi + centre[:, None]
+        return np.asarray(self._by_state(S) @ xi + centre[..., None])
 
     def _by_state(self, S: Array) -> Array:
         """Row k of S is that of state order[k]."""
-        return S[np.argsort(self.order)]
+        return S[..., np.argsort(self.order), :]
 
     def _ckf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
         S = self._root(P_pred)  # (18)
         X = self._points(S, x_pred)  # (19)
-        Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T  # (20)
-        y_pred = Y.mean(axis=1)  # (21)
+        Y = np.stack([self._h(X[..., i]) for i in range(X.shape[-1])], axis=-1)  # (20)
+        y_pred = Y.mean(axis=-1)  # (21)
         Pyy = covariance(Y, y_pred, Y, y_pred) + np.diag(self.R)  # (22)
         Pxy = covariance(X, x_pred, Y, y_pred)  # (23)
         K = Pxy @ np.linalg.inv(Pyy)  # (24)
         innovation = y - y_pred
-        x = x_pred + K @ innovation  # (25)
-        P = P_pred - K @ Pyy @ K.T  # (26)
+        x = x_pred + times(K, innovation)  # (25)
+        P = P_pred - K @ Pyy @ transposed(K)  # (26)
         self.stages |= {"S_pred": S, "X_pred": X, "Y": Y, "y_pred": y_pred, "Pyy": Pyy, "Pxy": Pxy, "K": K}
         self.stages |= {"innovation": innovation}
         return x, P
@@ -96,101 +113,125 @@ class Reference:
     def _ickf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
         S = self._root(P_pred)
         x_j = x_pred
-        iterates = []
+        iterates: list[Stages] = []
+        converged = np.zeros(x_pred.shape[:-1], dtype=bool)
+        count = np.zeros(x_pred.shape[:-1], dtype=int)
         while True:
-            H, h_j = self.motor.H(x_j), self.motor.h(x_j)
-            here: Stages = {"H": H, "h_j": h_j, "S_pred": S}
-            if self.gain == "jacobian":
-                Pyy = H @ P_pred @ H.T + np.diag(self.R)  # (29)
-                Pxy = P_pred @ H.T  # (30)
-            else:
-                X = self._points(S, x_j)
-                Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T
-                y_mean = Y.mean(axis=1)
-                Pyy = covariance(Y, y_mean, Y, y_mean) + np.diag(self.R)  # (22)
-                Pxy = covariance(X, x_j, Y, y_mean)  # (23)
-                here |= {"X_j": X, "Y_j": Y, "y_mean": y_mean}
-            K = Pxy @ np.linalg.inv(Pyy)
-            innovation = y - h_j - H @ (x_pred - x_j)
-            x_next = x_pred + K @ innovation  # (31)
-            iterates.append({**here, "Pyy": Pyy, "Pxy": Pxy, "K": K, "innovation": innovation, "x_next": x_next})
-            done = np.linalg.norm(x_next - x_j) <= self.eps  # (33)
-            x_j = x_next
-            if done or len(iterates) >= self.N_max:
+            here = self._iterate(S, x_pred, P_pred, x_j, y)
+            for name, value in here.items() if iterates else ():  # a filter that has converged stays where it was
+                stays = converged.reshape(converged.shape + (1,) * (value.ndim - converged.ndim))
+                here[name] = np.where(stays, iterates[-1][name], value)
+            iterates.append(here)
+            count += ~converged
+            converged = converged | (np.linalg.norm(here["x_next"] - x_j, axis=-1) <= self.eps)  # (33)
+            x_j = here["x_next"]
+            if converged.all() or len(iterates) >= self.N_max:
                 break
-        self.stages |= {"iterates": iterates, "converged": done}
-        return x_j, P_pred - K @ Pyy @ K.T  # (34), (32)
+        self.stages |= {"iterates": iterates, "iterations": count, "converged": converged}
+        return x_j.copy(), P_pred - here["K"] @ here["Pyy"] @ transposed(here["K"])  # (34), (32)
+
+    def _iterate(self, S: Array, x_pred: Array, P_pred: Array, x_j: Array, y: Array) -> Stages:
+        H, h_j = self._H(x_j), self._h(x_j)
+        here: Stages = {"H": H, "h_j": h_j, "S_pred": S}
+        if self.gain == "jacobian":
+            Pyy = H @ P_pred @ transposed(H) + np.diag(self.R)  # (29)
+            Pxy = P_pred @ transposed(H)  # (30)
+        else:
+            X = self._points(S, x_j)
+            Y = np.stack([self._h(X[..., i]) for i in range(X.shape[-1])], axis=-1)
+            y_mean = Y.mean(axis=-1)
+            Pyy = covariance(Y, y_mean, Y, y_mean) + np.diag(self.R)  # (22)
+            Pxy = covariance(X, x_j, Y, y_mean)  # (23)
+            here |= {"X_j": X, "Y_j": Y, "y_mean": y_mean}
+        K = Pxy @ np.linalg.inv(Pyy)
+        innovation = y - h_j - times(H, x_pred - x_j)
+        x_next = x_pred + times(K, innovation)  # (31)
+        return {**here, "Pyy": Pyy, "Pxy": Pxy, "K": K, "innovation": innovation, "x_next": x_next}
 
     # --- not in the paper: the two filters people compare with
 
     def _ekf_prediction(self, u: Array) -> tuple[Array, Array]:
         F = self._slope(u)
-        x_pred, P_pred = self.motor.f(self.x, u), F @ self.P @ F.T + np.diag(self.Q)
+        x_pred, P_pred = self._f(self.x, u), F @ self.P @ transposed(F) + np.diag(self.Q)
         self.stages |= {"x_pred": x_pred, "F": F, "P_pred": P_pred}
         return x_pred, P_pred
 
     def _slope(self, u: Array) -> Array:
         """df/dx: the motor's own F where it has one (what is no formula in NumPy takes no complex step)."""
         own = getattr(self.motor, "F", None)
-        return np.asarray(own(self.x, u)) if own else jacobian(lambda x: self.motor.f(x, u), self.x)
+        if own:
+            F = np.asarray(own(np.moveaxis(self.x, -1, 0), np.moveaxis(u, -1, 0)))
+            return np.moveaxis(F, (0, 1), (-2, -1))
+        return jacobian(lambda x: self._f(x, u), self.x)
 
     def _ekf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
-        H = self.motor.H(x_pred)
-        Pxy = P_pred @ H.T
+        H = self._H(x_pred)
+        Pxy = P_pred @ transposed(H)
         Pyy = H @ Pxy + np.diag(self.R)
         K = Pxy @ np.linalg.inv(Pyy)
-        innovation = y - self.motor.h(x_pred)
+        innovation = y - self._h(x_pred)
         self.stages |= {"H": H, "Pxy": Pxy, "Pyy": Pyy, "K": K, "innovation": innovation}
-        return x_pred + K @ innovation, P_pred - K @ Pyy @ K.T
+        return x_pred + times(K, innovation), P_pred - K @ Pyy @ transposed(K)
 
     def _sigma_points(self, S: Array, centre: Array) -> tuple[Array, Array]:
         """Julier and Uhlmann, kappa = 1: the centre with weight 1 / (n + 1), the others share the rest."""
-        n = len(centre)
+        n = centre.shape[-1]
         reach = math.sqrt(n + 1.0) * self._by_state(S)
-        X = np.column_stack([centre, centre[:, None] + reach, centre[:, None] - reach])
+        middle = centre[..., None]
+        X = np.concatenate([middle, middle + reach, middle - reach], axis=-1)
         return X, np.array([1.0 / (n + 1.0)] + [0.5 / (n + 1.0)] * (2 * n))
 
     def _ukf_prediction(self, u: Array) -> tuple[Array, Array]:
         S = self._root(self.P)
         X, w = self._sigma_points(S, self.x)
-        X_prop = np.array([self.motor.f(X[:, i], u) for i in range(X.shape[1])]).T
+        X_prop = np.stack([self._f(X[..., i], u) for i in range(X.shape[-1])], axis=-1)
         x_pred = X_prop @ w
-        d = X_prop - x_pred[:, None]
-        P_pred = d @ np.diag(w) @ d.T + np.diag(self.Q)
+        d = X_prop - x_pred[..., None]
+        P_pred = d @ np.diag(w) @ transposed(d) + np.diag(self.Q)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
     def _ukf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
         S = self._root(P_pred)
         X, w = self._sigma_points(S, x_pred)
-        Y = np.array([self.motor.h(X[:, i]) for i in range(X.shape[1])]).T
+        Y = np.stack([self._h(X[..., i]) for i in range(X.shape[-1])], axis=-1)
         y_pred = Y @ w
-        d_x, d_y = X - x_pred[:, None], Y - y_pred[:, None]
-        Pyy = d_y @ np.diag(w) @ d_y.T + np.diag(self.R)
-        Pxy = d_x @ np.diag(w) @ d_y.T
+        d_x, d_y = X - x_pred[..., None], Y - y_pred[..., None]
+        Pyy = d_y @ np.diag(w) @ transposed(d_y) + np.diag(self.R)
+        Pxy = d_x @ np.diag(w) @ transposed(d_y)
         K = Pxy @ np.linalg.inv(Pyy)
         innovation = y - y_pred
         self.stages |= {"S_pred": S, "X_pred": X, "Y": Y, "y_pred": y_pred, "Pyy": Pyy, "Pxy": Pxy, "K": K}
         self.stages |= {"innovation": innovation}
-        return x_pred + K @ innovation, P_pred - K @ Pyy @ K.T
+        return x_pred + times(K, innovation), P_pred - K @ Pyy @ transposed(K)
+
+
+def transposed(matrix: Array) -> Array:
+    """Of each filter's matrix."""
+    return np.swapaxes(matrix, -1, -2)
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """Each filter's matrix (..., m, n) times its vector (..., n)."""
+    return np.asarray(matrix @ vector[..., None])[..., 0]
 
 
 def jacobian(function: Callable[[Array], Array], x: Array) -> Array:
     """df/dx by complex steps: exact to rounding, whatever f's formula."""
     h = 1e-30
-    columns = [function(x + 1j * h * row).imag / h for row in np.eye(len(x))]
-    return np.array(columns).T
+    columns = [function(x + 1j * h * row).imag / h for row in np.eye(x.shape[-1])]
+    return np.stack(columns, axis=-1)
 
 
 def covariance(a: Array, a_mean: Array, b: Array, b_mean: Array) -> Array:
     """(17), (22), (23), centred: mean of (a_i - a_mean)(b_i - b_mean)^T over the columns."""
-    total = np.zeros((a.shape[0], b.shape[0]))
-    for i in range(a.shape[1]):
-        total += np.outer(a[:, i] - a_mean, b[:, i] - b_mean)
-    return np.asarray(total / a.shape[1])
+    total = np.zeros((*a.shape[:-1], b.shape[-2]))
+    for i in range(a.shape[-1]):
+        total += (a[..., i] - a_mean)[..., :, None] * (b[..., i] - b_mean)[..., None, :]
+    return np.asarray(total / a.shape[-1])
 
 
-def wrap(angle: float) -> float:
+def wrap(angle: Any) -> Any:
     """The angle in [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
 

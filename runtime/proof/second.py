@@ -72,20 +72,29 @@ class CasadiMotor:
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
 
     def f(self, x: Array, u: Array) -> Array:
-        return np.array(self._f(x, u)).ravel()
+        return np.array(self._f(x, u)).reshape(x.shape)
 
     def h(self, x: Array) -> Array:
-        return np.array(self._h(x)).ravel()
+        return np.array(self._h(x)).reshape(2, *x.shape[1:])
 
     def F(self, x: Array, u: Array) -> Array:
-        return np.array(self._F(x, u))
+        return _beside(self._F(x, u), x)
 
     def H(self, x: Array) -> Array:
-        return np.array(self._H(x))
+        return _beside(self._H(x), x)
+
+
+def _beside(found: ca.DM, x: Array) -> Array:
+    """CasADi's matrices (m, lanes n) for x (n, lanes), one after the other, as (m, n, lanes)."""
+    matrices = np.array(found)
+    return np.moveaxis(matrices.reshape(len(matrices), *x.shape[1:], len(x)), -1, 1)
 
 
 class StatedMotor:
-    """f and h of a machine file's reference, errors in them said in a line; H its own, or by complex steps."""
+    """f and h of a machine file's reference, errors in them said in a line; H its own, or by complex steps.
+
+    The file states them for one motor; of several side by side each is asked in turn.
+    """
 
     def __init__(self, motor: Any, states: int, say: Callable[..., Any]) -> None:
         self._motor, self._n, self._say = motor, states, say
@@ -96,15 +105,16 @@ class StatedMotor:
         return hasattr(self._motor, "H")
 
     def f(self, x: Array, u: Array) -> Array:
-        return self._checked("f", self._n, x, u)
+        return _in_turn(lambda x, u: self._checked("f", self._n, x, u), x, u)
 
     def h(self, x: Array) -> Array:
-        return self._checked("h", 2, x)
+        return _in_turn(lambda x: self._checked("h", 2, x), x)
 
     def H(self, x: Array) -> Array:
-        if self.states_H:
-            return np.asarray(self._checked("H", 2 * self._n, x)).reshape(2, self._n)
-        return jacobian(self.h, x)
+        return _in_turn(self._slope if self.states_H else lambda x: jacobian(self.h, x), x)
+
+    def _slope(self, x: Array) -> Array:
+        return np.asarray(self._checked("H", 2 * self._n, x)).reshape(2, self._n)
 
     def _checked(self, name: str, entries: int, *arguments: Array) -> Array:
         found = np.asarray(self._say(name, getattr(self._motor, name), *arguments))
@@ -114,6 +124,13 @@ class StatedMotor:
                 f"of type {found.dtype}."
             )
         return found
+
+
+def _in_turn(function: Callable[..., Array], *arguments: Array) -> Array:
+    """A function of vectors, of each lane of (n, lanes)."""
+    if arguments[0].ndim == 1:
+        return function(*arguments)
+    return np.stack([function(*lane) for lane in zip(*(a.T for a in arguments), strict=True)], axis=-1)
 
 
 def _stated(drive: Drive, states: int) -> StatedMotor | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.current import current_package
 from runtime.folders.resolve import NamedDrive, find_drive
-from runtime.proof.link_ab import Situations, free_run, link_ab, reference_run
+from runtime.proof.link_ab import free_run, link_ab, own_run, pieces_of, reference_run
 from runtime.proof.link_bc import link_bc
 from runtime.proof.link_cd import Drift, link_cd
 from runtime.proof.link_chip import link_chip
@@ -42,6 +43,9 @@ Array = NDArray[Any]
 Progress = Callable[[str], None]
 
 GAINS = ("cubature", "jacobian")
+
+#: Steps that the reference goes on its own before it is set to where the generated filter is.
+PIECE = 100
 
 #: Largest difference between ICKF and CKF, in sigmas, that rounding explains (float64, as link A-B allows).
 ROUNDING = 1e-9
@@ -103,7 +107,7 @@ def prove(named: NamedDrive, effort: Effort, progress: Progress) -> tuple[Proof,
         proof.links.append(equations)
     else:
         proof.unchecked.append(UNCHECKED)
-    trajectory = trajectory_of(drive, round(effort.trajectory / drive.model.sample_time))
+    trajectory = trajectory_of(drive, PIECE * math.ceil(effort.trajectory / drive.model.sample_time / PIECE - 1e-9))
     evidence = Evidence(trajectory.t, {}, {}, trajectory)
     long = _long_run(drive, effort)
     for gain, variant, folder in _variants(package, path):
@@ -195,23 +199,25 @@ class Prover:
 
     def along_trajectory(self, kind: str) -> list[Link]:
         """A-B stage by stage along the trajectory, and B on its own; then B-C."""
-        step, start = self.literal.steps[kind], self._start
-        run = reference_run(
-            "trajectory", self._parameters, step, start, self.trajectory.u, self.trajectory.y, motor=self._motor
-        )
-        sigma_0 = np.sqrt(self.package.drive.filter.initial_covariance)
-        name = self.package.drive.name
+        step, module, name = self.literal.steps[kind], self.literal.module, self.package.drive.name
+        u, y = self.trajectory.u, self.trajectory.y
+        first = self._start, np.diag(self.package.drive.filter.initial_covariance)
+        own = own_run(module, kind, first, u, y)
+        piece = math.gcd(len(u), PIECE)
+        starts = pieces_of(own, first, piece)
+        u_of, y_of = (np.swapaxes(signal.reshape(-1, piece, 2), 0, 1) for signal in (u, y))
+        run = reference_run("trajectory", self._parameters, step, starts, u_of, y_of, self._motor)
         return [
-            link_ab(self.literal.module, step, name, run, self._R),
-            free_run(self.literal.module, step, name, run, start, sigma_0),
-            link_bc(self.literal.module, self.folder.module, step, name, run),
+            link_ab(module, step, name, run, self._R),
+            free_run(step, name, run, own, module.ANGLE),
+            link_bc(module, self.folder.module, step, name, run),
         ]
 
     def _box(self, kind: str) -> list[Link]:
         step, name = self.literal.steps[kind], self.package.drive.name
-        situations = self._box_situations(
-            step, sample_box(self.package.drive, self.package.model, self.effort.box_draws)
-        )
+        box = sample_box(self.package.drive, self.package.model, self.effort.box_draws)
+        starts, u, y = (box.x.T, _full(box)), box.u.T[None], box.y.T[None]
+        situations = reference_run("operating box", self._parameters, step, starts, u, y, self._motor)
         return [
             link_ab(self.literal.module, step, name, situations, self._R),
             link_bc(self.literal.module, self.folder.module, step, name, situations),
@@ -225,10 +231,6 @@ class Prover:
         modules = {"literal": self.literal.module, "fast": self.folder.module}
         name = self.package.drive.name
         return [link_guard(m, step, name, form, parameters, motor, draws) for form, m in modules.items()]
-
-    def _box_situations(self, step: Any, box: BoxSamples) -> Situations:
-        P = _full(box)
-        return reference_run("operating box", self._parameters, step, box.x.T, box.u.T, box.y.T, P, self._motor)
 
     def _bits(self, kind: str) -> Bits:
         long, _ = self.long

@@ -99,6 +99,8 @@ class Bench:
 
     def situations(self, truth: Any, kind: str, step: Any) -> list[Any]:
         """The reference along a short trajectory, and from draws of the box."""
+        import numpy as np
+
         from codegen.evidence.box import sample_box
         from model.machines.state_space import build
         from runtime.proof.link_ab import reference_run
@@ -110,16 +112,16 @@ class Bench:
             from runtime.proof.trajectory import make_trajectory
 
             motor, data = second_motor(truth), truth.model_dump()
-            start = self._start(truth, motor)
+            first = self._start(truth)[None], np.diag(truth.filter.initial_covariance)[None]
             short, box = make_trajectory(data, steps=STEPS), sample_box(truth, build(truth), DRAWS)
             self.runs[key] = [
-                reference_run("trajectory", data, step, start, short.u, short.y, motor=motor),
-                reference_run("operating box", data, step, box.x.T, box.u.T, box.y.T, _full(box), motor),
+                reference_run("trajectory", data, step, first, short.u[:, None], short.y[:, None], motor),
+                reference_run("operating box", data, step, (box.x.T, _full(box)), box.u.T[None], box.y.T[None], motor),
             ]
         return self.runs[key]
 
     @staticmethod
-    def _start(truth: Any, motor: Any) -> Any:
+    def _start(truth: Any) -> Any:
         import numpy as np
 
         from model.machines.state_space import default_initial_state
@@ -141,16 +143,17 @@ def literal(bench: Bench, name: str, *kinds: str) -> Iterator[Any]:
     """Links A-B and guard of the literal form, for both gains."""
     import numpy as np
 
-    from runtime.proof.link_ab import free_run, link_ab
+    from runtime.proof.link_ab import free_run, link_ab, own_run
 
     for truth, gain in _gains(bench, name, kinds):
         fresh = bench.fresh("literal", name, gain, kinds)
-        R, P_0 = np.array(truth.filter.measurement_noise), np.array(truth.filter.initial_covariance)
+        R = np.array(truth.filter.measurement_noise)
         for kind, step in _kinds(bench, truth, fresh):
             runs = bench.situations(truth, kind, step)
             for run in runs:
                 yield link_ab(fresh.module, step, name, run, R)
-            yield free_run(fresh.module, step, name, runs[0], runs[0].x[0], np.sqrt(P_0))
+            own = own_run(fresh.module, kind, (runs[0].x[0], runs[0].P[0]), runs[0].u, runs[0].y)
+            yield free_run(step, name, runs[0], own, fresh.module.ANGLE)
             yield _guard(bench, truth, fresh, step, "literal")
 
 

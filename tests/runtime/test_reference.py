@@ -13,10 +13,12 @@ import pytest
 from model.drives.load import load_drive
 from model.schema import Drive
 from runtime.proof import motors, reference
+from runtime.proof.link_ab import free_run, own_run, pieces_of, reference_run
 from runtime.proof.motors import make_motor
 from runtime.proof.reference import make_reference, wrap
 from runtime.proof.trajectory import make_trajectory
-from tests.conftest import variant
+from runtime.proof.verify import literal_package
+from tests.conftest import ALL_DRIVES, variant
 
 
 def test_reference_imports_nothing_it_is_to_check() -> None:
@@ -167,3 +169,55 @@ def test_reference_runs_without_casadi() -> None:
     )
     root = Path(reference.__file__).parents[2]
     subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
+
+
+@pytest.mark.parametrize("name", ALL_DRIVES)
+@pytest.mark.parametrize(
+    ("kind", "gain"), [("ckf", "cubature"), ("ickf", "jacobian"), ("ukf", "cubature"), ("ekf", "")]
+)
+def test_filters_side_by_side_are_each_on_its_own(name: str, kind: str, gain: str) -> None:
+    """All stages of three filters at once, some of which converge before others, are those of one after another."""
+    drive, rng = load_drive(name), np.random.default_rng(6)
+    n = len(drive.filter.process_noise)
+    x, u = 0.1 * rng.normal(size=(3, n)), 10 * rng.normal(size=(4, 3, 2))
+    y = 0.1 * rng.normal(size=(4, 3, 2)) * np.array([0.0, 1.0, 30.0])[:, None]
+    together, *alone = (make_reference(drive.model_dump(), kind, gain, start) for start in (x, *x))
+    together.P = np.array([together.P] * 3)
+    for u_k, y_k in zip(u, y, strict=True):
+        stages = together.step(u_k, y_k)
+        for lane, one in enumerate(alone):
+            for stage, value in one.step(u_k[lane], y_k[lane]).items():
+                if stage != "iterates":
+                    np.testing.assert_allclose(stages[stage][lane], value, rtol=1e-9, atol=1e-11)
+            for j, iterate in enumerate(one.stages.get("iterates", [])):
+                for stage, value in iterate.items():
+                    np.testing.assert_allclose(stages["iterates"][j][stage][lane], value, rtol=1e-9, atol=1e-11)
+
+
+def test_pieces_begin_where_the_run_is_a_filters() -> None:
+    x, P = np.arange(12.0).reshape(6, 2), np.array([np.eye(2)] * 6)
+    x[1], P[3] = np.nan, -np.eye(2)
+    starts, covariances = pieces_of((x, P), (np.array([-1.0, -2.0]), 7 * np.eye(2)), 2)
+    np.testing.assert_array_equal(starts, [[-1, -2], [-1, -2], [-1, -2]])
+    x[1], P[3] = 5.0, 3 * np.eye(2)
+    starts, covariances = pieces_of((x, P), (np.array([-1.0, -2.0]), 7 * np.eye(2)), 2)
+    np.testing.assert_array_equal(starts, [[-1, -2], [5, 5], [6, 7]])
+    np.testing.assert_array_equal(covariances, [7 * np.eye(2), np.eye(2), 3 * np.eye(2)])
+
+
+def test_a_run_that_drifts_from_the_reference_is_noticed() -> None:
+    """The generated filter's own run bent by a little more than is allowed, in one step of one piece."""
+    drive = load_drive("ipmsm_flux")
+    literal, data = literal_package(drive), make_trajectory(drive.model_dump(), steps=40)
+    step, module = literal.steps["ckf"], literal.module
+    first = np.array(module.DEFAULTS["x_0"]), np.diag(drive.filter.initial_covariance)
+    x, P = own_run(module, "ckf", first, data.u, data.y)
+    u, y = (np.swapaxes(signal.reshape(4, 10, 2), 0, 1) for signal in (data.u, data.y))
+    run = reference_run("trajectory", drive.model_dump(), step, pieces_of((x, P), first, 10), u, y)
+    assert free_run(step, drive.name, run, (x, P), module.ANGLE).passed
+    for array in (x, P):
+        array[25, 1] *= 1 + 1e-8
+        assert not free_run(step, drive.name, run, (x, P), module.ANGLE).passed
+        array[25, 1] /= 1 + 1e-8
+    x[25, 1] = np.nan
+    assert not free_run(step, drive.name, run, (x, P), module.ANGLE).passed
