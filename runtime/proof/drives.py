@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
-import queue
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from runtime.folders.current import check_ready
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence, verify
 from runtime.system.files import write_text
-from runtime.system.workers import workers
+from runtime.system.workers import say, share
 
 Progress = Callable[[str], None]
 
@@ -32,21 +30,13 @@ def verify_drives(drives: Sequence[str], json_path: Path | None, progress: Progr
     return results
 
 
-def _verify_one(drive: str, progress: Progress) -> tuple[Proof, Evidence]:
+def _verify_one(drive: str, progress: Progress = say) -> tuple[Proof, Evidence]:
     return verify(drive, progress=lambda text: progress(f"{drive}: {text}"))
 
 
 def _verify_all(names: Sequence[str], progress: Progress) -> list[tuple[Proof, Evidence]]:
-    """One process a drive where there are cores; their words arrive through a queue."""
+    """One process a drive where there are cores."""
     count = min(len(names), os.cpu_count() or 1)
     if count == 1:
         return [_verify_one(name, progress) for name in names]
-    with multiprocessing.Manager() as manager, workers(count) as submit:
-        words = manager.Queue()
-        futures = [submit(_verify_one, name, words.put) for name in names]
-        while not all(future.done() for future in futures):
-            try:
-                progress(words.get(timeout=0.2))
-            except queue.Empty:
-                continue
-        return [future.result() for future in futures]
+    return share(count, _verify_one, names, progress)

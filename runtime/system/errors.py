@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 from types import FrameType
 from typing import NoReturn
+
+from runtime.system.workers import kill_descendants
 
 
 class UserError(Exception):
@@ -17,21 +20,27 @@ class UserError(Exception):
 
 
 _interrupted = threading.Event()
+_signals: list[int] = []
 
 
 def remember_interrupts() -> None:
-    """From here on Ctrl-C is not lost: CasADi above all swallows a KeyboardInterrupt that reaches it."""
+    """From here on Ctrl-C is not lost: CasADi above all swallows a KeyboardInterrupt that reaches it.
+
+    SIGTERM is the same: it leaves time to end what was started.
+    """
 
     def remember(number: int, frame: FrameType | None) -> None:
+        _signals.append(number)
         _interrupted.set()
         signal.default_int_handler(number, frame)
 
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, remember)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, remember)
 
 
 def was_interrupted() -> bool:
-    """Ctrl-C came, whether or not anybody heard it."""
+    """Ctrl-C or SIGTERM came, whether or not anybody heard it."""
     return _interrupted.is_set()
 
 
@@ -47,9 +56,11 @@ def take_interrupt() -> None:
 
 
 def end_interrupted() -> NoReturn:
-    """After Ctrl-C: one line and exit code 130."""
+    """After Ctrl-C: one line and exit code 130; 143 after SIGTERM. Compilers and emulators end with the command."""
+    kill_descendants(os.getpid())
     print("pmsm-ickf: interrupted", file=sys.stderr)
+    code = 143 if signal.SIGTERM in _signals else 130
     # CPython remembers an interrupt that came through exec of a text (dataclasses are made so) and would
     # end by SIGINT instead of with our code; the next exec makes it forget.
     exec("")
-    sys.exit(130)
+    sys.exit(code)

@@ -166,6 +166,52 @@ def test_ctrl_c_is_one_line_and_130(arguments: tuple[str, ...], after: str | flo
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"], "nothing is left behind"
 
 
+# --- ended ---
+
+MARK = "PMSM_ICKF_STARTED_BY"
+
+
+def descendants_of(mark: str) -> list[str]:
+    """Command lines of all living processes that inherited a mark."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"{MARK}={mark}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace"))
+        except OSError:  # ended meanwhile, or not ours
+            continue
+    return found
+
+
+def all_gone(mark: str) -> bool:
+    """Whether they are gone; they are given a while to be cleared away."""
+    for _ in range(300):
+        if not descendants_of(mark):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "code", "after"),
+    [(signal.SIGTERM, 143, "compiling"), (signal.SIGKILL, -signal.SIGKILL, "reference along")],
+)
+def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, tmp_path: Path) -> None:
+    """A signal to the command alone, as a scheduler sends it: no worker goes on, nor what a worker has started."""
+    mark = f"{tmp_path}"
+    environment = {MARK: mark, "PMSM_ICKF_CACHE": str(tmp_path)}
+    process = start("-m", "runtime", "verify", "paper_spmsm", "ipmsm", cwd=tmp_path, environment=environment)
+    assert process.stdout is not None
+    for line in process.stdout:
+        if after in line:
+            break
+    assert len(descendants_of(mark)) > 1, "it works with others"
+    process.send_signal(number)
+    assert finish(process)[0] == code
+    assert all_gone(mark), descendants_of(mark)
+
+
 # --- full, read-only ---
 
 
