@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,9 @@ class Package:
     accounts: dict[str, Account] = field(default_factory=dict)
 
 
+#: What C is printed for, and the folder it goes to.
+TARGETS = ((F28335, ""), (HOST64, "host/"))
+
 #: The shipped form exploits the model's structure; the literal one is the paper's, for reading and proving.
 FORMS: dict[str, Callable[[StateSpaceModel, str, str], FilterStep]] = {
     "fast": build_fast_filter,
@@ -73,19 +77,17 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
         Where stack and code size come from; by default they are reported as not measured.
     form : {"fast", "literal"}
     """
-    model, steps = build_steps(drive, form)
-    listings = lay_out_steps(model, steps)
-    about = Description(drive, model, tuple(default_initial_state(drive)))
-    module = render_module(about, steps, listings, controller_context(about, PythonPrinter()))
+    made = draft(drive, form)
+    model, steps, about = made.about.model, made.steps, made.about
     with within_numbers(drive):
-        figures = certify_module(drive, model, steps, module, samples)
-    draft = print_c(about, steps, listings, figures, {})
-    accounts = count(drive, draft)
+        figures = certify_module(drive, model, steps, made.module, samples)
+    bodies = print_c(about, steps, made.listings)
+    accounts = count(drive, bodies)
     with within_numbers(drive):
-        tests = record_selftests(about, steps, module)
+        tests = record_selftests(about, steps, made.module)
     files = (
-        print_c(about, steps, listings, figures, accounts)
-        | {f"{drive.name}.py": module}
+        with_heads(about, steps, bodies, figures, accounts)
+        | {f"{drive.name}.py": made.module}
         | print_tests(about, tests)
         | about.machine_file
     )
@@ -93,6 +95,45 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
     facts = _facts(drive, model, steps, accounts, measured, figures, tests)
     return Package(drive, model, steps, with_manifest(files, facts), accounts)
+
+
+def generate_bare(drive: Drive) -> Package:
+    """All that computes and nothing that tells of it: a variant to be proved and thrown away.
+
+    No certificate, cost, self-test or report; the manifest holds what it takes to load the folder.
+    """
+    made = draft(drive)
+    files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
+    facts = _identity(drive, made.about.model, made.steps) | {
+        "filters": {k: {"gain": s.gain} for k, s in made.steps.items()}
+    }
+    return Package(drive, made.about.model, made.steps, with_manifest(files, facts))
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The filters as they can be executed: their symbolic steps, laid out, and the Python module's text."""
+
+    about: Description
+    steps: dict[str, FilterStep]
+    listings: dict[str, Listing]
+    module: str
+
+    def load(self, name: str) -> ModuleType:
+        """The Python module, executed."""
+        module = ModuleType(name)
+        exec(compile(self.module, f"{name}.py", "exec"), module.__dict__)
+        return module
+
+
+def draft(drive: Drive, form: str = "fast") -> Draft:
+    """Stages 1 and 2, and of stage 3 the Python module: no C is printed, nothing is certified or counted."""
+    model, steps = build_steps(drive, form)
+    listings = lay_out_steps(model, steps)
+    about = Description(drive, model, tuple(default_initial_state(drive)))
+    return Draft(
+        about, steps, listings, render_module(about, steps, listings, controller_context(about, PythonPrinter()))
+    )
 
 
 @contextmanager
@@ -154,38 +195,56 @@ def print_tests(about: Description, tests: dict[str, SelfTest]) -> dict[str, str
     return files
 
 
-def print_c(
-    about: Description,
-    steps: dict[str, FilterStep],
-    listings: dict[str, Listing],
-    figures: dict[str, Figures],
-    accounts: dict[str, Account],
-) -> dict[str, str]:
-    """Stage 3: C for every kind and target. Without ``accounts`` the heads say nothing of the cost: a text to count."""
+#: Stands in a head for what is known once the text below it is counted and executed.
+OPEN_HEAD = "(notes)"
+
+
+def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> dict[str, str]:
+    """Stage 3: C for every kind and target. The heads are open: :func:`with_heads` closes them."""
     name = about.drive.name
     files = {"pmsm_port.h": render_port()}
     for kind, step in steps.items():
-        for target, folder in ((F28335, ""), (HOST64, "host/")):
-            account = accounts.get(kind) if target is F28335 else None
-            notes = filter_notes(
-                step, target, about.model.states, account, figures[kind].certificate, figures[kind].chip
-            )
-            header, source = render_filter(about, step, listings, target, notes)
+        for target, folder in TARGETS:
+            header, source = render_filter(about, step, listings, target, [OPEN_HEAD])
             stem = f"{folder}{name}_{kind}{target.tag}"
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
         lanes = f"host/{name}_{kind}_lanes"
         files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
         foc = f"{name}_{kind}_foc"
-        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter") if accounts else []
-        files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, notes)
+        files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, [OPEN_HEAD])
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
     kind = default_kind(steps)
     files["example_isr.c"] = render_example(about, steps[kind])
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)
-    files |= render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
     return files
+
+
+def with_heads(
+    about: Description,
+    steps: dict[str, FilterStep],
+    bodies: dict[str, str],
+    figures: dict[str, Figures],
+    accounts: dict[str, Account],
+) -> dict[str, str]:
+    """Stage 5: the heads say what the texts below them cost and how far they can be trusted; the board's files."""
+    files, name = dict(bodies), about.drive.name
+    for kind, step in steps.items():
+        for target, folder in TARGETS:
+            account = accounts[kind] if target is F28335 else None
+            source = f"{folder}{name}_{kind}{target.tag}.c"
+            certificate, chip = figures[kind].certificate, figures[kind].chip
+            notes = filter_notes(step, target, about.model.states, account, certificate, chip)
+            files[source] = _with_notes(files[source], notes)
+        foc = f"{name}_{kind}_foc.c"
+        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter")
+        files[foc] = _with_notes(files[foc], notes)
+    return files | render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
+
+
+def _with_notes(text: str, notes: list[str]) -> str:
+    return text.replace(f" * {OPEN_HEAD}\n", "".join(f" * {line}\n" for line in notes), 1)
 
 
 def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
@@ -203,6 +262,18 @@ def measure(accounts: dict[str, Account], files: dict[str, str], measurer: Measu
     return {function: measurer(files, account.program, function) for account, function in functions}
 
 
+def _identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Any]:
+    """What a folder was generated from."""
+    return {
+        "drive": drive.name,
+        "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
+        "input_sha256": drive.sha256,
+        "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
+        "parameters": drive.model_dump(exclude={"sha256", "name"}),
+        "states": [{"name": state.name, "unit": state.unit} for state in model.states],
+    }
+
+
 def _facts(
     drive: Drive,
     model: StateSpaceModel,
@@ -213,12 +284,7 @@ def _facts(
     tests: dict[str, SelfTest],
 ) -> dict[str, Any]:
     return {
-        "drive": drive.name,
-        "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
-        "input_sha256": drive.sha256,
-        "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
-        "parameters": drive.model_dump(exclude={"sha256", "name"}),
-        "states": [{"name": state.name, "unit": state.unit} for state in model.states],
+        **_identity(drive, model, steps),
         "filters": {
             kind: {
                 "gain": step.gain,

@@ -56,10 +56,11 @@ class Graph:
         return self.nodes[index]
 
     def _add(self, key: tuple[Any, ...], *node: Any) -> int:
-        if key not in self._index:
-            self._index[key] = len(self.nodes)
+        index = self._index.get(key)
+        if index is None:
+            index = self._index[key] = len(self.nodes)
             self.nodes.append(Node(*node))
-        return self._index[key]
+        return index
 
     def input(self, name: str) -> int:
         """A scalar that enters the block."""
@@ -73,11 +74,15 @@ class Graph:
 
     def op(self, op: str, *args: int) -> int:
         """An operation; the few rewrites here change no bit of its result, and constants are folded in double."""
-        if not self._constants.keys().isdisjoint(args):
-            simplified = self._rewrite(op, args)
-            if simplified is not None:
-                return simplified
-        return self._add((op, *(sorted(args) if op in COMMUTATIVE else args)), op, args)
+        constants = self._constants
+        for arg in args:
+            if arg in constants:
+                simplified = self._rewrite(op, args)
+                if simplified is not None:
+                    return simplified
+                break
+        key = (op, args[1], args[0]) if op in COMMUTATIVE and args[0] > args[1] else (op, *args)
+        return self._add(key, op, args)
 
     def adopt(self, node: Node, args: list[int]) -> int:
         """A node of another graph, its arguments given in this one."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codegen.evidence.box import BoxSamples, sample_box
 from codegen.evidence.certificate import SAMPLES
-from codegen.generate import Package, generate
+from codegen.generate import Package, draft, generate_bare
 from codegen.output.folder import write_folder
 from model.filters import FilterStep
 from model.schema import Drive
@@ -131,7 +131,7 @@ def _variants(package: Package, path: Path) -> Iterator[tuple[str, Package, Gene
     yield drive.filter.gain, package, GeneratedFolder(path)
     for gain in GAINS if "ickf" in drive.filter.kinds else ():
         if gain != drive.filter.gain:
-            other = generate(_with_gain(drive, gain))
+            other = generate_bare(_with_gain(drive, gain))
             with tempfile.TemporaryDirectory() as scratch:
                 write_folder(Path(scratch) / drive.name, other.files)
                 yield gain, other, GeneratedFolder(Path(scratch) / drive.name)
@@ -153,11 +153,9 @@ class Literal:
 
 
 def literal_package(drive: Drive) -> Literal:
-    """Generate the paper's shape of a drive's filters, in memory."""
-    package = generate(drive, samples=1, form="literal")
-    module = ModuleType(f"literal_{drive.name}")
-    exec(compile(package.files[f"{drive.name}.py"], f"literal {drive.name}.py", "exec"), module.__dict__)
-    return Literal(package.steps, module)
+    """The paper's shape of a drive's filters, in Python alone."""
+    made = draft(drive, "literal")
+    return Literal(made.steps, made.load(f"literal_{drive.name}"))
 
 
 @dataclass

@@ -11,16 +11,12 @@ import pytest
 from codegen.evidence.box import sample_box
 from codegen.fast import steps as fast_steps
 from codegen.fast.frame import turns_freely
-from codegen.generate import build_steps, lay_out_steps
-from codegen.render.drive import controller_context
-from codegen.render.filter import Description
-from codegen.render.module import render_module
-from codegen.render.printers.python import PythonPrinter
+from codegen.generate import draft
 from model.drives.load import load_drive
 from model.filters import FilterStep
 from model.machines import MACHINES
 from model.machines.base import Pair, Rotor
-from model.machines.state_space import build, default_initial_state
+from model.machines.state_space import build
 from model.machines.surface import SurfacePMSM
 from model.schema import Drive
 from runtime.proof.link_ab import Situations
@@ -74,12 +70,8 @@ def random_drive(rng: np.random.Generator, words: dict[str, Any], gain: str, kin
 
 def module_of(drive: Drive, form: str) -> tuple[ModuleType, dict[str, FilterStep]]:
     """The Python module alone: no C, no certificate."""
-    model, steps = build_steps(drive, form)
-    about = Description(drive, model, tuple(default_initial_state(drive)))
-    text = render_module(about, steps, lay_out_steps(model, steps), controller_context(about, PythonPrinter()))
-    module = ModuleType(form)
-    exec(text, module.__dict__)
-    return module, steps
+    made = draft(drive, form)
+    return made.load(form), made.steps
 
 
 def situations(drive: Drive, draws: int) -> Situations:

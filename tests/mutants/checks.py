@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from tests.mutants.mutant import ROOT
@@ -31,20 +30,11 @@ class Fresh:
     """What the generator makes of a drive now: a folder in memory, as :class:`GeneratedFolder` would show it."""
 
     def __init__(self, drive: Any, form: str) -> None:
-        from codegen.generate import build_steps, lay_out_steps
-        from codegen.render.drive import controller_context
-        from codegen.render.filter import Description
-        from codegen.render.module import render_module
-        from codegen.render.printers.python import PythonPrinter
-        from model.machines.state_space import default_initial_state
+        from codegen.generate import draft
 
-        self.drive = drive.name
-        self.model, self.steps = build_steps(drive, form)
-        self.listings = lay_out_steps(self.model, self.steps)
-        self.about = Description(drive, self.model, tuple(default_initial_state(drive)))
-        text = render_module(self.about, self.steps, self.listings, controller_context(self.about, PythonPrinter()))
-        self.module = ModuleType(drive.name)
-        exec(compile(text, f"{drive.name}.py", "exec"), self.module.__dict__)
+        made = draft(drive, form)
+        self.drive, self.about, self.model = drive.name, made.about, made.about.model
+        self.steps, self.listings, self.module = made.steps, made.listings, made.load(drive.name)
 
     def text(self, name: str) -> str:
         return self._files[Path(name).name]
