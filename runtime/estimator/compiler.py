@@ -131,23 +131,46 @@ def cached(name: str, make: Callable[[Path], Path]) -> Path:
     UserError
         If nothing can be written there.
     """
+    return in_cache(name) or put_into_cache(name, make)
+
+
+def in_cache(name: str) -> Path | None:
+    """A file of the cache if it is there, and as it was put there."""
     built = cache_folder() / name
-    seal = built.with_name(f"{name}.sha256")
+    seal = _seal(built)
     try:
-        if built.is_file() and seal.is_file() and seal.read_text(encoding="ascii", errors="replace") == _digest(built):
-            return built
+        whole = seal.is_file() and built.is_file() and seal.read_text("ascii", "replace") == _digest(built)
+    except OSError:
+        return None
+    return built if whole else None
+
+
+def put_into_cache(name: str, make: Callable[[Path], Path]) -> Path:
+    """Have a file made and keep it; UserError if nothing can be written there."""
+    built = cache_folder() / name
+    try:
         built.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=built.parent) as scratch:
             made = make(Path(scratch))
             sealed = Path(scratch) / "seal"
             sealed.write_text(_digest(made), encoding="ascii")
             os.replace(made, built)
-            os.replace(sealed, seal)
+            os.replace(sealed, _seal(built))
     except OSError as error:
         raise UserError(
             f"cannot write the compiled filter to '{built.parent}': {error.strerror}. Set PMSM_ICKF_CACHE."
         ) from None
     return built
+
+
+def _seal(built: Path) -> Path:
+    return built.with_name(f"{built.name}.sha256")
+
+
+def drop_from_cache(pattern: str) -> None:
+    """Remove files of the cache, by a pattern of their names."""
+    for path in cache_folder().glob(pattern):
+        path.unlink(missing_ok=True)
 
 
 def _digest(path: Path) -> str:
