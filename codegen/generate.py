@@ -105,7 +105,8 @@ def generate_bare(drive: Drive) -> Package:
     made = draft(drive)
     files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
     facts = _identity(drive, made.about.model, made.steps) | {
-        "filters": {k: {"gain": s.gain} for k, s in made.steps.items()}
+        "filters": {kind: {"gain": step.gain} for kind, step in made.steps.items()},
+        "plant": {"motor": plant_data(drive)},
     }
     return Package(drive, made.about.model, made.steps, with_manifest(files, facts))
 

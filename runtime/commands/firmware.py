@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from runtime.commands.terminal import console, working
-from runtime.commands.words import Drives, show_remarks
+from runtime.commands.words import KEPT, Drives, Fresh, show_remarks
 
 
 def firmware(
@@ -17,6 +17,7 @@ def firmware(
     allow_missing: Annotated[
         bool, typer.Option("--allow-missing", help="Exit 0 although something could not be run here.")
     ] = False,
+    fresh: Fresh = False,
 ) -> None:
     """Check the generated C: the same bits on two emulated processors; compilers, bans, divisions, MISRA, EVA.
 
@@ -26,9 +27,9 @@ def firmware(
     from runtime.firmware.tables import checks_table
 
     with working() as progress:
-        results = check_firmware(drives or [], json, progress)
+        results = check_firmware(drives or [], json, progress, fresh)
     for result in results:
-        console.rule(f"[bold]{result.drive}[/bold]", align="left")
+        console.rule(f"[bold]{result.drive}[/bold]{KEPT if result.kept else ''}", align="left")
         console.print(checks_table(result.checks))
         show_remarks(result.checks)
     if not all(result.good(allow_missing) for result in results):

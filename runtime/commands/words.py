@@ -20,7 +20,14 @@ from runtime.style.tables import columns_table
 
 DRIVE = "A shipped name, a TOML file, or a generated folder."
 Drives = Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help=f"{DRIVE} Default: every shipped drive.")]
+Fresh = Annotated[
+    bool, typer.Option("--fresh", help="Make everything anew, also what an earlier run found of the same sources.")
+]
 Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
+
+
+#: Said of what was not made by this run.
+KEPT = " (kept from an earlier run of the same sources with the same tools; --fresh makes it anew)"
 
 
 def caution(drives: list[str] | None) -> None:
@@ -43,7 +50,8 @@ def show_summary(proof: Proof) -> None:
         console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
     style = "bold red" if not proof.passed else "yellow" if proof.unchecked else "green"
     compared = f", {sum(link.compared for link in proof.links):,} numbers compared" if proof.passed else ""
-    console.print(f"{proof.drive}: [{style}]{proof.verdict}[/{style}]{compared}", highlight=False, soft_wrap=True)
+    kept = KEPT if proof.kept else ""
+    console.print(f"{proof.drive}: [{style}]{proof.verdict}[/{style}]{compared}{kept}", highlight=False, soft_wrap=True)
 
 
 def show_remarks(checks: Iterable[Check]) -> None:

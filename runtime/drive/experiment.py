@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from codegen.generate import generate
+from codegen.generate import generate_bare
 from codegen.output.folder import write_folder
 from model.schema import Drive
 from runtime.drive.scenario import STEP_START, find_scenario
@@ -90,7 +90,7 @@ def folder_with(named: NamedDrive, kind: str, stack: ExitStack) -> GeneratedFold
 
 def _temporary(drive: Drive, stack: ExitStack) -> GeneratedFolder:
     path = Path(stack.enter_context(tempfile.TemporaryDirectory())) / drive.name
-    write_folder(path, generate(drive, samples=10).files)
+    write_folder(path, generate_bare(drive).files)
     return GeneratedFolder(path)
 
 

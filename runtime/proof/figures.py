@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from runtime.proof.link_ab import ALLOWED
+from runtime.proof.link_cd import envelope
 from runtime.proof.result import Proof
 from runtime.proof.tables import COUNTS, stages_by_equation
 from runtime.proof.verify import Evidence
@@ -41,11 +40,11 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
     panels = [*units, "P"]
     figure, axes = pyplot().subplots(len(panels), 1, figsize=(7.5, 1.25 * len(panels) + 0.6), sharex=True)
     for variant, drift in evidence.drift.items():
-        t = sample_time * np.arange(1, len(drift.P) + 1)
         for k, axis in enumerate(axes):
-            values = drift.x[:, k] if k < len(units) else drift.P
-            time, top = _envelope(t, values)
-            axis.semilogy(time, np.maximum(top, 1e-12), lw=1, color=COLOURS.get(variant), label=variant)
+            top = drift.x[:, k] if k < len(units) else drift.P
+            axis.semilogy(
+                sample_time * drift.steps, np.maximum(top, 1e-12), lw=1, color=COLOURS.get(variant), label=variant
+            )
     for name, axis in zip(panels, axes, strict=True):
         axis.set_ylabel(f"{name}\n{units.get(name, 'relative')}", fontsize=8)
         axis.yaxis.set_minor_formatter(lambda value, position: "")
@@ -58,7 +57,8 @@ def effect_figure(evidence: Evidence) -> str:
     """ICKF minus CKF in sigmas along the trajectory."""
     figure, axes = pyplot().subplots(figsize=(7.5, 2.4))
     for gain, difference in evidence.effects.items():
-        time, top = _envelope(evidence.t, difference)
+        steps, top = envelope(difference)
+        time = evidence.t[steps - 1]
         axes.semilogy(
             time, np.where(top > 0, top, np.nan), lw=1, color=COLOURS[f"ickf, {gain} gain"], label=f"{gain} gain"
         )
@@ -80,10 +80,3 @@ def trajectory_figure(evidence: Evidence) -> str:
     axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 0.95), ncols=2, fontsize=8)
     axes[2].set_xlabel("time, s")
     return svg_text(figure)
-
-
-def _envelope(t: Any, values: Any, bins: int = 600) -> tuple[Any, Any]:
-    """The largest value of each of at most ``bins`` slices: what a plot of this width can show."""
-    width = max(1, len(values) // bins)
-    count = len(values) // width
-    return t[: count * width].reshape(count, width)[:, -1], values[: count * width].reshape(count, width).max(axis=1)

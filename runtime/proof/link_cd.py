@@ -38,6 +38,28 @@ class Drift:
     P: Array
     exact: Trace
 
+    def envelope(self) -> Envelope:
+        """What a plot can show of it: a thousandth of the numbers."""
+        steps, x = envelope(self.x)
+        return Envelope(steps, x, envelope(self.P)[1])
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """The largest of each slice of a :class:`Drift`: ``steps`` (M,) at whose ends, x (M, n), P (M,)."""
+
+    steps: Array
+    x: Array
+    P: Array
+
+
+def envelope(values: Array, slices: int = 600) -> tuple[Array, Array]:
+    """The largest of values (N, ...) in each of at most so many slices, and the step, from 1, at which each ends."""
+    width = max(1, len(values) // slices)
+    count = len(values) // width
+    cut = values[: count * width].reshape(count, width, *values.shape[1:])
+    return width * np.arange(1, count + 1), cut.max(axis=1)
+
 
 def drift(single: Estimator, double: Estimator, u: Array, y: Array) -> Drift:
     """Run both precisions on the same inputs (rounded to float32 first, so that only arithmetic differs)."""

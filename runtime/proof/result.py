@@ -105,6 +105,8 @@ class Proof:
     notes: list[str] = field(default_factory=list)
     #: What nothing is there to check against; "proved" is never said of it.
     unchecked: list[str] = field(default_factory=list)
+    #: It was made by an earlier run, of the same sources with the same tools.
+    kept: bool = False
 
     @property
     def verdict(self) -> str:
@@ -135,6 +137,7 @@ class Proof:
         return {
             "drive": self.drive,
             "passed": self.passed,
+            "kept": self.kept,
             "links": links,
             "iteration": [asdict(e) for e in self.effects],
             "notes": self.notes,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from codegen.evidence.box import BoxSamples, sample_box
 from codegen.evidence.certificate import SAMPLES
-from codegen.generate import Package, draft, generate_bare
+from codegen.generate import Package, build_steps, draft, generate_bare
 from codegen.output.folder import write_folder
 from model.filters import FilterStep
 from model.schema import Drive
@@ -27,7 +27,7 @@ from runtime.folders.current import current_package
 from runtime.folders.resolve import NamedDrive, find_drive
 from runtime.proof.link_ab import free_run, link_ab, own_run, pieces_of, reference_run
 from runtime.proof.link_bc import link_bc
-from runtime.proof.link_cd import Drift, link_cd
+from runtime.proof.link_cd import Envelope, link_cd
 from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.link_foc import link_control
@@ -69,13 +69,16 @@ class Evidence:
     """Arrays behind the tables, for plots: drift of the run at speed, and ICKF minus CKF in sigmas."""
 
     t: Array
-    drift: dict[str, Drift]
+    drift: dict[str, Envelope]
     effects: dict[str, Array]
     trajectory: Trajectory
 
 
 def verify(
-    drive: str | Path, effort: Effort | None = None, progress: Progress = lambda text: None
+    drive: str | Path,
+    effort: Effort | None = None,
+    progress: Progress = lambda text: None,
+    current: bool = False,
 ) -> tuple[Proof, Evidence]:
     """Prove a generated drive.
 
@@ -86,6 +89,8 @@ def verify(
     effort : Effort, optional
     progress : callable, optional
         Called with a few words before each piece of work.
+    current : bool
+        The folder has just been generated: it is not generated again to see whether it is stale.
 
     Raises
     ------
@@ -93,14 +98,14 @@ def verify(
         No generated folder, a stale or hand-edited one, or no C compiler.
     """
     find_compiler()
-    return prove(find_drive(drive), effort or Effort(), progress)
+    return prove(find_drive(drive), effort or Effort(), progress, current)
 
 
-def prove(named: NamedDrive, effort: Effort, progress: Progress) -> tuple[Proof, Evidence]:
+def prove(named: NamedDrive, effort: Effort, progress: Progress, current: bool = False) -> tuple[Proof, Evidence]:
     """All links for the gain the drive ships, and again for the other gain of the ICKF."""
     progress("generating")
     drive, path = named.drive, named.path
-    package = current_package(named)
+    package = Package(drive, *build_steps(drive), files={}) if current else current_package(named)
     proof = Proof(drive.name)
     equations = compare_statements(drive)
     if equations is not None:
@@ -190,7 +195,7 @@ class Prover:
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
-        evidence.drift[label] = drift
+        evidence.drift[label] = drift.envelope()
         self.progress(f"{label}: D-chip, the chip's arithmetic as modelled")
         steps = self.effort.chip_steps
         return [*found, drift_link, link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps])]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from runtime.proof.verify import Evidence
 
 @dataclass(frozen=True)
 class Chapter:
-    """Proof and simulations of a drive generated into ``folder``.
+    """Proof and simulations of a drive generated into ``folder``; in the second floor all that follows ``runs``.
 
     ``hard``: the load step under a cheap inverter's conditions. ``earned``: what each pass saves of the first kind.
     """
@@ -26,12 +27,25 @@ class Chapter:
     proof: Proof
     evidence: Evidence
     runs: list[Run]
-    hard: list[Run]
-    sweep: list[SweepPoint]
-    firmware: Gated
-    earned: list[Earned]
+    hard: Sequence[Run] = ()
+    sweep: Sequence[SweepPoint] = ()
+    firmware: Gated | None = None
+    earned: Sequence[Earned] = ()
 
     @property
     def good(self) -> bool:
         """Proved, no firmware check failed, and locked in every scenario with an ideal inverter."""
-        return self.proof.passed and not self.firmware.failed and all(run.locked for run in self.runs)
+        return not list(self.failures())
+
+    def failures(self) -> Iterator[str]:
+        """What is wrong, a line each; nothing that was not run."""
+        if not self.proof.passed:
+            yield f"{self.drive.name}: {self.proof.verdict}"
+        for check in self.firmware.checks if self.firmware else ():
+            if check.state == "failed":
+                yield f"{self.drive.name}: {check.name} of {check.subject} failed"
+        for run in self.runs:
+            if not run.locked:
+                yield f"{self.drive.name}: {run.kind} lost the rotor in {run.scenario.name}"
+        if not self.runs:
+            yield f"{self.drive.name}: not simulated"

@@ -29,8 +29,8 @@ def write_page(path: Path, chapters: list[Chapter]) -> None:
     text = page_template(Path(__file__).with_name("page.html.j2")).render(
         version=__version__,
         chapters=[_chapter(chapter) for chapter in chapters],
-        passed=all(chapter.proof.passed and not chapter.firmware.failed for chapter in chapters),
-        missing=any(chapter.firmware.missing for chapter in chapters),
+        passed=all(c.proof.passed and not (c.firmware and c.firmware.failed) for c in chapters),
+        missing=any(not c.firmware or c.firmware.missing for c in chapters),
         unchecked=any(chapter.proof.unchecked for chapter in chapters),
         sweep_cell=sweep_cell,
     )
@@ -73,8 +73,9 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "hard": [(run, run.figures()) for run in chapter.hard],
         "claims": claims(chapter.runs) if drive.name == "paper_spmsm" else [],
         "sweep": chapter.sweep,
-        "checks": chapter.firmware.checks,
-        "remarks": remarks(chapter.firmware.checks),
+        "checks": chapter.firmware.checks if chapter.firmware else (),
+        "kept": chapter.proof.kept or bool(chapter.firmware and chapter.firmware.kept),
+        "remarks": remarks(chapter.firmware.checks if chapter.firmware else ()),
         "figures": {
             "trajectory": Markup(trajectory_figure(evidence)),
             "stages": Markup(stage_figure(proof)),
@@ -85,7 +86,9 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
                     [item.rung.name for item in earned],
                     {"operations, in additions": {drive.name: [item.weight for item in earned]}},
                 )
-            ),
+            )
+            if earned
+            else "",
             "runs": _run_figures(chapter),
             "sweep": Markup(sweep_figure(chapter.sweep)) if chapter.sweep else "",
         },

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import queue
@@ -61,15 +62,25 @@ def workers(count: int, words: Any = None) -> Iterator[Submit]:
 
 def share(count: int, work: Callable[..., Any], items: Sequence[Any], progress: Progress) -> list[Any]:
     """``work(item)`` for every item, in at most ``count`` processes; what they :func:`say` goes to ``progress``."""
-    words = multiprocessing.get_context("spawn").Queue()
+    words = new_words()
     with workers(count, words) as submit:
-        futures = [submit(work, item) for item in items]
-        while not all(future.done() for future in futures):
-            try:
-                progress(words.get(timeout=0.2))
-            except queue.Empty:
-                continue
-        return [future.result() for future in futures]
+        return results([submit(work, item) for item in items], words, progress)
+
+
+def new_words() -> Any:
+    """A queue for what workers :func:`say`."""
+    return multiprocessing.get_context("spawn").Queue()
+
+
+def results(futures: Sequence[Future[Any]], words: Any, progress: Progress) -> list[Any]:
+    """What the workers return, in the order asked; their words go to ``progress`` meanwhile. An error ends it."""
+    while not all(future.done() for future in futures):
+        for future in futures:
+            if future.done():
+                future.result()
+        with contextlib.suppress(queue.Empty):
+            progress(words.get(timeout=0.2))
+    return [future.result() for future in futures]
 
 
 _words: Any = None

@@ -6,20 +6,22 @@ everything made anew (and kept again).
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import pickle
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
 
-from runtime.errors import UserError
-from runtime.estimator.compiler import drop_from_cache, find_compiler, in_cache, put_into_cache
+from runtime.estimator.compiler import cache_folder, drop_from_cache, find_compiler, in_cache, put_into_cache
+from runtime.system.errors import UserError
 
 Result = TypeVar("Result")
 
@@ -58,15 +60,31 @@ def keep(
     """
     of = f"{what}-{_digest(str(folder.resolve()))[:12]}"
     name = f"{of}-{_digest(repr((_texts(folder), sorted(facts), surroundings())))[:32]}.pickle"
-    path = None if fresh or os.environ.get(FRESH) else in_cache(name)
-    if path is not None:
-        result: Result = pickle.loads(path.read_bytes())
-        return result, True
-    result = make()
-    drop_from_cache(f"{of}-*")  # what other sources made; and what was kept, should it no longer be so
-    if good(result):
-        put_into_cache(name, lambda scratch: _written(scratch / "result", pickle.dumps(result)))
+    anew = fresh or bool(os.environ.get(FRESH))
+    with _alone(of) if not anew else nullcontext():  # who comes second waits, and takes what the first has made
+        path = None if anew else in_cache(name)
+        if path is not None:
+            result: Result = pickle.loads(path.read_bytes())
+            return result, True
+        result = make()
+        drop_from_cache(f"{of}-*")  # what other sources made; and what was kept, should it no longer be so
+        if good(result):
+            put_into_cache(name, lambda scratch: _written(scratch / "result", pickle.dumps(result)))
     return result, False
+
+
+@contextmanager
+def _alone(name: str) -> Iterator[None]:
+    """No other process is in this block with the same name; a killed one is out of it."""
+    path = cache_folder() / f"{name}.lock"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("w", encoding="ascii")
+    except OSError as error:
+        raise UserError(f"cannot write to '{path.parent}': {error.strerror}. Set PMSM_ICKF_CACHE.") from None
+    with file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _written(path: Path, content: bytes) -> Path:
@@ -81,7 +99,7 @@ def _digest(text: str) -> str:
 @cache
 def surroundings() -> str:
     """Hash of the packages' sources, and of what executes them: interpreter, libraries, compiler, processor."""
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     sources = [(package, _texts(root / package)) for package in PACKAGES]
     libraries = [f"{name} {_version(name)}" for name in LIBRARIES]
     machine = [sys.version, platform.platform(), *platform.libc_ver(), _processor(), *map(tool, find_compiler())]
