@@ -97,12 +97,12 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     return Package(drive, model, steps, with_manifest(files, facts), accounts)
 
 
-def generate_bare(drive: Drive) -> Package:
+def generate_bare(drive: Drive, form: str = "fast") -> Package:
     """All that computes and nothing that tells of it: a variant to be proved and thrown away.
 
     No certificate, cost, self-test or report; the manifest holds what it takes to load the folder.
     """
-    made = draft(drive)
+    made = draft(drive, form)
     files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
     facts = _identity(drive, made.about.model, made.steps) | {
         "filters": {kind: {"gain": step.gain} for kind, step in made.steps.items()},

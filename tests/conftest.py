@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from codegen.generate import Package, generate
+from codegen.generate import Package, generate, generate_bare
 from model.drives.load import load_drive, shipped_drives
 from model.schema import Drive
 
@@ -36,6 +36,12 @@ def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
 def shipped_package(name: str, form: str = "fast") -> Package:
     """A shipped drive generated in memory, once a process: to read, and to copy where something is to be changed."""
     return generate(load_drive(name), samples=5, form=form)
+
+
+@lru_cache(maxsize=8)
+def bare_package(name: str, form: str = "fast") -> Package:
+    """All of a shipped drive that computes, without evidence: a third of the time of :func:`shipped_package`."""
+    return generate_bare(load_drive(name), form)
 
 
 @pytest.fixture(params=DRIVES)

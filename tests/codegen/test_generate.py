@@ -14,13 +14,13 @@ import pytest
 from pycparser import c_ast, c_parser
 
 from codegen.evidence.measure import Measurer, kept_records
-from codegen.generate import generate
+from codegen.generate import generate, generate_bare
 from codegen.output.folder import difference
 from model.drives.load import load_drive
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT, interrupt_files
-from tests.conftest import DRIVES, shipped_package, variant
+from tests.conftest import DRIVES, bare_package, variant
 
 
 def test_committed_folders_are_current(drive: Drive) -> None:
@@ -132,7 +132,7 @@ def test_sections_follow_the_papers_equations(drive: Drive) -> None:
     text = (GENERATED / drive.name / f"{drive.name}_ckf.c").read_text()
     numbers = [int(n) for heading in re.findall(r"/\* --- eq\. .*", text) for n in re.findall(r"eq\. (\d+)", heading)]
     assert {14, 15, 16, 17, 18, 25, 26} <= set(numbers)
-    literal = shipped_package(drive.name, "literal").files[f"{drive.name}_ckf.c"]
+    literal = bare_package(drive.name, "literal").files[f"{drive.name}_ckf.c"]
     numbers = [int(n) for n in re.findall(r"/\* --- eq\. (\d+)", literal)]
     assert numbers == sorted(numbers)
     assert {13, 14, 15, 16, 17, 18, 19, 22, 23, 24, 25, 26} <= set(numbers)
@@ -151,8 +151,8 @@ def test_no_dates_paths_or_machine_names(drive: Drive) -> None:
 def test_data_stays_data() -> None:
     """Tuning goes into the struct: another Q changes the init function and nothing else of the C."""
     drive = load_drive("paper_spmsm")
-    a = shipped_package(drive.name).files
-    b = generate(variant(drive, filter={"process_noise": [0.5, 0.5, 0.5, 0.5]}), samples=5).files
+    a = bare_package(drive.name).files
+    b = generate_bare(variant(drive, filter={"process_noise": [0.5, 0.5, 0.5, 0.5]})).files
     changed = {
         line
         for name in a
@@ -179,7 +179,7 @@ def test_certificate_bounds_other_draws() -> None:
     drive = load_drive("paper_spmsm")
     model, _ = build_steps(drive)
     namespace: dict[str, object] = {}
-    exec(shipped_package("paper_spmsm").files["paper_spmsm.py"], namespace)
+    exec(bare_package("paper_spmsm").files["paper_spmsm.py"], namespace)
     seen, unseen = (certify(namespace, "ickf", sample_box(drive, model, 2000, seed)) for seed in (1, 2))
     assert np.all(np.array(unseen.x) <= 3 * np.array(seen.x))
     assert unseen.not_finite == unseen.indefinite == 0

@@ -18,7 +18,7 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import CubatureKalmanUpdater
 
-from codegen.generate import generate
+from codegen.generate import draft
 from model.drives.load import load_drive
 from model.filters import build_filter
 from model.filters.ickf import idle_iteration_proof
@@ -110,13 +110,11 @@ def test_ckf_against_stone_soup(drive: Drive) -> None:
 
 def _in_memory(drive: Drive, kind: str) -> Estimator:
     """A generated filter that was never on disk."""
-    package = generate(drive, samples=10)
-    namespace: dict[str, Any] = {}
-    exec(package.files[f"{drive.name}.py"], namespace)
+    loaded = draft(drive).load(drive.name)
 
     class Folder:
-        module = type("Module", (), namespace)
-        drive = package.drive.name
+        module = loaded
+        drive = loaded.__name__
 
     folder = Folder()
     backend = NumpyBackend(folder.module, kind, "float64")  # type: ignore[arg-type]

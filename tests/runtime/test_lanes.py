@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import runtime
-from codegen.generate import generate
+from codegen.generate import generate_bare
 from codegen.ir.small_angle import LIMIT
 from codegen.output.folder import write_folder
 from codegen.render.lanes import LANES
@@ -21,7 +21,7 @@ from runtime.estimator import threads
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
-from tests.conftest import DRIVES, shipped_package, variant
+from tests.conftest import DRIVES, bare_package, variant
 
 KINDS = ("ckf", "ickf")
 
@@ -94,7 +94,7 @@ def test_some_lanes_begin_with_wide_turns(drive: Drive) -> None:
 @pytest.mark.parametrize("form", ["fast", "literal"])
 def test_other_kinds_and_the_literal_form(kind: str, form: str, tmp_path: Path) -> None:
     drive = variant(load_drive("ipmsm_flux"), filter={"kinds": [kind]})
-    write_folder(tmp_path / drive.name, generate(drive, samples=5, form=form).files)
+    write_folder(tmp_path / drive.name, generate_bare(drive, form).files)
     assert _same(_runs(GeneratedFolder(tmp_path / drive.name), kind, 20, LANES + 3))
 
 
@@ -109,7 +109,7 @@ def test_other_kinds_and_the_literal_form(kind: str, form: str, tmp_path: Path) 
 )
 def test_a_wrong_lane_form_is_caught(old: str, new: str, tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
-    files = shipped_package(drive.name).files
+    files = bare_package(drive.name).files
     name = "host/paper_spmsm_ckf_lanes.c"
     assert old in files[name]
     write_folder(tmp_path / drive.name, {**files, name: files[name].replace(old, new)})
@@ -118,7 +118,7 @@ def test_a_wrong_lane_form_is_caught(old: str, new: str, tmp_path: Path) -> None
 
 def test_a_lane_that_goes_on_iterating_is_caught(tmp_path: Path) -> None:
     drive = load_drive("ipmsm_flux")
-    files = shipped_package(drive.name).files
+    files = bare_package(drive.name).files
     name, old = "host/ipmsm_flux_ickf_lanes.c", "take(x_j, new_x_j, active, 4);"
     assert old in files[name]
     write_folder(tmp_path / drive.name, {**files, name: files[name].replace(old, "copy(x_j, new_x_j, 4);")})

@@ -11,6 +11,7 @@ import pytest
 from codegen.generate import generate
 from codegen.output.folder import write_folder
 from model.drives.load import DRIVES, load_drive
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.recording import filter_recording
@@ -144,14 +145,25 @@ def test_without_a_reference_nothing_is_called_proved_of_the_equations(desk: Pat
 
 def test_casadis_own_numbers_are_a_motor() -> None:
     """What the reference filters with where there is no second statement: against motors.py, by hand."""
-    from model.machines.state_space import build
-
     drive = load_drive("ipmsm_flux")
     ours, theirs = CasadiMotor(build(drive)), second_motor(drive)
     x, u = np.array([0.5, 0.1, 30.0, 0.4]), np.array([20.0, -7.0])
     np.testing.assert_allclose(ours.f(x, u), theirs.f(x, u), rtol=1e-12)
     np.testing.assert_allclose(ours.h(x), theirs.h(x), rtol=1e-12)
     np.testing.assert_allclose(ours.H(x), theirs.H(x), rtol=1e-12, atol=1e-12)
+
+
+def test_motors_side_by_side_are_each_on_its_own(desk: Path) -> None:
+    """CasADi's own numbers, and a machine file's reference, of three states at once."""
+    rng = np.random.default_rng(3)
+    x, u = rng.normal(size=(5, 3)), 10 * rng.normal(size=(2, 3))
+    drive = load_drive(desk)
+    for motor in (second_motor(drive), CasadiMotor(build(drive))):
+        alone = [(motor.f(x[:, k], u[:, k]), motor.h(x[:, k]), motor.H(x[:, k])) for k in range(3)]
+        for found, each in zip((motor.f(x, u), motor.h(x), motor.H(x)), zip(*alone, strict=True), strict=True):
+            np.testing.assert_allclose(found, np.stack(each, axis=-1), rtol=1e-13)
+    slopes = np.stack([motor.F(x[:, k], u[:, k]) for k in range(3)], axis=-1)
+    np.testing.assert_allclose(motor.F(x, u), slopes, rtol=1e-13)
 
 
 @pytest.fixture

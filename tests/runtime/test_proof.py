@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.generate import Package, generate
+from codegen.generate import Package, generate, generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import load_drive
 from model.filters import cubature, sigma_point
@@ -26,7 +26,7 @@ from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
 from runtime.system.errors import UserError
-from tests.conftest import ALL_DRIVES, DRIVES, LINKS, shipped_package, variant
+from tests.conftest import ALL_DRIVES, DRIVES, LINKS, bare_package, variant
 
 QUICK = Effort(
     trajectory=0.004,
@@ -42,7 +42,7 @@ QUICK = Effort(
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_path: Path) -> None:
     drive = variant(load_drive(name), filter={"kinds": [kind]})
-    package = generate(drive, samples=5)
+    package = generate_bare(drive)
     write_folder(tmp_path / name, package.files)
     prover = _prover(drive, package, tmp_path / name)
     for link in [*prover.along_trajectory(kind), *prover._box(kind), prover._bits(kind).link(("-O2",))]:
@@ -130,7 +130,7 @@ def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
 
 def _ab(drive: Drive, folder: Path, kind: str) -> list[Link]:
     """Generate as things stand now (mutated), prove against the unmutated reference."""
-    package = generate(drive, samples=5, form="literal")
+    package = generate_bare(drive, "literal")
     write_folder(folder, package.files, force=True)
     return _prover(drive, package, folder).along_trajectory(kind)
 
@@ -191,7 +191,7 @@ def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     _no_wrap(monkeypatch)
     drive = load_drive("ipmsm_flux")
-    package = generate(drive, samples=5, form="literal")
+    package = generate_bare(drive, "literal")
     write_folder(tmp_path / drive.name, package.files)
     prover = _prover(drive, package, tmp_path / drive.name)
     prover.trajectory = make_trajectory(drive.model_dump(), steps=600)
@@ -229,7 +229,7 @@ def test_model_mutants_are_caught_at_their_equation(
 def test_one_part_in_a_million_of_motor_data_is_caught(key: str, tmp_path: Path) -> None:
     drive = load_drive("ipmsm_flux")
     mutant = variant(drive, motor={key: getattr(drive.motor, key) * (1 + 1e-6)})
-    package = generate(mutant, samples=5, form="literal")
+    package = generate_bare(mutant, "literal")
     write_folder(tmp_path / drive.name, package.files)
     link, *_ = _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf")
     assert link.divergence is not None
@@ -248,7 +248,7 @@ def test_mutants_of_the_generated_python_are_caught(
     pattern: str, replacement: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = shipped_package(drive.name, "literal")
+    package = bare_package(drive.name, "literal")
     text = package.files["paper_spmsm.py"]
     mutated = re.sub(pattern, replacement, text, count=0)
     assert mutated != text
@@ -270,7 +270,7 @@ FAST_MUTANTS = [
 @pytest.mark.parametrize(("pattern", "replacement", "equation"), FAST_MUTANTS)
 def test_mutants_of_the_fast_form_are_caught(pattern: str, replacement: str, equation: str, tmp_path: Path) -> None:
     drive = load_drive("paper_spmsm")
-    package = shipped_package(drive.name)
+    package = bare_package(drive.name)
     text = package.files["paper_spmsm.py"]
     mutated = re.sub(pattern, replacement, text, flags=re.DOTALL)
     assert mutated != text
@@ -297,7 +297,7 @@ def test_mutants_of_the_generated_c_are_caught_and_located(
     form: str, old: str, new: str, stage: str, equation: str, tmp_path: Path
 ) -> None:
     drive = load_drive("paper_spmsm")
-    package = shipped_package(drive.name, form)
+    package = bare_package(drive.name, form)
     text = package.files["paper_spmsm_ckf.c"]
     assert old in text
     write_folder(tmp_path / drive.name, {**package.files, "paper_spmsm_ckf.c": text.replace(old, new)})
@@ -310,7 +310,7 @@ def test_mutants_of_the_generated_c_are_caught_and_located(
 def test_reordered_float_operations_are_caught(tmp_path: Path) -> None:
     """Mathematically equal, not the same bits: (a + b) + c against a + (b + c)."""
     drive = load_drive("paper_spmsm")
-    package = shipped_package(drive.name)
+    package = bare_package(drive.name)
     text = package.files["paper_spmsm_ckf.c"]
     mutated = re.sub(
         r"= DECAY_I \* i_alpha \+ (\w+ \* \w+) \+ (GAIN_V \* v_alpha)", r"= DECAY_I * i_alpha + (\1 + \2)", text
@@ -332,7 +332,7 @@ def test_contraction_would_be_caught() -> None:
     ):
         pytest.skip("this processor has no fused multiply-add")
     drive = load_drive("paper_spmsm")
-    package = shipped_package(drive.name)
+    package = bare_package(drive.name)
     prover = _prover(drive, package, GENERATED / drive.name)
     link = prover._bits("ckf").link(("-O2", "-march=native", "-ffp-contract=fast"))
     assert not link.passed
@@ -349,7 +349,7 @@ def test_stale_and_edited_folders_are_refused(tmp_path: Path) -> None:
     write_folder(tmp_path / drive.name, generate(other).files)
     with pytest.raises(UserError, match="is stale"):
         prove(NamedDrive("paper_spmsm", drive, tmp_path / drive.name), QUICK, lambda text: None)
-    write_folder(tmp_path / drive.name, shipped_package(drive.name).files)
+    write_folder(tmp_path / drive.name, bare_package(drive.name).files)
     path = tmp_path / drive.name / "paper_spmsm_ckf.c"
     path.write_text(path.read_text().replace("0.25f", "0.26f", 1))
     with pytest.raises(UserError, match="was edited by hand"):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime import errors
+from runtime.system import errors
 from runtime.cli import main
 from runtime.system.files import make_folder, write_text
 from runtime.system.workers import workers
