@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.system import errors
 from runtime.cli import main
+from runtime.system import errors
 from runtime.system.files import make_folder, write_text
 from runtime.system.workers import workers
 
