@@ -24,7 +24,7 @@ test: $(VENV)/.ready-dev
 
 # Pure Python, no compiler: what to run after every change. A minute.
 unit: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal -m unit
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "unit and not process and not slow"
 
 # The generated C away from the host. Debian: gcc-avr avr-libc simavr, gcc-arm-none-eabi libnewlib-arm-none-eabi
 # qemu-system-arm, clang cppcheck frama-c-base valgrind. Without them `make test` skips, saying so.

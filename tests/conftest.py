@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -42,6 +44,25 @@ def shipped_package(name: str, form: str = "fast") -> Package:
 def bare_package(name: str, form: str = "fast") -> Package:
     """All of a shipped drive that computes, without evidence: a third of the time of :func:`shipped_package`."""
     return generate_bare(load_drive(name), form)
+
+
+_unit = False
+
+
+def _no_program(event: str, arguments: tuple[Any, ...]) -> None:
+    if _unit and event in {"subprocess.Popen", "os.posix_spawn", "os.fork", "os.system"}:
+        raise RuntimeError(f"a test marked unit starts a program: {arguments[:2]}")
+
+
+sys.addaudithook(_no_program)
+
+
+@pytest.fixture(autouse=True)
+def _unit_tests_start_no_program(request: pytest.FixtureRequest) -> Iterator[None]:
+    global _unit
+    _unit = request.node.get_closest_marker("unit") is not None and request.node.get_closest_marker("process") is None
+    yield
+    _unit = False
 
 
 @pytest.fixture(params=DRIVES)

@@ -102,7 +102,14 @@ def surroundings() -> str:
     root = Path(__file__).parents[2]
     sources = [(package, _texts(root / package)) for package in PACKAGES]
     libraries = [f"{name} {_version(name)}" for name in LIBRARIES]
-    machine = [sys.version, os.uname().sysname, os.uname().machine, *platform.libc_ver(), _processor(), *map(tool, find_compiler())]
+    machine = [
+        sys.version,
+        os.uname().sysname,
+        os.uname().machine,
+        *platform.libc_ver(),
+        _processor(),
+        *map(tool, find_compiler()),
+    ]
     return _digest(repr((sources, libraries, machine)))
 
 

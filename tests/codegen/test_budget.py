@@ -11,6 +11,8 @@ from codegen.generate import Package, generate
 from model.schema import Budget, Drive
 from tests.conftest import shipped_package, variant
 
+pytestmark = pytest.mark.unit
+
 
 @pytest.fixture
 def flux() -> Package:

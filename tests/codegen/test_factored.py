@@ -12,6 +12,8 @@ from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph
 from tests.codegen.graphs import FLOAT, evaluate
 
+pytestmark = pytest.mark.unit
+
 Array = np.ndarray
 
 

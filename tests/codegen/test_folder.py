@@ -10,6 +10,8 @@ import pytest
 from codegen.output import folder as folder_module
 from codegen.output.folder import FolderError, check_unedited, difference, edited_files, with_manifest, write_folder
 
+pytestmark = pytest.mark.unit
+
 FILES = with_manifest({"a.c": "int a;\n", "host/b.c": "int b;\n"}, {"drive": "x", "filters": {}})
 OTHER = with_manifest({"a.c": "int other;\n"}, {"drive": "x", "filters": {}})
 

@@ -14,6 +14,8 @@ from model.schema import Drive
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 
+pytestmark = pytest.mark.unit
+
 F = np.float32
 
 
@@ -159,6 +161,7 @@ void run(const float *a, const float *b, int n, float *r)
 """
 
 
+@pytest.mark.process
 def test_flush_to_zero_is_that_of_real_hardware() -> None:
     """The host's own flush-to-zero mode, operation by operation, on numbers around the smallest normal one."""
     if platform.machine() not in {"x86_64", "AMD64"}:

@@ -20,6 +20,8 @@ from model.filters.program import BlockBuilder
 from model.quantities import Block
 from runtime.estimator.compiler import build_library
 
+pytestmark = pytest.mark.unit
+
 
 def every_operator() -> Block:
     """One block with every operation a printer knows, in orders that need parentheses."""

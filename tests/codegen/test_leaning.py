@@ -16,6 +16,8 @@ from model.drives.load import load_drive
 from model.machines.state_space import build
 from tests.codegen.graphs import FLOAT, evaluate
 
+pytestmark = pytest.mark.unit
+
 THETA, OMEGA = 3, 2
 
 

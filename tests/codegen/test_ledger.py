@@ -21,6 +21,8 @@ from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.conftest import shipped_package
 
+pytestmark = pytest.mark.unit
+
 PRELUDE = """
 #define PMSM_SQRT(x) sqrtf(x)
 #define SIZE 3

@@ -23,6 +23,8 @@ from codegen.passes import (
 from codegen.passes import __all__ as exported
 from tests.codegen.graphs import RATIONAL, evaluate, random_graph, random_point
 
+pytestmark = pytest.mark.unit
+
 PASSES = {
     "share_reciprocals": share_reciprocals,
     "spend_reciprocals": spend_reciprocals,

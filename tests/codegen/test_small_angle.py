@@ -20,6 +20,8 @@ from codegen.ir.small_angle import (
 from codegen.ir.trig import DOUBLE, SINGLE
 from runtime.estimator.folder import find_folder
 
+pytestmark = pytest.mark.unit
+
 #: Beyond the limit the angle is made of halves: each doubling at most quadruples an error of cos(d) - 1 (the slope of
 #: 2 c (2 + c) is 4 + 4 c, c in -2 .. 0).
 GROWTH = 4.0**DOUBLINGS

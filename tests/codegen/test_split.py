@@ -18,6 +18,8 @@ from model.schema import Drive
 from tests.codegen.graphs import FLOAT, SYMBOLIC, evaluate
 from tests.conftest import DRIVES, variant
 
+pytestmark = pytest.mark.unit
+
 #: Each operation on coordinates, then on what already has an even part.
 FUNCTIONS = {
     "add": lambda m, a, b: m.op("add", a, b),

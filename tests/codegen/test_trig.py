@@ -24,6 +24,8 @@ from codegen.ir.trig import (
 )
 from codegen.render.printers.python import PythonPrinter
 
+pytestmark = pytest.mark.unit
+
 NAMESPACE: dict[str, Any] = {
     "np": np,
     "_smaller": lambda a, b: np.where(a < b, a, b)[()],

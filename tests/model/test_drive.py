@@ -10,6 +10,8 @@ import pytest
 from model.drives.load import DRIVES, load_drive, shipped_drives
 from model.schema import DriveError
 
+pytestmark = pytest.mark.unit
+
 PAPER = (DRIVES / "paper_spmsm.toml").read_text()
 
 

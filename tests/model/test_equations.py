@@ -20,7 +20,10 @@ from model.schema import Drive
 from runtime.proof.derivation import compare_derivations, second_statement
 from tests.conftest import ALL_DRIVES, variant
 
+pytestmark = pytest.mark.unit
 
+
+@pytest.mark.slow
 @pytest.mark.parametrize("discretization", ["euler", "exact"])
 @pytest.mark.parametrize("name", ALL_DRIVES)
 def test_sympy_derives_the_same_symbolically(name: str, discretization: str) -> None:

@@ -30,6 +30,8 @@ from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.trajectory import make_trajectory
 from tests.conftest import variant
 
+pytestmark = pytest.mark.unit
+
 
 def _columns(function: Callable[[np.ndarray], np.ndarray], vectors: Any) -> StateVectors:
     points = np.asarray(vectors, dtype=float)

@@ -19,6 +19,8 @@ from model.schema import Drive, DriveError
 from runtime.proof.identity import identical
 from tests.conftest import variant
 
+pytestmark = pytest.mark.unit
+
 MODELS = list(itertools.product(["constant_speed", "load_torque"], ["euler", "exact"]))
 
 

@@ -16,6 +16,8 @@ from model.machines.own import title
 from model.machines.state_space import build, default_initial_state
 from model.schema import DriveError
 
+pytestmark = pytest.mark.unit
+
 EXAMPLE = Path(__file__).parents[2] / "docs" / "own_machine"
 
 

@@ -23,6 +23,8 @@ from runtime.proof.drives import verify_drives
 from runtime.proof.result import Link, Proof, Row
 from runtime.proof.verify import Evidence
 
+pytestmark = pytest.mark.unit
+
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

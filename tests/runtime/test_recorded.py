@@ -11,6 +11,8 @@ from runtime.recorded.clock import check_clock
 from runtime.recorded.data import read_recorded, write_recorded
 from runtime.system.errors import UserError
 
+pytestmark = pytest.mark.unit
+
 NAMES = ("t", "u_alpha", "u_beta", "i_alpha", "i_beta")
 ROWS = np.column_stack([1e-4 * np.arange(20), np.random.default_rng(3).normal(size=(20, 4))]).round(6)
 

@@ -20,6 +20,14 @@ from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import literal_package
 from tests.conftest import ALL_DRIVES, variant
 
+pytestmark = pytest.mark.unit
+
+
+def test_a_unit_test_may_start_no_program() -> None:
+    """What conftest.py holds every test of such a module to."""
+    with pytest.raises(RuntimeError, match="starts a program"):
+        subprocess.run(["true"], check=True)
+
 
 def test_reference_imports_nothing_it_is_to_check() -> None:
     plain = {"__future__", "math", "collections", "dataclasses", "typing", "numpy"}
@@ -128,6 +136,7 @@ def test_iterating_is_idle_on_the_papers_model() -> None:
                 np.testing.assert_allclose(later["x_next"], iterates[0]["x_next"], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.process
 def test_estimates_follow_the_motor(drive: Drive) -> None:
     """Not only equal: right. Speed within 40 r/min after the start, angle within 3 degrees."""
     data = make_trajectory(drive.model_dump(), steps=round(0.2 / drive.model.sample_time) // 4 * 4)
@@ -160,6 +169,7 @@ def test_wrap() -> None:
     assert wrap(7.0) == pytest.approx(7.0 - 2 * np.pi)
 
 
+@pytest.mark.process
 def test_reference_runs_without_casadi() -> None:
     code = (
         "import sys; sys.modules['casadi'] = sys.modules['model'] = sys.modules['codegen'] = None\n"

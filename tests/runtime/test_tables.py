@@ -11,6 +11,8 @@ from runtime.proof.result import Link, Proof, Row
 from runtime.proof.tables import proof_tables, whole_links
 from tests.conftest import LINKS
 
+pytestmark = pytest.mark.unit
+
 
 def _said(*links: Link) -> str:
     console = Console(width=160, record=True, file=io.StringIO())
