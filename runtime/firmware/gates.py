@@ -53,7 +53,8 @@ class Gated:
         return any(check.state == "not run" for check in self.checks)
 
     def good(self, allow_missing: bool) -> bool:
-        return not self.failed and (allow_missing or not self.missing)
+        """Something was checked, and nothing failed; what could not be run counts unless it is ``allow_missing``."""
+        return bool(self.checks) and not self.failed and (allow_missing or not self.missing)
 
 
 def check_firmware(

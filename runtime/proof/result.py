@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -9,7 +10,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """One stage in one link: the worst deviation met and what is allowed (0: identical bits)."""
+    """One stage in one link: the worst deviation met and what is allowed (0: identical bits).
+
+    A deviation that is no number becomes an infinite one: NaN is in no order, and would be lost where the worst is sought.
+    """
 
     equation: str
     stage: str
@@ -17,6 +21,10 @@ class Row:
     worst: float
     allowed: float
     compared: int
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.worst):
+            object.__setattr__(self, "worst", math.inf)
 
     @property
     def passed(self) -> bool:
@@ -60,7 +68,8 @@ class Link:
 
     @property
     def passed(self) -> bool:
-        return self.divergence is None and all(row.passed for row in self.rows)
+        """Something was compared, and all of it within what is allowed."""
+        return self.divergence is None and self.compared > 0 and all(row.passed for row in self.rows)
 
     @property
     def worst(self) -> float:
