@@ -12,7 +12,7 @@ from typing import Any
 class Row:
     """One stage in one link: the worst deviation met and what is allowed (0: identical bits).
 
-    A deviation that is no number becomes an infinite one: NaN is in no order, and would be lost where the worst is sought.
+    A deviation that is no number becomes infinite: NaN is in no order, and the search for the worst would lose it.
     """
 
     equation: str

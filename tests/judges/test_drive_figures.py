@@ -1,0 +1,449 @@
+"""Figures of runs in the closed loop, and the recorded-data side: recomputed from the arrays by other code."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import runtime.compare.subject
+import runtime.drive.simulate
+import runtime.folders.generate
+from runtime.drive.experiment import HARD, KINDS, SweepPoint, changed, run_facts, simulate
+from runtime.drive.figures import run_figure, sweep_figure
+from runtime.drive.simulation import Conditions, Run
+from runtime.drive.tables import claims, claims_table, runs_table, sweep_cell, sweep_table
+from runtime.folders.generate import InMemory
+from runtime.recorded.clock import check_clock
+from runtime.recorded.truth import angle_error, errors, find_load_step, speed_error
+from runtime.system.errors import UserError
+from tests.judges.made import RPM, Kept, cells_of, command, curves, run
+
+T = 1e-3
+TIME = T * np.arange(1, 401)
+
+
+def _wild(scenario: str = "load_step", kind: str = "ckf") -> Run:
+    """Errors that are large at chosen times: 7 r/min at 50 ms, -20 at 199, 11 at 250, -5 and 4 at the end."""
+    speed, angle = np.zeros(400), np.zeros(400)
+    for at, value in ((50, 7.0), (199, -20.0), (250, 11.0), (380, -5.0), (390, 4.0)):
+        speed[at - 1] = value
+    for at, value in ((100, 170.0), (149, -90.0), (200, -9.0), (399, 6.0)):
+        angle[at - 1] = value
+    return run(scenario, kind, speed, angle)
+
+
+# --- figures of a run
+
+
+def test_figures_against_a_loop_over_samples() -> None:
+    """Before the load step, from it on, the last 50 ms, after the start: told from the samples' own times."""
+    one = _wild()
+    late = [k for k, t in enumerate(TIME) if t > 0.3495]
+    off = [(float(one.x[k, 2]) - float(one.omega[k])) * 60 / (2 * math.pi) for k in range(400)]
+    found = one.figures()
+    assert (
+        found["start"] == pytest.approx(max(abs(off[k]) for k, t in enumerate(TIME) if t < 0.1995)) == pytest.approx(20)
+    )
+    assert (
+        found["load_step"]
+        == pytest.approx(max(abs(off[k]) for k, t in enumerate(TIME) if t > 0.1995))
+        == pytest.approx(11)
+    )
+    assert found["steady_rms"] == pytest.approx(math.sqrt(sum(off[k] ** 2 for k in late) / len(late)))
+    assert found["steady_rms"] == pytest.approx(math.sqrt((25 + 16) / 51))
+    assert found["angle"] == pytest.approx(9.0), "170 degrees at 100 ms belong to the start"
+    assert run("load_step", angle_error=np.where(np.arange(400) == 149, 40.0, 0)).figures()["angle"] == pytest.approx(
+        40
+    )
+
+
+def test_without_a_load_the_last_50_ms_stand_in() -> None:
+    assert _wild("no_load").figures()["load_step"] == pytest.approx(5.0)
+    assert _wild("no_load").figures()["start"] == pytest.approx(20.0)
+
+
+def test_a_saved_run_gives_the_same_figures(tmp_path: Path) -> None:
+    """From the npz alone, the estimate beside it: replay's code, which is not simulate's."""
+    one = _wild()
+    one.save(tmp_path / "r.npz")
+    with np.load(tmp_path / "r.npz") as file:
+        saved = {name: file[name] for name in file.files}
+    assert sorted(saved) == ["i_alpha", "i_beta", "load_torque", "omega", "t", "theta", "u_alpha", "u_beta"]
+    for name, array in (
+        ("u_alpha", one.u[:, 0]),
+        ("u_beta", one.u[:, 1]),
+        ("i_alpha", one.i[:, 0]),
+        ("i_beta", one.i[:, 1]),
+    ):
+        np.testing.assert_array_equal(saved[name], array)
+    truth = {name: saved[name] for name in ("omega", "theta", "load_torque")}
+    again = errors(saved["t"], one.x, one.state_names, truth)
+    figures = one.figures()
+    assert again is not None
+    assert again.load_step_at == pytest.approx(0.2)
+    assert (again.speed_start, again.speed_load_step) == pytest.approx((figures["start"], figures["load_step"]))
+    assert again.speed_steady_rms == pytest.approx(figures["steady_rms"])
+    assert again.position_max == pytest.approx(170.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "locked"),
+    [
+        ({}, True),
+        ({"angle_error": 29.9}, True),
+        ({"angle_error": -30.1}, False),
+        ({"angle_error": 30.1}, False),
+        ({"angle_error": np.where(TIME > 0.36, 31.0, 0.0)}, False),
+        ({"angle_error": np.where(TIME < 0.34, 179.0, 0.0)}, True),
+        ({"angle_error": np.where(np.arange(400) == 349, 31.0, 0.0)}, False),
+        ({"speed": 1099.0}, True),
+        ({"speed": 1101.0}, False),
+        ({"speed": 899.0}, False),
+        ({"speed": -1000.0}, False),
+        ({"speed_error": np.where(np.arange(400) == 3, np.nan, 0.0)}, False),
+        ({"speed_error": 500.0}, True),
+    ],
+)
+def test_lock(changes: dict[str, Any], locked: bool) -> None:
+    """The angle at the end within 30 degrees, the true speed within a tenth, all of it numbers."""
+    assert run(**changes).locked is locked
+
+
+def test_lock_needs_a_true_speed_that_is_a_number() -> None:
+    one = run()
+    omega = one.omega.copy()
+    omega[0] = np.nan
+    assert not replace(one, omega=omega).locked
+
+
+def test_errors_have_a_sign_and_a_unit() -> None:
+    one = run(speed_error=3.0, angle_error=-7.0)
+    np.testing.assert_allclose(one.speed_error, 3.0)
+    np.testing.assert_allclose(one.angle_error, -7.0, atol=1e-9)
+    x = np.array([[0, 0, 2.0, 3.0]])
+    assert speed_error(x, np.array([1.0]))[0] == pytest.approx(60 / (2 * math.pi))
+    assert angle_error(x, np.array([-3.0]))[0] == pytest.approx(math.degrees(6 - 2 * math.pi))
+    assert angle_error(np.array([[0, 0, 0, math.pi]]), np.array([0.0]))[0] == -180.0
+
+
+# --- tables of runs
+
+
+def test_the_table_of_runs_is_the_figures() -> None:
+    runs = [_wild("no_load"), _wild("load_step", "ickf"), run("load_step", "ekf", angle_error=90.0)]
+    cells = cells_of(runs_table(runs))
+    rms = math.sqrt(41 / 51)
+    assert cells[0] == ["no_load", "ckf", "20.00", "-", f"{rms:.3f}", "9.000", "locked"]
+    assert cells[1] == ["load_step", "ickf", "20.00", "11.00", f"{rms:.3f}", "9.000", "locked"]
+    assert cells[2] == ["load_step", "ekf", "0.00", "0.00", "0.000", "90.000", "LOST LOCK"]
+    headers = [str(column.header) for column in runs_table(runs).columns]
+    assert headers == ["scenario", "filter", "start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg", ""]
+    assert [cell.style for cell in runs_table(runs).columns[-1].cells] == ["green", "green", "bold red"]  # type: ignore[union-attr]
+
+
+def _four(start: float = 15.0, ckf: float = 1.0) -> list[Run]:
+    runs = []
+    for scenario in ("no_load", "load_step"):
+        for kind, scale in (("ckf", ckf), ("ickf", 1.0)):
+            error = np.zeros(400)
+            error[20], error[220], error[360:] = scale * start, scale * 6.0, scale * 2.0
+            runs.append(run(scenario, kind, error))
+    return runs
+
+
+def test_the_papers_claims_are_told_by_the_numbers() -> None:
+    start, start_ckf, steady, step, step_ckf = claims(_four())
+    rms = 2 * math.sqrt(40 / 51)
+    assert [one.what for one in (start, start_ckf, steady, step, step_ckf)] == [
+        "start, ICKF", "start, CKF", "at speed, rms", "5 N m step, ICKF", "5 N m step, CKF"
+    ]  # fmt: skip
+    assert (start.theirs, start.ours, start.why) == (
+        "under 20 r/min",
+        "15.0 r/min",
+        "agrees, with the corrected equations",
+    )
+    assert (start_ckf.ours, step.ours, step_ckf.ours) == ("15.0 r/min", "6.0 r/min", "6.0 r/min")
+    assert steady.ours == f"CKF {rms:.2f}, ICKF {rms:.2f} r/min"
+    assert all("repeat the CKF's update" in one.why for one in (start_ckf, steady, step_ckf))
+    assert cells_of(claims_table([start])) == [[start.what, start.theirs, start.ours, start.why]]
+    assert claims(_four(20.5))[0].why.startswith("not reached")
+    assert claims(_four(19.9))[0].why.startswith("agrees")
+    apart = claims(_four(ckf=1.1))
+    assert apart[0].ours == "15.0 r/min"
+    assert apart[1].ours == "16.5 r/min"
+    assert apart[2].ours == f"CKF {1.1 * rms:.2f}, ICKF {rms:.2f} r/min"
+    assert apart[4].ours == "6.6 r/min"
+    assert all("grown into two different runs" in apart[k].why for k in (1, 2, 4))
+    assert all("repeat the CKF's update" in claims(_four(ckf=1.009))[k].why for k in (1, 2, 4))
+    for k in range(4):
+        assert claims([one for j, one in enumerate(_four()) if j != k]) == []
+
+
+POINTS = [
+    SweepPoint(1e-4, "euler", False, {"start": 500.0}),
+    SweepPoint(1e-4, "exact", True, {"start": 12.34}),
+    SweepPoint(2e-5, "euler", True, {"start": 30.06}),
+    SweepPoint(2e-5, "exact", True, {"start": 11.0}),
+]
+
+
+def test_the_sweeps_table_and_figure(kept: Kept) -> None:
+    assert cells_of(sweep_table(POINTS)) == [
+        ["100 us", "loses lock", "12.3 r/min"],
+        ["20 us", "30.1 r/min", "11.0 r/min"],
+    ]
+    assert [str(column.header) for column in sweep_table(POINTS).columns] == ["T", "Euler", "exact"]
+    assert sweep_cell(POINTS[0]) == "loses lock"
+    sweep_figure(POINTS)
+    (axis,) = kept.axes
+    found = curves(axis)
+    assert (list(found["euler"].x), list(found["euler"].y)) == ([20.0], [30.06])
+    assert (list(found["exact"].x), list(found["exact"].y)) == (pytest.approx([100.0, 20.0]), [12.34, 11.0])
+    assert [one.get_text() for one in axis.texts] == ["euler loses lock"]
+    assert axis.texts[0].xy[0] == pytest.approx(100.0)
+    assert axis.get_xlabel() == "sample time, us"
+    assert axis.get_ylabel() == "largest speed error\nwhile starting, r/min"
+
+
+def test_the_figure_of_a_run_is_its_arrays(kept: Kept) -> None:
+    one, other = _wild(), run("load_step", "ickf", 2.0, 3.0)
+    run_figure([one, other], numbered=True)
+    speed, off, position, angle = kept.axes
+    assert [axis.get_title("left") for axis in kept.axes] == ["fig. 8", "fig. 9", "fig. 10", "fig. 11"]
+    labels = ["speed, r/min", "speed error, r/min", "position,\nrad electrical", "position error,\ndeg electrical"]
+    assert [axis.get_ylabel() for axis in kept.axes] == labels
+    np.testing.assert_allclose(curves(speed)["ckf, true"].y, 1000.0)
+    np.testing.assert_array_equal(curves(speed)["ckf, true"].x, one.t)
+    for axis, values in ((off, one.speed_error), (angle, one.angle_error)):
+        band = [line for line in axis.lines if len(line.get_xdata()) == 400]
+        np.testing.assert_array_equal(band[0].get_ydata(), values)
+        np.testing.assert_array_equal(band[1].get_ydata(), values)
+    drawn = curves(position)
+    late = one.t >= 0.3695
+    np.testing.assert_array_equal(drawn["ckf, estimate"].y, one.x[late, 3])
+    np.testing.assert_array_equal(drawn["ckf, estimate"].x, one.t[late])
+    true = [math.remainder(value, 2 * math.pi) for value in one.theta[late]]
+    np.testing.assert_allclose(drawn["true"].y, true, atol=1e-9)
+    run_figure([_wild("no_load")], numbered=True)
+    assert [axis.get_title("left") for axis in kept.axes] == ["fig. 4", "fig. 5", "fig. 6", "fig. 7"]
+    run_figure([one])
+    assert [axis.get_title("left") for axis in kept.axes] == [""] * 4
+
+
+def test_a_band_holds_its_extremes(kept: Kept) -> None:
+    values = np.zeros(4000)
+    values[1234], values[1235] = 5.0, -3.0
+    run_figure([replace(run(T=1e-4), x=run(T=1e-4, speed_error=values).x)])
+    low, high = (np.asarray(line.get_ydata()) for line in kept.axes[1].lines)
+    assert (low.min(), high.max()) == pytest.approx((-3.0, 5.0))
+    assert len(low) == 250
+    assert kept.axes[1].lines[0].get_xdata()[np.argmin(low)] == pytest.approx(0.1235, abs=2e-3)
+
+
+def test_facts_of_a_run() -> None:
+    facts = run_facts(_wild())
+    assert facts == {"filter": "ckf", "scenario": "load_step", "locked": True, **_wild().figures()}
+    assert run_facts(run(angle_error=90.0))["locked"] is False
+
+
+def test_conditions_that_the_page_names() -> None:
+    assert (HARD.inverter, HARD.dead_time, HARD.bits, HARD.delay) == ("pwm", 2e-6, 12, 1)
+    assert (Conditions().noise, Conditions().seed) == (0.05, 1)
+    with pytest.raises(UserError, match="no filter"):
+        simulate("paper_spmsm", kinds=["ckf", "abc"])
+    assert KINDS == ("ckf", "ickf", "ekf", "ukf")
+
+
+def test_changed_changes_one_key() -> None:
+    from model.drives.load import load_drive
+
+    drive = load_drive("paper_spmsm")
+    other = changed(drive, model={"sample_time": 1e-4}, filter={"kinds": ["ekf"]})
+    assert (other.model.sample_time, other.filter.kinds) == (1e-4, ["ekf"])
+    assert other.model.discretization == drive.model.discretization
+    assert drive.model.sample_time == 2e-5
+
+
+# --- the commands simulate, compare, generate
+
+
+@pytest.mark.parametrize("bad", [None, 0, 1, 3])
+def test_simulate_ends_with_1_if_one_run_lost_lock(
+    bad: int | None, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
+) -> None:
+    made: list[Run] = []
+
+    def played(drive: str, scenario: str, kinds: Any, *rest: Any) -> list[Run]:
+        found = [run(scenario, kind, angle_error=90.0 if len(made) + k == bad else 1.0) for k, kind in enumerate(kinds)]
+        made.extend(found)
+        return found
+
+    monkeypatch.setattr(runtime.drive.simulate, "simulate", played)
+    code, said = command("simulate", "paper_spmsm", "--json", "s.json", "--out", "o")
+    facts = json.loads(Path("s.json").read_text())
+    assert code == (bad is not None), said
+    assert said.count("LOST LOCK") == (bad is not None)
+    assert [entry["locked"] for entry in facts["runs"]] == [k != bad for k in range(4)]
+    order = [(entry["scenario"], entry["filter"]) for entry in facts["runs"]]
+    assert order == [(s, k) for s in ("no_load", "load_step") for k in ("ckf", "ickf")]
+    assert "start, ICKF" in said, "the paper's drive has the paper's claims"
+    assert sorted(path.name for path in Path("o").iterdir()) == sorted(
+        [*(f"{s}_{k}.npz" for s, k in order), "no_load.svg", "load_step.svg"]
+    )
+    with np.load("o/no_load_ckf.npz") as file:
+        np.testing.assert_allclose(file["omega"] * RPM, 1000.0)
+
+
+def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(runtime.drive.simulate, "simulate", lambda *rest: asked.append(rest) or [run()])
+    monkeypatch.setattr(runtime.drive.simulate, "sample_time_sweep", lambda *rest, **keys: POINTS)
+    arguments = "--scenario load_step --filters ekf --inverter pwm --dead-time 1e-6 --delay 1 --noise 0.2 --bits 10"
+    arguments += " --offset 0.3 --sensored --theta 0.5 --seed 9 --controller numpy --sweep --json s.json"
+    code, said = command("simulate", "ipmsm", *arguments.split())
+    assert code == 0, said
+    ((drive, scenario, kinds, setting, controller, _),) = asked
+    assert (drive, scenario, list(kinds), controller) == ("ipmsm", "load_step", ["ekf"], "numpy")
+    assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, theta=0.5, seed=9)
+    sweep = json.loads(Path("s.json").read_text())["sweep"]
+    assert [(p["sample_time"], p["discretization"], p["locked"]) for p in sweep] == [
+        (p.sample_time, p.discretization, p.locked) for p in POINTS
+    ]
+    assert "loses lock" in said
+    assert "start, ICKF" not in said
+
+
+@pytest.mark.parametrize("bad", [None, (0, 0), (1, 1)])
+def test_compare_ends_with_1_if_one_lost_lock(bad: Any, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    count = iter(range(9))
+
+    def played(label: str, folder: Any, progress: Any) -> tuple[Run, ...]:
+        k = next(count)
+        return tuple(run("load_step", "ckf", angle_error=90.0 if (k, j) == bad else 1.0) for j in range(2))
+
+    monkeypatch.setattr(runtime.compare.subject, "_runs", played)
+    code, said = command("compare", "paper_spmsm", "spmsm_load_torque", "--json", "c.json")
+    assert code == (bad is not None), said
+    assert said.count("LOST") == (bad is not None)
+    facts = json.loads(Path("c.json").read_text())["accuracy"]
+    found = [[entry["locked"] for entry in facts[name]] for name in ("paper_spmsm", "spmsm_load_torque")]
+    assert found == [[(k, j) != bad for j in range(2)] for k in range(2)]
+
+
+def test_generate_check_ends_with_1_on_any_difference(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One stale folder of two; a file too many, too few, or with another text; and nothing is written."""
+    files = {"a.c": "one\n", "manifest.json": "{}\n"}
+    names = ["paper_spmsm", "ipmsm"]
+    generate = runtime.folders.generate
+    monkeypatch.setattr(generate, "_generate_all", lambda *rest: [InMemory(name, dict(files)) for name in names])
+    arguments = ["generate", *names, "--out", "g"]
+    assert command(*arguments, "--check")[0] == 1
+    assert not Path("g").exists()
+    code, said = command(*arguments)
+    assert (code, said.count("new")) == (0, 2), said
+    code, said = command(*arguments, "--check")
+    assert (code, said.count("unchanged"), "stale" in said) == (0, 2, False), said
+    path = Path("g/ipmsm/a.c")
+    for change in (lambda: path.write_text("two\n"), path.unlink):
+        change()
+        code, said = command(*arguments, "--check")
+        assert (code, said.count("stale"), said.count("unchanged")) == (1, 1, 1), said
+        assert "a.c" in said
+    assert not path.exists()
+
+
+# --- the recorded-data side
+
+
+def test_errors_of_an_estimate_sample_by_sample() -> None:
+    t = 1e-3 * np.arange(400)
+    x = np.zeros((400, 5))
+    x[:, 4] = 1.5
+    x[50, 2], x[300, 2], x[399, 2] = 2.0, -7.0, 1.0
+    x[10, 3], x[399, 3] = -2.0, 0.25
+    truth = {"omega": np.zeros(400), "theta": np.zeros(400), "load_torque": np.where(t >= 0.2, 5.0, 0.0)}
+    found = errors(t, x, ("i_alpha", "i_beta", "omega", "theta", "load_torque"), truth)
+    assert found is not None
+    late = 51  # rows of the last 50 ms, both ends included
+    assert found.load_step_at == pytest.approx(0.2)
+    assert (found.speed_start, found.speed_load_step) == pytest.approx((2 * RPM, 7 * RPM))
+    assert found.speed_steady_rms == pytest.approx(RPM / math.sqrt(late))
+    assert (found.position_max, found.position_end) == pytest.approx((math.degrees(2), math.degrees(0.25)))
+    assert found.position_steady_rms == pytest.approx(math.degrees(0.25) / math.sqrt(late))
+    assert (found.load_torque_steady_rms, found.load_torque_end) == pytest.approx((3.5, -3.5))
+    assert not found.lost
+    flat = errors(t, x, ("i_alpha", "i_beta", "omega", "theta", "load_torque"), {"omega": truth["omega"]})
+    assert flat is not None
+    assert (flat.speed_start, flat.speed_load_step, flat.load_step_at) == (pytest.approx(7 * RPM), None, None)
+    short = errors(t[:40], x[:40], ("i_alpha", "i_beta", "omega", "theta"), {"theta": np.full(40, 0.3)})
+    assert short is not None
+    assert short.position_steady_rms == pytest.approx(math.degrees(0.3))
+    assert errors(t[:1], x[:1], (), {"theta": np.zeros(1)}) is not None
+
+
+@pytest.mark.parametrize(("degrees", "lost"), [(29.9, False), (30.1, True), (-31.0, True), (float("nan"), True)])
+def test_a_lost_rotor_is_told(degrees: float, lost: bool) -> None:
+    t = 1e-3 * np.arange(400)
+    x = np.zeros((400, 4))
+    x[:, 3] = math.radians(degrees)
+    found = errors(t, x, (), {"theta": np.zeros(400)})
+    assert found is not None
+    assert found.lost is lost
+    assert (found.to_json()["position_end"] is None) is math.isnan(degrees)
+    assert found.to_json()["speed_start"] is None
+
+
+def test_a_load_step_is_dated_and_noise_is_none() -> None:
+    t = 1e-3 * np.arange(400)
+    noise = 0.3 * np.random.default_rng(1).normal(size=400)
+    assert find_load_step(t, np.where(t >= 0.25, 5.0, 1.0)) == 250
+    assert find_load_step(t, np.where(t >= 0.25, 1.0, 5.0)) == 250
+    assert find_load_step(t, 5.0 + noise) is None
+    assert find_load_step(t, np.full(400, 2.0)) is None
+    assert find_load_step(t, np.full(400, np.nan)) is None
+    spike = np.where(np.arange(400) == 100, 5.0, 0.0)
+    assert find_load_step(t, spike) is None, "it does not settle on another level"
+    half = np.where(t >= 0.3, 4.0, np.where(t >= 0.1, 1.0, 0.0))
+    assert find_load_step(t, half) == 300, "the first level is left by half of the range"
+
+
+def test_the_clock_of_a_recording() -> None:
+    where, T = Path("d"), 1e-3
+    even = T * np.arange(100)
+    assert check_clock(even, T, where, "d").notes == []
+    assert not check_clock(even, T, where, "d").gaps
+    for scale in (1.0099, 0.9901):
+        (note,) = check_clock(scale * even, T, where, "d").notes
+        assert f"{1000 * scale:.6g} us, the drive's 1000 us" in note
+    for scale in (1.0101, 0.9899):
+        with pytest.raises(UserError, match="is sampled every"):
+            check_clock(scale * even, T, where, "d")
+    lost = np.delete(even, [40, 41, 70])
+    clock = check_clock(lost, T, where, "d")
+    assert clock.gaps
+    assert list(np.flatnonzero(np.diff(clock.steps) > 1)) == [39, 67]
+    assert (clock.steps[40], clock.steps[-1]) == (42, 99)
+    assert clock.notes == [
+        "2 gaps, 3 samples missing, the first after t = 0.039 s: bridged by prediction, the last voltage held"
+    ]
+    late = even.copy()
+    late[50] += 0.0004
+    (note,) = check_clock(late, T, where, "d").notes
+    assert note.startswith("t jitters by 400 us at most")
+    assert f"{math.sqrt(2 * 400**2 / 99):.3g} us rms" in note
+    late[50] = even[50] + 0.00004
+    assert check_clock(late, T, where, "d").notes == []
+    for k, bad in ((7, np.nan), (7, even[6]), (7, even[5])):
+        wrong = even.copy()
+        wrong[k] = bad
+        with pytest.raises(UserError, match=r"row [78]"):
+            check_clock(wrong, T, where, "d")
+    with pytest.raises(UserError, match="more is missing than recorded"):
+        check_clock(np.r_[0, T, 2 * T, 30 * T, 31 * T, 32 * T], T, where, "d")
+    assert list(check_clock(np.zeros(1), T, where, "d").steps) == [0]

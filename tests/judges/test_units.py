@@ -1,0 +1,145 @@
+"""Conversions, each against its definition written out here."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.drive.scenario import Scenario
+from runtime.recorded.data import FRAMES, read_recorded
+from runtime.recorded.units import RPM, SI, UNITS, find_unit
+from runtime.system.errors import UserError
+
+#: Spelling -> quantity, and one of it in SI, by the definitions of the SI and of the turn.
+TOLD = {
+    "s": ("time", 1.0),
+    "sec": ("time", 1.0),
+    "second": ("time", 1.0),
+    "seconds": ("time", 1.0),
+    "ms": ("time", 0.001),
+    "us": ("time", 0.000001),
+    "µs": ("time", 0.000001),
+    "μs": ("time", 0.000001),
+    "ns": ("time", 0.000000001),
+    "V": ("voltage", 1.0),
+    "volt": ("voltage", 1.0),
+    "volts": ("voltage", 1.0),
+    "mV": ("voltage", 0.001),
+    "kV": ("voltage", 1000.0),
+    "A": ("current", 1.0),
+    "amp": ("current", 1.0),
+    "amps": ("current", 1.0),
+    "ampere": ("current", 1.0),
+    "mA": ("current", 0.001),
+    "kA": ("current", 1000.0),
+    "rad": ("angle", 1.0),
+    "deg": ("angle", 2 * math.pi / 360),
+    "°": ("angle", 2 * math.pi / 360),
+    "rad/s": ("speed", 1.0),
+    "deg/s": ("speed", 2 * math.pi / 360),
+    "r/min": ("speed", 2 * math.pi / 60),
+    "rpm": ("speed", 2 * math.pi / 60),
+    "RPM": ("speed", 2 * math.pi / 60),
+    "1/min": ("speed", 2 * math.pi / 60),
+    "min-1": ("speed", 2 * math.pi / 60),
+    "Nm": ("torque", 1.0),
+    "N m": ("torque", 1.0),
+    "N*m": ("torque", 1.0),
+    "N·m": ("torque", 1.0),
+    " N.m ": ("torque", 1.0),
+    "mNm": ("torque", 0.001),
+}
+
+
+@pytest.mark.parametrize("text", TOLD)
+def test_a_unit_is_what_it_is(text: str) -> None:
+    unit = find_unit(text)
+    assert unit is not None
+    quantity, factor = TOLD[text]
+    assert unit.quantity == quantity
+    assert unit.factor == pytest.approx(factor, rel=1e-15)
+
+
+def test_no_unit_is_left_out_and_no_other_is_known() -> None:
+    assert set(UNITS) <= set(TOLD)
+    for text in ("", "furlong", "kHz", "mrad", "Hz", "M", "Ms", "x"):
+        assert find_unit(text) is None, text
+    assert SI == {"time": "s", "voltage": "V", "current": "A", "angle": "rad", "speed": "rad/s", "torque": "N m"}
+    for quantity, name in SI.items():
+        unit = find_unit(name)
+        assert unit is not None
+        assert (unit.quantity, unit.factor) == (quantity, 1.0)
+
+
+def test_a_thousand_turns_a_minute() -> None:
+    assert pytest.approx(1000 / 60 * 2 * math.pi) == 1000 / RPM
+
+
+COLUMNS = {
+    "t": ("ms", 1e-3),
+    "u_alpha": ("mV", 1e-3),
+    "u_beta": ("kV", 1e3),
+    "i_alpha": ("mA", 1e-3),
+    "i_beta": ("kA", 1e3),
+}
+COLUMNS |= {"omega": ("deg/s", math.pi / 180), "theta": ("deg", math.pi / 180), "load_torque": ("mNm", 1e-3)}
+
+
+@pytest.mark.parametrize("by", ["header", "scale", "number"])
+def test_columns_arrive_in_si(by: str, tmp_path: Path) -> None:
+    """The unit beside a name, --scale with a unit, or with a number."""
+    path, rows = tmp_path / "d.csv", np.arange(1.0, 25.0).reshape(3, 8)
+    names = [f"{name} [{unit}]" if by == "header" else name for name, (unit, _) in COLUMNS.items()]
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+    scales = [f"{name}={unit if by == 'scale' else factor}" for name, (unit, factor) in COLUMNS.items()]
+    found = read_recorded(path, [], [] if by == "header" else scales)
+    arrays = [found.t, *found.u.T, *found.y.T, *(found.truth[name] for name in ("omega", "theta", "load_torque"))]
+    for column, array, (name, (_, factor)) in zip(rows.T, arrays, COLUMNS.items(), strict=True):
+        np.testing.assert_allclose(array, column * factor, rtol=1e-12, err_msg=name)
+    assert len(found.notes) == 8
+    assert any(note.startswith("omega: ") and note.endswith("times 0.0174533") for note in found.notes)
+
+
+def test_a_unit_of_something_else_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "d.npz"
+    np.savez(path, **{name: np.ones(3) for name in COLUMNS})
+    for scale in (
+        "omega=deg",
+        "theta=rad/s",
+        "i_alpha=V",
+        "t=Nm",
+        "u_alpha=furlong",
+        "i_beta=0",
+        "i_beta=nan",
+        "i_beta=inf",
+    ):
+        with pytest.raises(UserError):
+            read_recorded(path, [], [scale])
+
+
+def test_frames_against_phasors() -> None:
+    """A balanced system of amplitude 3 at any angle is the pair of its phasor, whatever common part voltages have."""
+    angle = np.linspace(-3.0, 3.0, 13)
+    a, b, c = (3 * np.cos(angle - k * 2 * np.pi / 3) for k in range(3))
+    common = np.linspace(-5, 5, 13)
+    made = {
+        ("i", ("i_a", "i_b", "i_c")): (a, b, c),
+        ("i", ("i_a", "i_b")): (a, b),
+        ("u", ("u_a", "u_b", "u_c")): (a + common, b + common, c + common),
+        ("u", ("u_ab", "u_bc")): (a - b, b - c),
+    }
+    assert {(kind, names) for kind, frames in FRAMES.items() for names in frames} == set(made)
+    for (kind, names), values in made.items():
+        alpha, beta = FRAMES[kind][names](*values)
+        np.testing.assert_allclose(alpha, 3 * np.cos(angle), atol=1e-12, err_msg=str(names))
+        np.testing.assert_allclose(beta, 3 * np.sin(angle), atol=1e-12, err_msg=str(names))
+
+
+def test_a_scenarios_reference_and_load() -> None:
+    task = Scenario("x", speed=600.0, ramp=0.1, load=3.0, load_at=0.2)
+    t = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
+    np.testing.assert_allclose(task.speed_reference(t), 600 * 2 * np.pi / 60 * np.array([0, 0.5, 1, 1, 1, 1]))
+    assert list(task.load_torque(t)) == [0, 0, 0, 0, 3, 3]
