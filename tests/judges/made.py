@@ -28,6 +28,7 @@ from runtime.recorded.data import Recorded
 from runtime.replay.innovations import Innovations
 from runtime.replay.replay import Replay
 from runtime.study.run import Group
+from runtime.style.figures import pyplot
 
 #: r/min in a rad/s, said once more.
 RPM = 60.0 / (2.0 * np.pi)
@@ -215,6 +216,7 @@ class Kept:
 
     def __call__(self, figure: Any) -> str:
         self.figures.append(figure)
+        pyplot().close(figure)
         return "<svg/>"
 
     @property
