@@ -27,7 +27,7 @@ PROCESSOR, PATIENCE = 200, 1800.0
 #: What the project stands on, imported once for all source mutants; of the project itself nothing may be.
 LIBRARIES = (
     "casadi", "sympy", "numpy", "pydantic", "jinja2", "cffi", "pycparser", "pytest", "hypothesis", "scipy.integrate",
-    "scipy.optimize", "mpmath",
+    "scipy.optimize", "scipy.stats", "mpmath", "matplotlib.pyplot", "rich.console", "rich.progress", "typer",
 )  # fmt: skip
 
 Verdict = tuple[str, str] | None

@@ -1,4 +1,5 @@
-"""The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller, errors around them."""
+"""The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller, errors around them,
+wrong judges."""
 
 from __future__ import annotations
 
@@ -6,11 +7,12 @@ from tests.mutants.catalogue.control import CONTROL
 from tests.mutants.catalogue.data import data_mutants
 from tests.mutants.catalogue.fast import FORM
 from tests.mutants.catalogue.filters import FILTERS
+from tests.mutants.catalogue.judges import JUDGES
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.mutant import Mutant
 
-SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS)
+SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS, *JUDGES)
 
 __all__ = ["SOURCES", "data_mutants"]

@@ -1,0 +1,264 @@
+"""Wrong verdicts, exit codes, tables, figures and conversions: what tells people whether to turn on an inverter."""
+
+from __future__ import annotations
+
+from tests.mutants.mutant import Mutant
+
+#: File -> the tests that must notice, and rows: what is wrong, what stands there, what would stand there, which test.
+_ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
+    "runtime/proof/result.py": ("proof_verdicts", (
+        ("one good row is enough", "self.compared > 0 and all(", "self.compared > 0 and any(", "test_a_row_passes_up_to_what_is_allowed"),
+        ("nothing compared is a pass", "self.compared > 0 and all(", "all(", "test_a_link_without_a_comparison_is_not_passed"),
+        ("a divergence is forgiven", "self.divergence is None and self.compared", "self.compared", "test_a_first_divergence_is_no_pass_whatever_the_rows_say"),
+        ("NaN stays NaN", 'object.__setattr__(self, "worst", math.inf)', "pass", "test_figures_of_a_link"),
+        ("double of what is allowed", "return self.worst <= self.allowed", "return self.worst <= 2 * self.allowed", "test_a_row_passes_up_to_what_is_allowed"),
+        ("one proved link is enough", "and all(link.passed for link in self.links)", "and any(link.passed for link in self.links)", "test_a_proof_needs_every_link_and_every_effect"),
+        ("no link is a proof", "bool(self.links)", "True", "test_a_proof_needs_every_link_and_every_effect"),
+        ("an unexplained effect passes", 'e.verdict != "unexplained"', 'e.verdict != "unknown"', "test_a_proof_needs_every_link_and_every_effect"),
+        ("proved said of what failed", 'return "NOT proved"', 'return "proved"', "test_words_of_a_proof"),
+        ("JSON passes always", '"passed": self.passed,\n            "links"', '"passed": True,\n            "links"', "test_json_of_a_proof"),
+        ("JSON links pass always", '"passed": link.passed, "worst"', '"passed": True, "worst"', "test_json_of_a_proof"),
+        ("smallest deviation of a link", "return max((row.worst for", "return min((row.worst for", "test_figures_of_a_link"),
+        ("share of the smallest", "return max(shares, default=0.0)", "return min(shares, default=0.0)", "test_figures_of_a_link"),
+        ("failures of what passed", "if not link.passed:", "if link.passed:", "test_every_broken_link_is_a_line_and_no_other"),
+        ("the first row is told, broken or not", "(row for row in link.rows if not row.passed)", "(row for row in link.rows)", "test_every_broken_link_is_a_line_and_no_other"),
+    )),
+    "runtime/proof/drives.py": ("proof_verdicts", (
+        ("JSON: one proved drive is enough", 'all(p["passed"]', 'any(p["passed"]', "test_one_drive_of_three_that_fails_fails_all"),
+    )),
+    "runtime/commands/verify.py": ("proof_verdicts", (
+        ("one proved drive is enough", "if not all(", "if not any(", "test_one_drive_of_three_that_fails_fails_all"),
+        ("verify ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_verify_ends_with_1_if_one_link_fails"),
+        ("the JSON is not written", "verify_drives(drives or [], json, ", "verify_drives(drives or [], None, ", "test_verify_ends_with_1_if_one_link_fails"),
+    )),
+    "runtime/commands/words.py": ("proof_verdicts", (
+        ("failures are not shown", "for line in proof.failures():", "for line in ():", "test_verify_ends_with_1_if_one_link_fails"),
+    )),
+    "runtime/proof/verify.py": ("proof_verdicts", (
+        ("effects: real and unexplained alike", '(False, False): "real"', '(True, False): "real"', "test_effect_of_iterating"),
+        ("effects in variances", "difference / np.sqrt(np.einsum", "difference / (np.einsum", "test_effect_of_iterating"),
+        ("effects' median", "worst = float(in_sigma.max())", "worst = float(np.median(in_sigma))", "test_effect_of_iterating"),
+        ("rounding explains a thousandth", "ROUNDING = 1e-9", "ROUNDING = 1e-2", "test_effect_of_iterating"),
+    )),
+    "runtime/proof/compare.py": ("proof_verdicts", (
+        ("a missing number is no error", "error[np.isnan(error)] = np.inf", "error[np.isnan(error)] = 0.0", "test_a_deviation_is_relative_turns_with_the_circle_and_is_never_no_number"),
+        ("scales add", "np.maximum(full, natural)", "(full + natural)", "test_scales_are_the_rows_largest_or_its_natural_size"),
+        ("gain by the smaller sigma", "sigmas.state / high", "sigmas.state / low", "test_scales_are_the_rows_largest_or_its_natural_size"),
+        ("scale of a variance is a sigma", "* sigmas.state**2", "* sigmas.state", "test_scales_are_the_rows_largest_or_its_natural_size"),
+    )),
+    "runtime/proof/link_cd.py": ("proof_verdicts", (
+        ("a hundred times what float32 may cost", "ALLOWED = 1e-2", "ALLOWED = 1.0", "test_drift_is_the_difference_and_its_allowance_a_share_of_that_steps_sigma"),
+        ("allowance in variances", "sigma = np.sqrt(np.einsum(\"kii->ki\", result.exact.P[tail]))", "sigma = np.einsum(\"kii->ki\", result.exact.P[tail])", "test_drift_is_the_difference_and_its_allowance_a_share_of_that_steps_sigma"),
+        ("largest deviation, not largest share", "np.argmax(deviation / sigma[:, k])", "np.argmax(deviation)", "test_drift_is_the_difference_and_its_allowance_a_share_of_that_steps_sigma"),
+        ("best entry of P", "dP.max(axis=(1, 2))", "dP.min(axis=(1, 2))", "test_drift_is_the_difference_and_its_allowance_a_share_of_that_steps_sigma"),
+    )),
+    "runtime/proof/tables.py": ("proof_verdicts", (
+        ("a table of the best", "max(cell.get(link.variant, 0.0), row.worst)", "row.worst", "test_stages_by_equation_shows_the_worst_of_all"),
+        ("every link is ok", "if passed else Text(\"FAILED\"", "if True else Text(\"FAILED\"", "test_the_proofs_tables_say_what_the_rows_say"),
+        ("a share, not per cent", "{100 * link.used:.2g} % of allowed", "{link.used:.2g} % of allowed", "test_shares_of_what_is_allowed"),
+        ("counts are measured", 'f"no: {worst:g}"', '"yes"', "test_the_proofs_tables_say_what_the_rows_say"),
+    )),
+    "runtime/proof/figures.py": ("proof_verdicts", (
+        ("speed in rad/s under r/min", "data.omega * 30 / np.pi", "data.omega", "test_figures_of_drift_effect_and_trajectory"),
+        ("envelope of the least", "reshape(count, width).max(axis=1)", "reshape(count, width).min(axis=1)", "test_figures_of_drift_effect_and_trajectory"),
+        ("currents and voltages exchanged", '(axes[1], data.y, "i, A")', '(axes[1], data.u, "i, A")', "test_figures_of_drift_effect_and_trajectory"),
+    )),
+    "runtime/firmware/gates.py": ("firmware_verdicts", (
+        ("firmware never fails", "return bool(self.checks) and not self.failed and", "return True or", "test_what_is_good"),
+        ("not run is a pass", "(allow_missing or not self.missing)", "True", "test_what_is_good"),
+        ("nothing checked is good", "return bool(self.checks) and not", "return not", "test_what_is_good"),
+        ("JSON forgives what is missing", "all(r.good(allow_missing=False)", "all(r.good(allow_missing=True)", "tests/target/test_link_ef.py::test_json"),
+        ("one gate is left out", "for gate in GATES for check", "for gate in GATES[:1] for check", "test_checks_of_all_gates_are_kept"),
+    )),
+    "runtime/commands/firmware.py": ("firmware_verdicts", (
+        ("one good drive is enough", "if not all(", "if not any(", "test_one_drive_of_three_fails_all"),
+        ("missing is always allowed", "result.good(allow_missing)", "result.good(True)", "test_what_is_good"),
+    )),
+    "runtime/firmware/link_ef.py": ("firmware_verdicts", (
+        ("worst is the median", "np.max(self.outcome.cost)", "np.median(self.outcome.cost)", "test_a_comparison_says_bits_median_and_worst"),
+        ("median is the mean", "np.median(self.outcome.cost), np", "np.mean(self.outcome.cost), np", "test_a_comparison_says_bits_median_and_worst"),
+        ("any count of the known loop", "<= self.processor.resolution", ">= 0", "test_a_counter_is_believed_where_it_counts_a_known_loop"),
+        ("what does not end passes", 'subject.name, "failed", "did not run', 'subject.name, "passed", "did not run', "test_every_subject_on_every_processor_and_one_that_does_not_end"),
+        ("a divergence passes", 'self.subject.name, "failed", f"differs', 'self.subject.name, "passed", f"differs', "test_a_comparison_says_bits_median_and_worst"),
+        ("the last step that differs", "int(different[0])", "int(different[-1])", "test_the_first_word_that_differs_is_told"),
+    )),
+    "runtime/firmware/emulator.py": ("firmware_verdicts", (
+        ("cost with the empty function", "(rows[:, 1] - calibration[\"E\"]) * unit", "rows[:, 1] * unit", "test_lines_of_a_run"),
+    )),
+    "runtime/firmware/cortex_m4.py": ("firmware_verdicts", (
+        ("ticks for instructions", "INSTRUCTIONS_PER_TICK = 40 / 1024", "INSTRUCTIONS_PER_TICK = 1024 / 40", "test_units_of_the_stand_ins"),
+    )),
+    "runtime/firmware/static/compilers.py": ("firmware_verdicts", (
+        ("warnings are no failure", '"failed" if said or not sources', '"failed" if not sources', "test_compilers_verdict"),
+        ("a silent failure passes", "if code else [])", "if False else [])", "test_compilers_verdict"),
+    )),
+    "runtime/firmware/static/misra.py": ("firmware_verdicts", (
+        ("required rules are forgiven", "bad = [*broken, *required, *unexplained]", "bad = [*broken, *unexplained]", "test_misra_verdict"),
+        ("unexplained rules are forgiven", "bad = [*broken, *required, *unexplained]", "bad = [*broken, *required]", "test_misra_verdict"),
+    )),
+    "runtime/firmware/static/eva.py": ("firmware_verdicts", (
+        ("alarms are proofs", "return not self.alarms and not self.failure", "return not self.failure", "test_evas_verdict"),
+        ("a failed analysis is not proved, no more", 'if verdict.failure:\n        return "failed"', 'if verdict.failure:\n        return "not proved"', "test_evas_verdict"),
+        ("no end is no failure", 'elif "NON TERMINATING FUNCTION" in said:', 'elif "NO SUCH WORDS" in said:', "test_evas_verdict"),
+    )),
+    "runtime/commands/run.py": ("pages", (
+        ("run passes with one good chapter", "if not all(", "if not any(", "test_run_ends_with_1_whatever_failed"),
+    )),
+    "runtime/report/page.py": ("pages", (
+        ("one good chapter, and all links hold", "passed=all(", "passed=any(", "test_one_chapter_of_two_decides_what_the_page_begins_with"),
+    )),
+    "runtime/drive/simulation.py": ("drive_figures", (
+        ("60 degrees are locked", "<= 30.0)", "<= 60.0)", "test_lock"),
+        ("lock without speed", "return finite and bool(near and", "return finite and bool(", "test_lock"),
+        ("mean error of the start", '"start": float(np.max(np.abs(', '"start": float(np.mean(np.abs(', "test_figures_against_a_loop_over_samples"),
+        ("mean square for rms", "float(np.sqrt(np.mean(error[late] ** 2)))", "float(np.mean(error[late] ** 2))", "test_figures_against_a_loop_over_samples"),
+        ("steady over half a second", "late = self.t >= self.t[-1] - 0.05\n        moving", "late = self.t >= self.t[-1] - 0.5\n        moving", "test_figures_against_a_loop_over_samples"),
+        ("after the load step, before it", "after = ~start if", "after = start if", "test_figures_against_a_loop_over_samples"),
+        ("u for i in a recording", '"i_alpha": self.i[:, 0]', '"i_alpha": self.u[:, 0]', "test_a_saved_run_gives_the_same_figures"),
+    )),
+    "runtime/drive/experiment.py": ("drive_figures", (
+        ("JSON says locked always", '"locked": run.locked', '"locked": True', "test_facts_of_a_run"),
+    )),
+    "runtime/drive/tables.py": ("drive_figures", (
+        ("start and steady exchanged", "cells = (f\"{f['start']:.2f}\"", "cells = (f\"{f['steady_rms']:.2f}\"", "test_the_table_of_runs_is_the_figures"),
+        ("locked always", "if run.locked else Text(", "if True else Text(", "test_the_table_of_runs_is_the_figures"),
+        ("the claim is reached at 200 r/min", 'start["ickf"] <= 20.0', 'start["ickf"] <= 200.0', "test_the_papers_claims_are_told_by_the_numbers"),
+        ("T in ms called us", 'f"{T * 1e6:g} us"', 'f"{T * 1e3:g} us"', "test_the_sweeps_table_and_figure"),
+    )),
+    "runtime/commands/simulate.py": ("drive_figures", (
+        ("one locked run is enough", "if not all(", "if not any(", "test_simulate_ends_with_1_if_one_run_lost_lock"),
+        ("inverter's conditions are dropped", '"dead_time": dead_time', '"dead_time": 0.0', "test_simulate_hands_its_options_on"),
+    )),
+    "runtime/commands/compare.py": ("drive_figures", (
+        ("compare ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_compare_ends_with_1_if_one_lost_lock"),
+    )),
+    "runtime/commands/generate.py": ("drive_figures", (
+        ("stale is not told", 'any(item.state == "stale"', 'all(item.state == "stale"', "test_generate_check_ends_with_1_on_any_difference"),
+    )),
+    "runtime/folders/generate.py": ("drive_figures", (
+        ("stale is unchanged", '"stale" if check else', '"unchanged" if check else', "test_generate_check_ends_with_1_on_any_difference"),
+        ("--check writes", "if diff and not check:", "if diff:", "test_generate_check_ends_with_1_on_any_difference"),
+    )),
+    "runtime/recorded/units.py": ("units", (
+        ("degrees a second are radians", '"deg/s": _TURN', '"deg/s": 1.0', "test_a_unit_is_what_it_is"),
+        ("mNm are Nm", '"mNm": 1e-3', '"mNm": 1.0', "test_a_unit_is_what_it_is"),
+        ("kA are mA", '"kA": 1e3', '"kA": 1e-3', "test_a_unit_is_what_it_is"),
+        ("ns are us", '"ns": 1e-9', '"ns": 1e-6', "test_a_unit_is_what_it_is"),
+        ("kV are V", '"kV": 1e3', '"kV": 1.0', "test_a_unit_is_what_it_is"),
+        ("r/min of radians", '"r/min": math.pi / 30', '"r/min": math.pi / 60', "test_a_unit_is_what_it_is"),
+        ("degrees of half a turn", "_TURN = math.pi / 180", "_TURN = math.pi / 360", "test_a_unit_is_what_it_is"),
+        ("rad/s in r/min", "RPM = 30 / math.pi", "RPM = 60 / math.pi", "test_a_thousand_turns_a_minute"),
+    )),
+    "runtime/recorded/data.py": ("units", (
+        ("line voltages by phase", "((2 * ab + bc) / 3, bc / _SQRT3)", "(ab, bc / _SQRT3)", "test_frames_against_phasors"),
+        ("two phases as three", "(a, (a + 2 * b) / _SQRT3)", "(a, (a + b) / _SQRT3)", "test_frames_against_phasors"),
+        ("a factor is not applied", "values[name] = values[name] * factors[name]", "pass", "test_columns_arrive_in_si"),
+    )),
+    "runtime/recorded/truth.py": ("drive_figures", (
+        ("rms without the root", "return float(np.sqrt(np.mean(e**2)))", "return float(np.mean(e**2))", "test_errors_of_an_estimate_sample_by_sample"),
+        ("an angle in radians", "np.degrees(np.remainder(x[:, 3].astype(float) - theta + np.pi, 2 * np.pi) - np.pi)", "(np.remainder(x[:, 3].astype(float) - theta + np.pi, 2 * np.pi) - np.pi)", "test_errors_have_a_sign_and_a_unit"),
+        ("a lost rotor that is no number", "not self.position_steady_rms <= LOST", "self.position_steady_rms > LOST", "test_a_lost_rotor_is_told"),
+    )),
+    "runtime/replay/statistics.py": ("replay_figures", (
+        ("99 % that is 90 %", "Z_95 = 1.959963984540054", "Z_95 = 1.6448536269514722", "test_consistency_step_by_step"),
+        ("size is never too large", "if self.nis_mean > high:", "if self.nis_mean > 1e9:", "test_words_of_consistency"),
+        ("one white axis is enough", "min(self.ljung_box)", "max(self.ljung_box)", "test_words_of_consistency"),
+    )),
+    "runtime/replay/replay.py": ("replay_figures", (
+        ("one number is finite", "bool(np.all(np.isfinite(self.x)))", "bool(np.any(np.isfinite(self.x)))", "test_json_of_a_replay"),
+        ("rejected counts the other bit", "REJECTED, NOT_CONVERGED = 1, 2", "REJECTED, NOT_CONVERGED = 2, 1", "test_json_of_a_replay"),
+    )),
+    "runtime/commands/replay.py": ("replay_figures", (
+        ("replay ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_replay_ends_with_1_if_the_estimate_is_no_number"),
+    )),
+    "runtime/replay/tables.py": ("replay_figures", (
+        ("sigma that is the variance", "diagonal() ** 0.5", "diagonal()", "test_the_table_of_a_replay_has_sigmas_and_units"),
+        ("T in ms called us", "replay.sample_time * 1e6:g} us", "replay.sample_time * 1e3:g} us", "test_the_table_of_a_replay_has_sigmas_and_units"),
+        ("a share called per cent", "{100 * found.nis_inside:.1f} %", "{found.nis_inside:.1f} %", "test_the_table_of_a_replay_has_sigmas_and_units"),
+    )),
+    "runtime/replay/figures.py": ("replay_figures", (
+        ("one sigma called two", "2 * sigma(2) * RPM", "sigma(2) * RPM", "test_the_drawing_of_an_estimate"),
+        ("a sigma that is the variance", "np.asarray(np.sqrt(variances[:, state]))", "np.asarray(variances[:, state])", "test_the_drawing_of_an_estimate"),
+        ("an expectation of 1", "axes[2].axhline(2.0", "axes[2].axhline(1.0", "test_the_drawing_of_innovations"),
+    )),
+    "runtime/study/analysis.py": ("study_figures", (
+        ("intervals of 90 %", "Z_95 = 1.959963984540054", "Z_95 = 1.6448536269514722", "test_wilsons_interval_solves_its_equation"),
+        ("quantiles of 90 %", "(0.025, 0.975)", "(0.05, 0.95)", "test_a_resampled_interval_is_the_means_own"),
+        ("worst that is 99 %", "QUANTILES = (0.05, 0.5, 0.95, 1.0)", "QUANTILES = (0.05, 0.5, 0.95, 0.99)", "test_success_quickness_and_quantiles"),
+        ("of all runs, lost ones too", "getattr(group.outcomes, name)[locked]", "getattr(group.outcomes, name)[:]", "test_success_quickness_and_quantiles"),
+        ("first minus second", "getattr(second.outcomes, name)[b] - getattr(first.outcomes, name)[a]", "getattr(first.outcomes, name)[a] - getattr(second.outcomes, name)[b]", "test_pairs_are_second_minus_first_of_the_same_run"),
+    )),
+    "runtime/study/tables.py": ("study_figures", (
+        ("the worse is better", "better = (item.mean > 0) ==", "better = (item.mean > 0) !=", "test_words_of_a_difference"),
+        ("median called worst", "for q in (0.5, 0.95, 1.0)", "for q in (0.5, 0.95, 0.5)", "test_tables_of_a_study"),
+        ("low and high exchanged", "{100 * rate.rate:.1f} ({100 * rate.low:.1f} .. {100 * rate.high:.1f})\", style", "{100 * rate.rate:.1f} ({100 * rate.high:.1f} .. {100 * rate.low:.1f})\", style", "test_tables_of_a_study"),
+    )),
+    "runtime/faults/survey.py": ("fault_verdicts", (
+        ("one recovered run is enough", "return all(recovery.recovered", "return any(recovery.recovered", "test_figures_over_runs"),
+        ("ten times the band", "LEAST_REST = 20.0, 10.0, 0.05", "LEAST_REST = 200.0, 100.0, 0.05", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
+        ("recovered without torque", "(run.mode == RUNNING) & (np.abs(run.speed_error)", "(np.abs(run.speed_error)", "test_who_has_no_rest_or_no_torque_has_not_recovered"),
+        ("time from the fault's begin", "max(0, back - run.after) * T", "max(0, back - run.first) * T", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
+    )),
+    "runtime/faults/tables.py": ("fault_verdicts", (
+        ("worst that is the median", "worst = float(np.max(column(runs, name)))", "worst = float(np.median(column(runs, name)))", "test_figures_over_runs"),
+        ("seconds called ms", '"time") * 1e3', '"time")', "test_figures_over_runs"),
+    )),
+    "runtime/commands/faults.py": ("fault_verdicts", (
+        ("one recovered outcome is enough", "if not all(outcome.recovered", "if not any(outcome.recovered", "test_faults_ends_with_1_if_one_run_did_not_recover"),
+    )),
+    "runtime/endurance/soak.py": ("endurance_verdicts", (
+        ("lock at half a turn", "LOCKED = math.pi / 4", "LOCKED = math.pi", "test_what_fails_a_soak"),
+        ("growth is not told", "if not now <= GROWTH * then:", "if False:", "test_growth_and_the_truths_own_angle"),
+        ("status without a reason is fine", "if decade.unexpected:", "if decade.unexpected > 99:", "test_what_fails_a_soak"),
+    )),
+    "runtime/endurance/tables.py": ("endurance_verdicts", (
+        ("soak JSON passes always", "not any(result.failures() for result in soaks)", "not all(result.failures() for result in soaks)", "test_soak_ends_with_1_if_one_failed"),
+        ("fuzz JSON passes always", "not any(one.findings for one in campaigns)", "not all(one.findings for one in campaigns)", "test_fuzz_ends_with_1_if_anything_was_found"),
+        ("hours of seconds", "result.sample_time / 3600", "result.sample_time / 60", "test_the_table_and_figure_of_a_soak"),
+    )),
+    "runtime/commands/soak.py": ("endurance_verdicts", (
+        ("every soak must fail", "if any(result.failures()", "if all(result.failures()", "test_soak_ends_with_1_if_one_failed"),
+    )),
+    "runtime/commands/fuzz.py": ("endurance_verdicts", (
+        ("every campaign must find", "if any(campaign.findings", "if all(campaign.findings", "test_fuzz_ends_with_1_if_anything_was_found"),
+    )),
+    "runtime/board/pil.py": ("board_verdicts", (
+        ("lost steps are agreed steps", "self.compared == self.wanted > 0 and", "self.compared > 0 and", "test_pils_verdict"),
+        ("differing steps pass", "self.divergence is None and not self.different", "self.divergence is None", "test_pils_verdict"),
+        ("status is not compared", "answer.words.view(np.uint32), [answer.status, answer.iterations]", "answer.words.view(np.uint32), [status, answer.iterations]", "test_every_word_status_and_iteration_of_a_board_is_compared"),
+        ("worst ticks are the median", '"max": int(ticks.max())', '"max": int(np.median(ticks))', "test_ticks_by_hand"),
+        ("seconds from ticks, the other way", "value / ticks_hz for", "value * ticks_hz for", "test_ticks_by_hand"),
+        ("a missing number is within the certificate", "np.isnan(shares), np.inf, shares", "np.isnan(shares), 0.0, shares", "test_the_certificate_allows_what_it_says_and_no_more"),
+    )),
+    "runtime/commands/pil.py": ("board_verdicts", (
+        ("pil ends with 0", "is not None else f\"{len(result.lost)} steps were lost\"\n        console.print(f\"{name}: [bold red]NOT proved[/bold red], {reason}\", highlight=False)\n        raise typer.Exit(1)", "is not None else f\"{len(result.lost)} steps were lost\"\n        console.print(f\"{name}: [bold red]NOT proved[/bold red], {reason}\", highlight=False)\n        raise typer.Exit(0)", "test_pils_verdict"),
+        ("an interrupted run that differed is only interrupted", "typer.Exit(1 if result.divergence is not None else 130)", "typer.Exit(130)", "test_an_interrupted_board_that_differed_is_a_failure"),
+    )),
+    "runtime/board/tables.py": ("board_verdicts", (
+        ("ms called us", "{1e6 * value:.4g} us", "{1e3 * value:.4g} us", "test_the_tables_of_a_board"),
+        ("steps that differ called agreed", "{result.compared - result.different:,} of", "{result.different:,} of", "test_the_tables_of_a_board"),
+    )),
+    "runtime/compare/facts.py": ("pages", (
+        ("stack and code exchanged", 'stack=measured.get("stack_bytes")', 'stack=measured.get("text_bytes")', "test_costs_are_the_manifests"),
+        ("k = 5 with k = 4's cycles", 'PRICES = ("2.5", "5")', 'PRICES = ("2.5", "4")', "test_json_costs_by_name"),
+        ("99 % that is the worst", '"P, 99 %": c["P_99"]', '"P, 99 %": c["P"]', "test_json_costs_by_name"),
+    )),
+    "runtime/compare/tables.py": ("pages", (
+        ("locked always", '"locked" if run.locked else', '"locked" if True else', "test_accuracy_in_order_and_with_verdicts"),
+        ("ratio upside down", "cost.cycles['2.5'] / first.cycles['2.5']", "first.cycles['2.5'] / cost.cycles['2.5']", "test_costs_are_the_manifests"),
+    )),
+    "runtime/compare/figures.py": ("pages", (
+        ("the bound is the typical price", 'bound = [cost.cycles["5"]', 'bound = [cost.cycles["2.5"]', "test_drawings_of_a_comparison"),
+    )),
+}  # fmt: skip
+
+
+def _check(tests: str, node: str) -> str:
+    return f"pytest {node}" if "::" in node else f"pytest tests/judges/test_{tests}.py::{node}"
+
+
+JUDGES: tuple[Mutant, ...] = tuple(
+    Mutant("judges", f"{file.removeprefix('runtime/')}: {name}", (_check(tests, node),), file, old, new)
+    for file, (tests, rows) in _ROWS.items()
+    for name, old, new, node in rows
+)
