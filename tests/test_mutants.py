@@ -15,6 +15,7 @@ from tests.mutants.__main__ import SAMPLE, drawn
 from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
 from tests.mutants.emitted import C_OPERATORS, Code, emitted_mutants, next_float
+from tests.mutants.judged import JUDGES, SORTS, judged_mutants, places
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source
 from tests.mutants.table import KINDS, page, rows
 
@@ -45,7 +46,7 @@ def emitted() -> list[Mutant]:
 
 
 def test_no_two_are_the_same_and_every_kind_has_some(emitted: list[Mutant]) -> None:
-    assert {mutant.kind for mutant in (*SOURCES, *emitted)} | {"data"} == set(KINDS)
+    assert {mutant.kind for mutant in (*SOURCES, *emitted, *judged_mutants())} | {"data"} == set(KINDS)
     assert len({(m.file, m.old, m.new) for m in SOURCES}) == len(SOURCES)
     assert len({(m.file, m.text) for m in emitted}) == len(emitted)
 
@@ -57,6 +58,20 @@ def test_fewer_are_a_part_of_more_and_hold_every_sort(emitted: list[Mutant]) -> 
     assert len(few) == len(sorts)
     assert few < more
     assert drawn(made, None) == made
+
+
+def test_judges_are_turned_where_they_judge() -> None:
+    """What is drawn is another text of the same file that compiles; texts, looks and functions left alone are not."""
+    for mutant in judged_mutants():
+        compile(mutated_source(mutant), mutant.file, "exec")
+        assert mutated_source(mutant) != (ROOT / mutant.file).read_text(encoding="utf-8")
+    assert {mutant.file for mutant in judged_mutants()} == set(JUDGES)
+    assert {mutant.sort for mutant in judged_mutants()} == set(SORTS)
+    text = 'def a(x):\n    """1 < 2"""\n    plot(x <= 1.0, lw=2 * x)\n\ndef b(x):\n    return max(x)\n'
+    assert [new for _, _, new in places(text, "comparison turned")] == ["(x > 1.0)"]
+    assert places(text, "other arithmetic") == []
+    assert [new for _, _, new in places(text, "other aggregate")] == ["min"]
+    assert places(text, "other aggregate", alone=("b",)) == []
 
 
 def test_a_crash_is_no_kill() -> None:

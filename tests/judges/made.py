@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +46,12 @@ def command(*arguments: str) -> tuple[int, str]:
         except Exception as error:
             return -1, f"{said.getvalue()}{error!r}"
     return 0, said.getvalue()
+
+
+def read_json(path: str | Path) -> Any:
+    """What a command wrote."""
+    assert Path(path).is_file(), f"{path} was not written"
+    return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
 def text_of(renderable: Any, width: int = 240) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from runtime.board.tables import pil_tables, recording_table
 from tests.judges.made import (
     command,
     pil_result,
+    read_json,
     text_of,
 )
 
@@ -58,7 +58,7 @@ def test_pils_verdict(
     found, said = command("pil", "--port", "x", "--json", "g.json")
     assert (ended or [found])[0] == code, said
     assert words in said
-    facts = json.loads(Path("g.json").read_text())
+    facts = read_json("g.json")
     assert (facts["passed"], facts["link"], facts["compared"]) == (passed, "G", result.compared)
 
 
@@ -245,7 +245,7 @@ def test_a_board_with_one_wrong_constant_ends_with_1(bad: bool, here: Path, monk
     if bad:
         monkeypatch.setattr(simulated, "board_sources", spoilt)
     code, said = command("pil", "paper_spmsm", "--port", "simulated", "--steps", "30", "--json", "g.json")
-    facts = json.loads(Path("g.json").read_text())
+    facts = read_json("g.json")
     assert (code, facts["passed"]) == (int(bad), not bad), said
     if bad:
         assert (facts["divergence"]["step"], facts["divergence"]["element"]) == (0, "omega") or facts["different"] > 0
@@ -288,5 +288,7 @@ def test_records_exit_codes(
 ) -> None:
     monkeypatch.setattr(runtime.board.session, "record_data", lambda *rest: recording)
     ended, said = command("record", "--port", "x", "--out", "r.npz")
+    Path("there.npz").touch()
+    assert command("record", "--port", "x", "--out", "there.npz")[0] == 2
     assert ended == code, said
     assert words in said

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from runtime.folders.generate import InMemory
 from runtime.recorded.clock import check_clock
 from runtime.recorded.truth import angle_error, errors, find_load_step, speed_error
 from runtime.system.errors import UserError
-from tests.judges.made import RPM, Kept, cells_of, command, curves, run
+from tests.judges.made import RPM, Kept, cells_of, command, curves, read_json, run
 
 T = 1e-3
 TIME = T * np.arange(1, 401)
@@ -286,7 +285,7 @@ def test_simulate_ends_with_1_if_one_run_lost_lock(
 
     monkeypatch.setattr(runtime.drive.simulate, "simulate", played)
     code, said = command("simulate", "paper_spmsm", "--json", "s.json", "--out", "o")
-    facts = json.loads(Path("s.json").read_text())
+    facts = read_json("s.json")
     assert code == (bad is not None), said
     assert said.count("LOST LOCK") == (bad is not None)
     assert [entry["locked"] for entry in facts["runs"]] == [k != bad for k in range(4)]
@@ -311,7 +310,7 @@ def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPat
     ((drive, scenario, kinds, setting, controller, _),) = asked
     assert (drive, scenario, list(kinds), controller) == ("ipmsm", "load_step", ["ekf"], "numpy")
     assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, theta=0.5, seed=9)
-    sweep = json.loads(Path("s.json").read_text())["sweep"]
+    sweep = read_json("s.json")["sweep"]
     assert [(p["sample_time"], p["discretization"], p["locked"]) for p in sweep] == [
         (p.sample_time, p.discretization, p.locked) for p in POINTS
     ]
@@ -320,7 +319,9 @@ def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("bad", [None, (0, 0), (1, 1)])
-def test_compare_ends_with_1_if_one_lost_lock(bad: Any, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compare_ends_with_1_if_one_lost_lock(
+    bad: Any, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
+) -> None:
     count = iter(range(9))
 
     def played(label: str, folder: Any, progress: Any) -> tuple[Run, ...]:
@@ -328,10 +329,11 @@ def test_compare_ends_with_1_if_one_lost_lock(bad: Any, here: Path, monkeypatch:
         return tuple(run("load_step", "ckf", angle_error=90.0 if (k, j) == bad else 1.0) for j in range(2))
 
     monkeypatch.setattr(runtime.compare.subject, "_runs", played)
-    code, said = command("compare", "paper_spmsm", "spmsm_load_torque", "--json", "c.json")
+    code, said = command("compare", "paper_spmsm", "spmsm_load_torque", "--json", "c.json", "--out", "p")
+    assert Path("p/index.html").is_file()
     assert code == (bad is not None), said
     assert said.count("LOST") == (bad is not None)
-    facts = json.loads(Path("c.json").read_text())["accuracy"]
+    facts = read_json("c.json")["accuracy"]
     found = [[entry["locked"] for entry in facts[name]] for name in ("paper_spmsm", "spmsm_load_torque")]
     assert found == [[(k, j) != bad for j in range(2)] for k in range(2)]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -25,6 +24,7 @@ from tests.judges.made import (
     command,
     curves,
     decade,
+    read_json,
     soak,
 )
 
@@ -126,7 +126,7 @@ def test_soak_ends_with_1_if_one_failed(
     code, said = command("soak", "ipmsm", "paper_spmsm", "--steps", "1000", "--json", "s.json", "--plots", "p")
     assert code == (bad is not None), said
     assert asked == [([("ipmsm", 1000), ("paper_spmsm", 100)], "ickf")]
-    facts = json.loads(Path("s.json").read_text())
+    facts = read_json("s.json")
     assert facts["passed"] is (bad is None)
     assert [bool(one["failures"]) for one in facts["runs"]] == [k == bad for k in range(2)]
     assert said.count("held over 100,000 steps") == (2 if bad is None else 1)
@@ -198,7 +198,7 @@ def test_fuzz_ends_with_1_if_anything_was_found(bad: int | None, here: Path, mon
     monkeypatch.setattr(runtime.endurance.fuzz, "fuzz", lambda tasks, corpus, tell: asked.extend(tasks) or made)
     code, said = command("fuzz", "paper_spmsm", "--executions", "1000", "--json", "f.json")
     assert code == (bad is not None), said
-    facts = json.loads(Path("f.json").read_text())
+    facts = read_json("f.json")
     assert facts["passed"] is (bad is None)
     assert [len(one["findings"]) for one in facts["targets"]] == [3 if k == bad else 0 for k in range(2)]
     assert (facts["targets"][0]["executions"], facts["targets"][0]["target"]) == (100, "t0")

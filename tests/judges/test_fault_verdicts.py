@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from tests.judges.made import (
     curves,
     faulty_run,
     outcome,
+    read_json,
     recovery,
 )
 
@@ -180,14 +180,19 @@ def test_the_table_of_faults() -> None:
 
 @pytest.mark.parametrize("bad", [None, 0, 1, 3])
 def test_faults_ends_with_1_if_one_run_did_not_recover(
-    bad: int | None, here: Path, monkeypatch: pytest.MonkeyPatch
+    bad: int | None, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
 ) -> None:
+    asked: list[Any] = []
     runs = [recovery(time=float("nan") if k == bad else 0.01) for k in range(4)]
     made = [outcome(*runs[:2], kind="ckf"), outcome(*runs[2:], kind="ickf")]
-    monkeypatch.setattr(runtime.faults.survey, "survey", lambda *rest: made)
-    code, said = command("faults", "paper_spmsm", "--json", "f.json")
+    monkeypatch.setattr(runtime.faults.survey, "survey", lambda *rest: asked.append(rest) or made)
+    code, said = command("faults", "paper_spmsm", "--json", "f.json", "--out", "p", "--seeds", "7", "--load", "3")
+    ((folders, kinds, seeds, load, speed, *_),) = asked
+    assert [folder.drive for folder in folders] == ["paper_spmsm"]
+    assert (kinds, seeds, load, speed) == (["ckf", "ickf"], 7, 3.0, 1000.0)
+    assert Path("p/faults_d.svg").is_file()
     assert code == (bad is not None), said
-    facts = json.loads(Path("f.json").read_text())
+    facts = read_json("f.json")
     assert [fact["recovered"] for fact in facts] == [bad not in (0, 1), bad not in (2, 3)]
     assert [run["time"] for fact in facts for run in fact["runs"]] == [None if k == bad else 0.01 for k in range(4)]
     assert said.count("1/2") == (2 if bad is not None else 0), "with the reaction and alone"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import zlib
 from pathlib import Path
@@ -21,7 +20,7 @@ from runtime.firmware.link_ef import Comparison, Divergence
 from runtime.firmware.static import compilers, eva, misra
 from runtime.firmware.static.bans import ban_checks
 from runtime.firmware.tables import checks_table, remarks
-from tests.judges.made import cells_of, check, command
+from tests.judges.made import cells_of, check, command, read_json
 
 # --- the command
 
@@ -78,7 +77,7 @@ def test_every_gate_is_asked_and_a_planted_double_ends_with_1(here: Path, monkey
             assert text.count(head) == 1
             path.write_text(text.replace(head, head + "    double c = (double)a;\n    b = (float32)c;\n"))
         code, said = command("firmware", "paper_spmsm", "--json", "f.json")
-        facts = json.loads(Path("f.json").read_text())
+        facts = read_json("f.json")
         assert (code, facts["passed"]) == (int(planted), not planted), said
         states = [entry["state"] for entry in facts["drives"][0]["checks"]]
         assert states == ["passed", "failed" if planted else "passed", "passed"]
@@ -192,6 +191,8 @@ def test_the_first_word_that_differs_is_told() -> None:
     again = link_ef.compare(processor, one.subject, recording, expected).divergence
     assert again is not None
     assert (again.step, again.word, again.found) == (0, "status", "-1")
+    found[1, 0] += 1
+    assert link_ef.compare(processor, one.subject, recording, expected).divergence == again, "the first of two"
 
 
 def test_every_subject_on_every_processor_and_one_that_does_not_end(monkeypatch: pytest.MonkeyPatch) -> None:

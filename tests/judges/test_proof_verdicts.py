@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import runtime.commands.words
 import runtime.proof.drives
 import runtime.proof.verify
 from model.drives.load import load_drive
@@ -23,7 +23,7 @@ from runtime.proof.result import Divergence, IterationEffect, Link, Proof, Row
 from runtime.proof.tables import proof_tables, stages_by_equation, whole_links
 from runtime.proof.trajectory import Trajectory
 from runtime.proof.verify import Effort, Evidence, Prover
-from tests.judges.made import RPM, Kept, command, curves, link, proof, row, text_of
+from tests.judges.made import RPM, Kept, command, curves, link, proof, read_json, row, text_of
 
 PARTED = Divergence(3, "17", "P_pred", "(2, 0)", 1.0, 2.0, "identical bits")
 EFFECT = IterationEffect("d", "cubature", 1e-12, {"omega": 1e-13}, True, "rounding")
@@ -64,6 +64,8 @@ def test_figures_of_a_link() -> None:
     several = link(row(0.1, 0.5, compared=3), row(0.2, 0.25, compared=4), row(0.3, 3.0, compared=5))
     assert (several.worst, several.used, several.compared) == (0.3, 0.8, 12)
     assert link(row(0.0, 0.0)).used == 0.0
+    nothing = replace(link(), rows=())
+    assert (nothing.worst, nothing.used, nothing.compared) == (0.0, 0.0, 0)
     assert link(row(2.0, 0.0), row(0.1, 0.5)).used == float("inf")
     assert link(row(float("nan"))).worst == link(row(0.1), row(float("nan"))).used == float("inf")
     assert (link(kind="ickf").variant, link(kind="ckf").variant) == ("ickf, cubature gain", "ckf")
@@ -71,7 +73,7 @@ def test_figures_of_a_link() -> None:
 
 def test_a_proof_needs_every_link_and_every_effect() -> None:
     assert proof(link(), link()).passed
-    assert not proof().passed
+    assert proof().passed is False
     assert not proof(link(row(1.0)), link()).passed
     assert not proof(link(), link(row(1.0))).passed
     assert proof(link(), effects=[EFFECT, replace(EFFECT, verdict="real")]).passed
@@ -124,7 +126,7 @@ def test_verify_ends_with_1_if_one_link_fails(monkeypatch: pytest.MonkeyPatch, t
     for broken, code in ((False, 0), (True, 1)):
         _verifying(monkeypatch, link(drive="paper_spmsm"), link(row(1.0 if broken else 0.1), drive="paper_spmsm"))
         ended, said = command("verify", "paper_spmsm", "--json", str(path))
-        facts = json.loads(path.read_text())
+        facts = read_json(path)
         assert (ended, facts["passed"], facts["drives"][0]["passed"]) == (code, not broken, not broken)
         assert ("paper_spmsm: NOT proved" in said, "paper_spmsm: proved" in said) == (broken, not broken)
         assert ("20 numbers compared" in said) is not broken
@@ -138,7 +140,7 @@ def test_one_drive_of_three_that_fails_fails_all(bad: int, monkeypatch: pytest.M
     found = [(Proof(name, [link(row(1.0 if k == bad else 0.1))]), None) for k, name in enumerate(names)]
     monkeypatch.setattr(runtime.proof.drives, "_verify_all", lambda names, *rest: found)
     ended, said = command("verify", *names, "--json", str(path))
-    facts = json.loads(path.read_text())
+    facts = read_json(path)
     assert ended == 1, said
     assert facts["passed"] is False
     assert [entry["passed"] for entry in facts["drives"]] == [k != bad for k in range(3)]
@@ -261,6 +263,8 @@ def test_drift_of_slow_states_has_its_own_share_and_no_number_is_infinite() -> N
     rows = drift_rows(b, drift(_estimator(off, bad, "magnet_flux"), b, x, x), 0)
     assert rows[0].worst == rows[-1].worst == np.inf
     assert (rows[0].passed, rows[1].passed, rows[-1].passed) == (False, True, False)
+    P[1, 0, 0] = 4.0
+    assert drift_rows(b, drift(_estimator(off, P, "magnet_flux"), b, x, x), 0)[0].allowed == pytest.approx(0.05)
 
 
 def test_bits_are_compared_as_bits() -> None:
@@ -430,3 +434,14 @@ def test_figures_of_drift_effect_and_trajectory(kept: Kept) -> None:
     assert (speed.get_ylabel(), current.get_ylabel(), voltage.get_ylabel()) == ("speed, r/min", "i, A", "v, V")
     for axis, values in ((current, y), (voltage, u)):
         np.testing.assert_array_equal([curves(axis)[name].y for name in ("alpha", "beta")], values.T)
+
+
+@pytest.mark.parametrize(
+    ("made", "style"),
+    [(proof(link()), "green"), (proof(link(row(1.0))), "bold red"), (proof(link(), unchecked=["u, v"]), "yellow")],
+)
+def test_the_colour_of_a_verdict(made: Proof, style: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("runtime.commands.words.console", SimpleNamespace(print=lambda text, **keys: said.append(text)))
+    runtime.commands.words.show_summary(made)
+    assert f"d: [{style}]{made.verdict}[/{style}]" in said[-1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from runtime.replay.innovations import Innovations, held_inputs
 from runtime.replay.replay import Settings, replay, start
 from runtime.replay.statistics import LAGS, NIS_BAND, consistency, mean_band
 from runtime.replay.tables import replay_tables
-from tests.judges.made import RPM, Kept, command, curves, replayed, text_of
+from tests.judges.made import RPM, Kept, command, curves, read_json, replayed, text_of
 
 # --- innovations and their statistics
 
@@ -270,11 +269,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_replay_ends_with_1_if_the_estimate_is_no_number(
-    recording: Path, here: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Path, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
 ) -> None:
     """A real recording through the real filter; then one whose run of estimates holds a single infinity."""
-    code, said = command("replay", "paper_spmsm", str(recording), "--json", "r.json", "--out", "e.npz")
-    facts = json.loads(Path("r.json").read_text())
+    code, said = command("replay", "paper_spmsm", str(recording), "--json", "r.json", "--out", "e.npz", "--plots", "p")
+    assert sorted(path.name for path in Path("p").iterdir()) == ["estimate.svg", "innovations.svg"]
+    facts = read_json("r.json")
     assert (code, facts["finite"]) == (0, True), said
     with np.load(recording) as file, np.load("e.npz") as kept_:
         truth = {name: file[name] for name in ("omega", "theta", "load_torque")}
@@ -295,7 +295,7 @@ def test_replay_ends_with_1_if_the_estimate_is_no_number(
 
     monkeypatch.setattr(runtime.replay.replay, "_run", spoiled)
     code, said = command("replay", "paper_spmsm", str(recording), "--json", "r.json")
-    assert (code, json.loads(Path("r.json").read_text())["finite"]) == (1, False)
+    assert (code, read_json("r.json")["finite"]) == (1, False)
     assert "the estimate did not stay a number" in said
 
 
@@ -305,7 +305,7 @@ def test_rows_that_are_rejected_are_counted_and_bridged(recording: Path, here: P
     columns["i_alpha"][[3, 500, 501]] = [np.nan, 1e9, -1e9]
     np.savez("bad.npz", **columns)
     code, said = command("replay", "paper_spmsm", "bad.npz", "--json", "r.json")
-    facts = json.loads(Path("r.json").read_text())
+    facts = read_json("r.json")
     assert (code, facts["rejected"]) == (0, 3), said
     assert f"3 of {len(columns['t']):,} rows rejected" in facts["notes"][0]
     assert f"the first at t = {columns['t'][3]:.6g} s" in facts["notes"][0]

@@ -100,7 +100,7 @@ def test_a_resampled_interval_is_the_means_own() -> None:
     ]
     half = stats.norm.ppf(0.975) * values.std(ddof=1) / 20
     assert found.mean == pytest.approx(values.mean())
-    assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.06)
+    assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.025)
 
 
 def _difference(figure: str, low: float, mean: float, high: float) -> Difference:

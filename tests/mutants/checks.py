@@ -2,7 +2,8 @@
 
 A check is a word and what it is about: ``A-B paper_spmsm``. It yields links, cheap ones first; the first that does
 not pass kills. ``pytest <node>`` runs a test in this process; ``regenerated <drive> <node>`` runs it on a folder the
-(mutated) generator writes first. Nothing of the project is imported before a mutated module is in its place.
+(mutated) generator writes first; ``noticed`` is ``pytest`` that takes any exception in a test's call for a failure.
+Nothing of the project is imported before a mutated module is in its place.
 """
 
 from __future__ import annotations
@@ -245,6 +246,8 @@ def first_failure(check: str, bench: Bench) -> tuple[str, str] | None:
     word, _, rest = check.partition(" ")
     if word == "pytest":
         return run_pytest(rest)
+    if word == "noticed":
+        return run_pytest(rest, exceptions=True)
     if word == "regenerated":
         name, node = rest.split(" ", 1)
         with regenerated(bench, name):
@@ -313,14 +316,15 @@ def rewritten(name: str, file: str, text: str) -> Iterator[None]:
 class _Verdicts:
     """Tells a failed assertion from a crash."""
 
-    def __init__(self) -> None:
+    def __init__(self, exceptions: bool) -> None:
+        self.exceptions = exceptions
         self.failed: list[str] = []
         self.crashed: list[str] = []
         self.passed = 0
 
     def pytest_exception_interact(self, node: Any, call: Any, report: Any) -> None:
         kind = call.excinfo.type
-        mere = kind.__name__ in {"AssertionError", "Failed", "FailedHealthCheck", "DocTestFailure"}
+        mere = self.exceptions or kind.__name__ in {"AssertionError", "Failed", "FailedHealthCheck", "DocTestFailure"}
         (self.failed if mere and report.when == "call" else self.crashed).append(
             f"{node.nodeid}: {call.excinfo.exconly()[:120]}"
         )
@@ -329,11 +333,14 @@ class _Verdicts:
         self.passed += report.when == "call" and report.passed
 
 
-def run_pytest(node: str) -> tuple[str, str] | None:
-    """A test file or test, in this process."""
+def run_pytest(node: str, exceptions: bool = False) -> tuple[str, str] | None:
+    """A test file or test, in this process; with ``exceptions`` one that the test meets when it calls is a failure too.
+
+    That is for what judges and tells: its user would see a traceback in the place of a verdict.
+    """
     import pytest
 
-    seen = _Verdicts()
+    seen = _Verdicts(exceptions)
     os.chdir(ROOT)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         pytest.main([*shlex.split(node), "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[seen])

@@ -81,50 +81,13 @@ JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
 
 #: What a figure or table looks like; texts and numbers in these arguments are nobody's evidence.
 _LOOKS = frozenset(
-    [
-        "figsize",
-        "lw",
-        "ms",
-        "ls",
-        "fontsize",
-        "alpha",
-        "color",
-        "colour",
-        "ncols",
-        "loc",
-        "bbox_to_anchor",
-        "ha",
-        "va",
-        "rotation",
-        "width",
-        "height_ratios",
-        "padding",
-        "gridspec_kw",
-        "wspace",
-        "hspace",
-        "left",
-        "right",
-        "top",
-        "bottom",
-        "justify",
-        "style",
-        "header_style",
-        "no_wrap",
-        "overflow",
-        "title_justify",
-        "caption_justify",
-        "show_edge",
-        "pad_edge",
-        "pad",
-        "box",
-        "soft_wrap",
-        "highlight",
-        "markup",
-        "levels",
-        "widths",
-        "edgecolors",
-        "labelsize",
-    ]
+    {
+        *("figsize", "lw", "ms", "ls", "fontsize", "alpha", "color", "colour", "edgecolors", "labelsize", "levels"),
+        *("ncols", "loc", "bbox_to_anchor", "ha", "va", "rotation", "width", "widths", "height_ratios", "padding"),
+        *("gridspec_kw", "wspace", "hspace", "left", "right", "top", "bottom", "justify", "style", "header_style"),
+        *("no_wrap", "overflow", "title_justify", "caption_justify", "show_edge", "pad_edge", "pad", "box"),
+        *("soft_wrap", "highlight", "markup", "indent"),
+    }
 )
 
 #: A change of the source: from, to, and what then stands there.
@@ -158,7 +121,7 @@ def _comparisons(node: ast.AST, words: dict[type[ast.cmpop], str]) -> Iterator[t
 
 
 def _boundary(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
-    """<= for <; and != for ==, is not for is."""
+    """``<`` for ``<=``; and ``!=`` for ``==``, ``is not`` for ``is``."""
     return _comparisons(node, _COMPARE)
 
 
@@ -213,7 +176,7 @@ def _number(node: ast.AST) -> bool:
 
 
 def _constant(node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
-    """A bound, a unit's factor, an index, a quantile: half as much again; a small count one more."""
+    """A bound, a unit's factor, a quantile: nine tenths of it; a count or an index: one more."""
     if _number(node):
         value = node.value  # type: ignore[attr-defined]
         yield node, repr(value + 1) if isinstance(value, int) else repr(0.9 * value if value else 0.1)
@@ -300,7 +263,7 @@ def judged_mutants(each: int = PLACES, seed: int = SEED) -> list[Mutant]:
             old, new_text = _unique(text, (start, end, new))
             name = f"{file.removeprefix('runtime/')}:{line}: {sort}: {was[:70]}"
             reason = EQUIVALENT.get((file, was, new), "")
-            check = f"pytest {tests} -m 'not slow'"
+            check = f"noticed {tests} -m 'not slow'"
             found.append(Mutant("judges, by rule", name, (check,), file, old, new_text, equivalent=reason, sort=sort))
     return found
 
