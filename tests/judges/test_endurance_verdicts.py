@@ -125,7 +125,7 @@ def test_soak_ends_with_1_if_one_failed(
     monkeypatch.setattr(runtime.endurance.soak, "soak", played)
     code, said = command("soak", "ipmsm", "paper_spmsm", "--steps", "1000", "--json", "s.json", "--plots", "p")
     assert code == (bad is not None), said
-    assert asked == [([("ipmsm", 1000), ("paper_spmsm", 100)], "ickf")]
+    assert asked == [([("ipmsm", 1000), ("paper_spmsm", 100)], None)]
     facts = read_json("s.json")
     assert facts["passed"] is (bad is None)
     assert [bool(one["failures"]) for one in facts["runs"]] == [k == bad for k in range(2)]
