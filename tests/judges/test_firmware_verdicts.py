@@ -13,6 +13,7 @@ import pytest
 
 import runtime.firmware.gates
 import runtime.firmware.link_ef as link_ef
+from model.drives.load import load_drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.firmware.emulator import Outcome, dumped_words, outcome
 from runtime.firmware.gates import Gated, run_gates
@@ -66,7 +67,7 @@ def test_every_gate_is_asked_and_a_planted_double_ends_with_1(here: Path, monkey
     for name in ("paper_spmsm_ckf.c", "paper_spmsm_ckf.h", "pmsm_port.h", "manifest.json"):
         shutil.copy(GENERATED / "paper_spmsm" / name, folder)
     monkeypatch.setattr(gates, "GATES", (lambda f, progress: [check()], lambda f, progress: ban_checks(f.path)))
-    monkeypatch.setattr(gates, "find_drive", lambda name: SimpleNamespace(path=folder))
+    monkeypatch.setattr(gates, "find_drive", lambda name: SimpleNamespace(path=folder, drive=load_drive("paper_spmsm")))
     monkeypatch.setattr(gates, "check_ready", lambda name: None)
     monkeypatch.setattr(gates, "current_package", lambda *rest: None)
     for planted in (False, True):

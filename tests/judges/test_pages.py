@@ -28,6 +28,7 @@ from runtime.proof.trajectory import Trajectory
 from runtime.proof.verify import Evidence
 from runtime.report.chapter import Chapter
 from runtime.report.page import write_page
+from runtime.report.run import Ran
 from tests.judges.made import Kept, check, command, curves, link, proof, row, run, text_of
 
 NAMES = ("paper_spmsm", "ipmsm_flux")
@@ -166,7 +167,9 @@ def _chapter(**changes: Any) -> Chapter:
     t, pair = 1e-4 * np.arange(N), np.zeros((N, 2))
     trajectory = Trajectory(t, pair, pair, t, t, pair)
     exact: Any = None
-    evidence = Evidence(t, {"ckf": Drift(np.full((N, 4), 1e-5), np.full(N, 1e-6), exact)}, {"cubature": t}, trajectory)
+    evidence = Evidence(
+        t, {"ckf": Drift(np.full((N, 4), 1e-5), np.full(N, 1e-6), exact).envelope()}, {"cubature": t}, trajectory
+    )
     earned: Any = SimpleNamespace(rung=SimpleNamespace(name="literal"), operations=Counter(add=71), weight=4321)
     made: dict[str, Any] = {
         "drive": load_drive("paper_spmsm"),
@@ -205,7 +208,7 @@ def test_what_is_no_fault_of_a_chapter() -> None:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_run_ends_with_1_whatever_failed(fault: str, place: int, monkeypatch: pytest.MonkeyPatch) -> None:
     chapters = [_chapter(), _chapter()]
-    monkeypatch.setattr(runtime.commands.run, "run_all", lambda *rest: ([], chapters, Path("page.html")))
+    monkeypatch.setattr(runtime.commands.run, "run_drives", lambda *rest: Ran([], chapters, Path("page.html"), True))
     assert command("run")[0] == 0
     chapters[place] = _chapter(**FAULTS[fault])
     assert not chapters[place].good

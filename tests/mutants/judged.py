@@ -17,7 +17,9 @@ SEED = 11
 PLACES = 2
 
 _TESTS = "tests/judges/test_"
-PROOF, FIRMWARE, DRIVE = (f"{_TESTS}{name}.py" for name in ("proof_verdicts", "firmware_verdicts", "drive_figures"))
+FIRMWARE = f"{_TESTS}firmware_verdicts.py"
+PROOF = f"{_TESTS}proof_verdicts.py {_TESTS}proof_tables.py"
+DRIVE = f"{_TESTS}drive_figures.py {_TESTS}truth_figures.py"
 UNITS, REPLAY, STUDY = (f"{_TESTS}{name}.py" for name in ("units", "replay_figures", "study_figures"))
 FAULTS, ENDURANCE = (f"{_TESTS}{name}_verdicts.py" for name in ("fault", "endurance"))
 BOARD, PAGES = f"{_TESTS}board_verdicts.py", f"{_TESTS}pages.py"
