@@ -7,9 +7,9 @@ from codegen.ir.expr import GraphBlock
 from model.filters.program import Call, IfAccepted, Node, Repeat
 from model.quantities import Block
 
-#: A sum of states and variances beyond says that the filter has lost its senses. Its square is far from the largest
-#: float, and a motor's states in SI units are far from it; the sine of an angle turned so fast is a number.
-SOUND = 1e9
+#: The step restarts where a state, a word of the covariance or the monitor's mean is beyond it. Its square is far from
+#: the largest float, and a motor's states in SI units are far from it; the sine of an angle turned so fast is a number.
+SANE_LIMIT = 1e9
 
 #: The divergence monitor as shipped: normalised innovation squared (two measurements: 2 expected), mean over 64 steps,
 #: from innovations ten times as large as the filter expects. Dead time or R 30 % off make up to 175 of it, a lost rotor

@@ -12,7 +12,7 @@ from typing import Any
 
 import jinja2
 
-from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SOUND, is_turns, is_watched
+from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SANE_LIMIT, is_turns, is_watched
 from codegen.ir.covariance import CovarianceLayout, place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
@@ -193,8 +193,8 @@ def _words(
         "libm": library_calls([listings[block.name] for block in step.blocks], target),
         "covariance": step.covariance,
         "guarded": step.guarded,
-        "sound": printer.format_literal(SOUND),
-        "per_sound": printer.format_literal(1.0 / SOUND),
+        "sane_limit": printer.format_literal(SANE_LIMIT),
+        "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
         "one": printer.format_literal(1.0),
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.fast.guards import SOUND, is_turns
+from codegen.fast.guards import SANE_LIMIT, is_turns
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
@@ -49,8 +49,8 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "packed": layout.size,
         "covariance": step.covariance,
         "guarded": step.guarded,
-        "sound": printer.format_literal(SOUND),
-        "per_sound": printer.format_literal(1.0 / SOUND),
+        "sane_limit": printer.format_literal(SANE_LIMIT),
+        "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
         "one": printer.format_literal(1.0),
         "most_turns": max((len(block.outputs[0].entries) for block in step.blocks if is_turns(block)), default=0),
         "layout": layout,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.fast.guards import SOUND
+from codegen.fast.guards import SANE_LIMIT
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
-from codegen.render.filter import Description, has_loop, named_constants, render, tuning
+from codegen.render.filter import ANGLE, Description, has_loop, named_constants, render, tuning
 from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
 
@@ -38,6 +38,8 @@ def render_module(
         units=tuple(state.unit for state in model.states),
         angle=model.angle,
         layout=layout,
+        angle_columns=layout.row(ANGLE) + 1,
+        angle_row=layout.row_start(ANGLE),
         kinds=tuple(steps),
         gain=drive.filter.gain,
         sample_time=repr(drive.model.sample_time),
@@ -55,10 +57,11 @@ def render_module(
         helpers=helpers,
         spreads=[f"{n:g}" for n in spreads],
         unknown={f"{n:g}": repr(UNKNOWN / n) for n in spreads},
+        small={f"{n:g}": repr(LIMIT / n) for n in spreads},
         guarded=guarded,
         summed=" + ".join(f"x[{k}]" for k in range(len(model.states))),
-        sound=repr(SOUND),
-        per_sound=repr(1.0 / SOUND),
+        sane_limit=repr(SANE_LIMIT),
+        per_sane_limit=repr(1.0 / SANE_LIMIT),
         small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
         covariance=covariance,
         packing=render("packing.py.j2", covariance=covariance),

@@ -78,7 +78,7 @@ def without_guards(source: str) -> str:
         r"    if \(!\(\(LD_pred\[0\].*?\n    \}\n",
         r"        f->nis = f->nis \+ [^;]*;\n",
         r"    check\[0\] = check\[0\] \+ .*?\n    \}\n",
-        r"#pragma CODE_SECTION\(look_after[^\n]*\n",
+        r"#pragma CODE_SECTION\(set_status_bits[^\n]*\n",
         r"/\* What is left to do where.*?\n\}\n",
     ):
         source, count = re.subn(watching, "", source, flags=re.DOTALL)

@@ -98,7 +98,7 @@ def _same(code: Code, at: int, line: str) -> bool:
         name in _EXTREMA
         or (name.endswith("_turns") and "SMALL_TURN" in line)
         or "z[k] > SMALL_TURN" in line
-        or "SOUND" in line
+        or "SANE_LIMIT" in line
     )
 
 
@@ -238,7 +238,7 @@ PYTHON_OPERATORS: dict[str, Operator] = {
 }
 
 #: Places that say too little: limits that only tell which of two ways is taken, each good at the limit itself.
-_IDLE_CONSTANTS = re.compile(r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SOUND|MOST_REPAIRS) ")
+_IDLE_CONSTANTS = re.compile(r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SANE_LIMIT|MOST_REPAIRS) ")
 
 
 def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int) -> Iterator[tuple[str, Edit]]:

@@ -54,8 +54,8 @@ def test_an_absurd_factor_hides_behind_what_is_sound(drive: str) -> None:
     entries = numpy_entries(_folder(drive), "ickf", start)
     made = {name: float(v[lane]) for (block, name), v in entries.items() if block == "time_update"}
     assert max(abs(v) for name, v in made.items() if name.startswith("D_pred") or name.endswith("_pred")) < 1e6
-    assert max(abs(v) for name, v in made.items() if name.startswith("L_pred")) > module.SOUND
-    assert start.tuning["nis"][lane] < module.SOUND
+    assert max(abs(v) for name, v in made.items() if name.startswith("L_pred")) > module.SANE_LIMIT
+    assert start.tuning["nis"][lane] < module.SANE_LIMIT
 
 
 @pytest.mark.parametrize("drive", DRIVES)

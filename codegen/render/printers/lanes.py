@@ -126,7 +126,7 @@ class LanesPrinter(CPrinter):
         (call,) = node.body
         outputs = {port.name: len(port.entries) for port in call.block.outputs}
         return [
-            f"{pad}begin_iterating(f, active);",
+            f"{pad}begin_iterating(f, active, moving);",
             f"{pad}do {{",
             wrap_line(_call(call.block, "new_", frozenset(outputs)) + ";", pad + INDENT, INDENT),
             *(
@@ -134,7 +134,8 @@ class LanesPrinter(CPrinter):
                 for name, length in outputs.items()
                 if name != node.change
             ),
-            f"{pad}}} while (go_on(f, new_{node.change}, rejected, active) != 0); /* eq. 33 */",
+            f"{pad}}} while (go_on(f, new_{node.change}, rejected, active, moving) != 0); /* eq. 33 */",
+            f"{pad}judge_convergence(f, rejected, moving);",
         ]
 
 

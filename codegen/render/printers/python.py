@@ -36,8 +36,8 @@ class PythonPrinter(ExpressionPrinter):
         if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
-        suffix = f"_{statement.spread:g}" if statement.function is SMALL_ANGLE else ""
-        return f"{INDENT}{names} = math.{statement.function.name}{suffix}({listing.names[statement.node]})"
+        name = f"turn_{statement.spread:g}" if statement.function is SMALL_ANGLE else statement.function.name
+        return f"{INDENT}{names} = math.{name}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
         lines: list[str] = []
@@ -116,15 +116,16 @@ class PythonPrinter(ExpressionPrinter):
     @staticmethod
     def _format_call(block: Block, accepted: str) -> list[str]:
         if not is_turns(block):
-            watched = [f"{INDENT}_watch_pivots(LD_pred, f.Q, flags)"] if is_watched(block) else []
+            watched = [f"{INDENT}status = _watch_pivots(LD_pred, f.Q, status)"] if is_watched(block) else []
             return [f"{INDENT}{_call(block)}", *watched]
         (words,), (z, turn) = ([port.name for port in ports] for ports in (block.inputs, block.outputs))
         n = spread(block)
         return [
             f"{INDENT}{_call(block)}",
-            f"{INDENT}if np.any(_total({z}) > UNKNOWN_{n:g}):",
-            f"{INDENT * 2}{words}, {turn} = _forget_angle("
-            f"{words}, {z}, {accepted}, flags, math, math.small_angle_{n:g}, UNKNOWN_{n:g})",
+            f"{INDENT}{words}, {turn}, status = _widen(",
+            f"{INDENT * 2}{words}, {z}, {turn}, {accepted}, status, math, math.small_angle_{n:g}, "
+            f"SMALL_TURN_{n:g}, UNKNOWN_TURN_{n:g}",
+            f"{INDENT})",
         ]
 
     def _format_node(self, node: Node, accepted: str) -> list[str]:
@@ -144,18 +145,26 @@ class PythonPrinter(ExpressionPrinter):
         kept = [name for name in outputs if name != node.change]
         pad = INDENT * 2
         return [
-            f"{INDENT}moving = accepted",
-            f"{INDENT}for j in range(max(1, int(f.max_iterations))):",
+            f"{INDENT}active = np.ones(np.shape(accepted), bool)[()]  # all lanes take the first pass",
+            f"{INDENT}moving = active",
+            *(
+                f"{INDENT}{port.name} = (math.dtype(0),) * {len(port.entries)}"
+                for port in call.block.outputs
+                if port.name in kept and port.name != "x_j"
+            ),
+            f"{INDENT}while True:",
             f"{pad}iterate = None if stages is None else {{}}",
             pad + _call(call.block, stages="iterate", prefix="new_"),
-            *(f"{pad}{name} = new_{name} if j == 0 else _select(moving, new_{name}, {name})" for name in kept),
+            *(f"{pad}{name} = _select(active, new_{name}, {name})" for name in kept),
             f"{pad}if stages is not None:",
             f'{pad}{INDENT}stages.setdefault("iterates", []).append(iterate)',
-            f"{pad}iterations = iterations + np.where(moving, 1, 0)",
-            f"{pad}moving = moving & ~(new_{node.change}[0] <= f.tolerance * f.tolerance)",
-            f"{pad}if not np.any(moving):",
+            f"{pad}iterations = iterations + np.where(active, 1, 0)[()]",
+            f"{pad}moving = np.where(active, ~(new_{node.change}[0] <= f.tolerance * f.tolerance), moving)[()]",
+            f"{pad}active = active & accepted & moving & (iterations < f.max_iterations)",
+            f"{pad}if not np.any(active):",
             f"{pad}{INDENT}break",
-            f"{INDENT}status = status | np.where(moving, NOT_CONVERGED, 0)",
+            f"{INDENT}iterations = np.where(accepted, iterations, 0)[()]",
+            f"{INDENT}status = status | np.where(accepted & moving, NOT_CONVERGED, 0)[()]",
         ]
 
     def _format_branch(self, node: IfAccepted) -> list[str]:
@@ -163,7 +172,7 @@ class PythonPrinter(ExpressionPrinter):
         assert isinstance(otherwise, Call)
         return [
             *self.format_program(node.then, "accepted"),
-            *([f"{INDENT}f.nis = _averaged(f, nis[0], accepted)"] if is_monitored(node) else []),
+            *([f"{INDENT}_average(f, nis[0], accepted)"] if is_monitored(node) else []),
             f"{INDENT}if not np.all(accepted):",
             f"{INDENT}{INDENT}{_call(otherwise.block, prefix='coast_')}",
             *(

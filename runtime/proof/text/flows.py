@@ -1,0 +1,138 @@
+"""What a step, told in C or in Python, leaves in memory: one term a cell, over the same inputs in each text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from runtime.proof.text.c_steps import CText, Pointer, Struct, Value
+from runtime.proof.text.python_steps import PythonText, Record
+from runtime.proof.text.terms import Key, Term, Terms
+
+#: A cell's name and place -> its value.
+Cells = dict[Key, Term]
+
+
+def filter_in_c(text: CText, prefix: str, lanes: bool) -> Cells:
+    """Every field of the filter's struct after a step, and the status."""
+    f, kind = text.new_struct(f"{prefix}_t"), "lanes" if lanes else "float32"
+    status = text.call(f"{prefix}_step", [f, text.new_input("u", 2, kind), text.new_input("y", 2, kind)])
+    return _struct_cells(text, f) | ({} if lanes else {("status", 0): _term(text.terms, status)})
+
+
+def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
+    """The same of the module's step; ``fields``: those of the C struct, as symbols."""
+    inputs = [tuple(text.terms.symbol(port, k) for k in range(2)) for port in ("u", "y")]
+    status = text.call(name, [fields, *inputs, None])
+    return dict(_record_cells(text.terms, fields)) | {("status", 0): _term(text.terms, status)}
+
+
+def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, written: Mapping[str, int]) -> Cells:
+    """Every field of the controller's struct after a step, duty cycles and status; the filter's step is one term a cell.
+
+    ``written``: the fields that the filter's step writes, and their lengths.
+    """
+    c, kind = text.new_struct(f"{prefix}_t"), "lanes" if lanes else "float32"
+    text.elsewhere[f"{filter_prefix}_step"] = lambda t, arguments: _filter_called_in_c(t, arguments, written, lanes)
+    duty = text.new_array("duty", 3, kind)
+    inputs = [text.new_input(port, 2, kind) for port in ("phase", "command")]
+    status = text.call(f"{prefix}_step", [c, *inputs, Pointer(duty)])
+    found = _struct_cells(text, c) | {("duty", k): _term(text.terms, text.read(duty, k)) for k in range(3)}
+    found.pop(("filter.status", 0), None)
+    return found | ({} if lanes else {("status", 0): _term(text.terms, status)})
+
+
+def controller_in_python(text: PythonText, fields: Record, written: Mapping[str, int]) -> Cells:
+    """The same of the module's ``foc_step``."""
+    text.elsewhere["filter_step"] = lambda arguments: _filter_called_in_python(text, arguments, written)
+    inputs = [tuple(text.terms.symbol(port, k) for k in range(2)) for port in ("phase", "command")]
+    step = text.terms.symbol("filter_step")
+    found = text.call("foc_step", [fields, step, *inputs, None])
+    duty, status = found if isinstance(found, tuple) and len(found) == 2 else ((), None)
+    cells = dict(_record_cells(text.terms, fields)) | {("duty", k): entry for k, entry in enumerate(duty)}
+    return cells | {("status", 0): _term(text.terms, status)}
+
+
+def record_of(text: CText, struct: Struct) -> Record:
+    """The fields of a C struct as the module's objects have them."""
+
+    def field(value: Any) -> Any:
+        if isinstance(value, dict):
+            return record_of(text, value)
+        cells = tuple(_term(text.terms, text.read(value, k)) for k in range(value.size))
+        return cells if value.is_array else cells[0]
+
+    return Record({name: field(value) for name, value in struct.items()})
+
+
+def written_fields(before: Record, after: Cells) -> dict[str, int]:
+    """Fields that a step changes, and how many cells they have."""
+    return {
+        name: len(value) if isinstance(value, tuple) else 1
+        for name, value in before.items()
+        for k in range(len(value) if isinstance(value, tuple) else 1)
+        if after.get((name, k)) is not (value[k] if isinstance(value, tuple) else value)
+    }
+
+
+# --- the filter, called by the controller
+
+
+def _step_term(terms: Terms, state: list[Term], v: Term, i: Term) -> Term:
+    return terms.make("call", "filter_step", terms.make("array", *state), v, i)
+
+
+def _filter_called_in_c(text: CText, arguments: list[Value], written: Mapping[str, int], lanes: bool) -> Value:
+    f, v, i = arguments
+    if not isinstance(f, dict):
+        return text.terms.unknown("a filter")
+    fields = sorted(name for name in f if name != "status")
+    state = [_term(text.terms, text.read(f[name], k)) for name in fields for k in range(f[name].size)]
+    call = _step_term(text.terms, state, text.cells(v), text.cells(i))
+    for name, size in written.items():
+        for k in range(size):
+            text.memory[f[name].id, k] = text.terms.make("out", call, name, k, whole=f[name].whole)
+    status = text.terms.make("out", call, "status", 0, whole=True)
+    if lanes:
+        text.memory[f["status"].id, 0] = status
+    return status
+
+
+def _filter_called_in_python(text: PythonText, arguments: list[Any], written: Mapping[str, int]) -> Any:
+    terms = text.terms
+    match arguments:
+        case [Record() as f, tuple() | list() as v, tuple() | list() as i, _]:
+            state = [cell for name in sorted(f) for cell in (f[name] if isinstance(f[name], tuple) else (f[name],))]
+            call = _step_term(terms, state, terms.make("array", *v), terms.make("array", *i))
+            for name, size in written.items():
+                whole = isinstance(f[name], Term) and f[name].whole
+                cells = tuple(terms.make("out", call, name, k, whole=whole) for k in range(size))
+                f[name] = cells if isinstance(f[name], tuple) else cells[0]
+            return terms.make("out", call, "status", 0, whole=True)
+    return terms.unknown("a call of the filter")
+
+
+# --- cells
+
+
+def _term(terms: Terms, value: Any) -> Term:
+    return value if isinstance(value, Term) else terms.unknown("no value")
+
+
+def _struct_cells(text: CText, struct: Struct) -> Cells:
+    found: Cells = {}
+    for value in struct.values():
+        if isinstance(value, dict):
+            found |= _struct_cells(text, value)
+        else:
+            found |= {(value.name, k): _term(text.terms, text.read(value, k)) for k in range(value.size)}
+    return found
+
+
+def _record_cells(terms: Terms, record: Record, prefix: str = "") -> Iterator[tuple[Key, Term]]:
+    for name, value in record.items():
+        if isinstance(value, Record):
+            yield from _record_cells(terms, value, f"{prefix}{name}.")
+        else:
+            for k, entry in enumerate(value if isinstance(value, tuple | list) else (value,)):
+                yield (prefix + name, k), _term(terms, entry)
