@@ -20,7 +20,8 @@ def test_every_shipped_expression_is_the_same(drive: str, kind: str) -> None:
     link = link_text(GeneratedFolder(GENERATED / drive), kind, "as shipped")
     assert link.passed, [row.stage for row in link.rows if not row.passed]
     assert link.compared > 500
-    assert {"time_update, C", "time_update, lanes", "control, controller"} <= {row.stage for row in link.rows}
+    steps = {f"step, {form}: status" for form in ("C", "lanes", "controller", "controller's lanes")}
+    assert steps | {"time_update, C", "time_update, lanes", "control, controller"} <= {row.stage for row in link.rows}
 
 
 #: What is changed in which file, as a pattern and its replacement; which entry is told.
@@ -53,9 +54,9 @@ CHANGES = {
         "ipmsm_flux_ickf.c",
         r"#define SINC_2 0.13114102f",
         "#define SINC_2 0.13114104f",
-        "time_update_turns, C: output 1[0]",
+        "step, C: x[0]",
     ),
-    "another word": ("ipmsm_flux_ickf.c", r"L_20 = LD\[3\]", "L_20 = LD[4]", "time_update_turns, C: L_20"),
+    "another word": ("ipmsm_flux_ickf.c", r"L_20 = LD\[3\]", "L_20 = LD[4]", "step, C: x[0]"),
     "outputs exchanged": (
         "ipmsm_flux_ickf.c",
         r"LD_pred_out\[1\] = L_pred_10",
@@ -73,7 +74,7 @@ CHANGES = {
         "ipmsm_flux_ickf.c",
         r"( +)LD_pred_out\[1\] = L_pred_10;\n",
         r"\g<0>\1LD_pred_out[1] += 1.0f;\n",
-        "time_update, C: line",
+        "time_update, C: in one language only",
     ),
     "a block that Python does not have": (
         "ipmsm_flux_ickf.c",
@@ -112,3 +113,91 @@ def test_what_is_stated_otherwise_is_told(change: str) -> None:
     link = link_text(overlaid(folder, file, text), kind, "jacobian")
     assert not link.passed
     assert any(row.stage.startswith(told) for row in link.rows if not row.passed)
+
+
+C, LANES, MODULE = "ipmsm_flux_ickf.c", "host/ipmsm_flux_ickf_lanes.c", "ipmsm_flux.py"
+FOC, FOC_LANES = "ipmsm_flux_ickf_foc.c", "host/ipmsm_flux_ickf_foc_lanes.c"
+
+#: Faults in the flow around the blocks, in one text at a time: file, what stands there, what is planted.
+FLOW_FAULTS = [
+    (C, "? 0 : PMSM_RESTARTED", "? 0 : PMSM_DIVERGED"),
+    (C, "? 0 : PMSM_INPUT_REJECTED", "? 0 : PMSM_NOT_CONVERGED"),
+    (C, "worst <= 1.0f", "worst < 1.0f"),
+    (C, "f->nis < f->nis_max) ? 0", "f->nis <= f->nis_max) ? 0"),
+    (C, "value[1] * value[1] <= most", "value[1] * value[1] < most"),
+    (C, "        f->x[i] = f->x_0[i];\n", ""),
+    (C, "f->P_0[i]", "f->P_0[0]"),
+    (C, "    f->nis = 0.0f;\n", ""),
+    (C, "f->nis + f->nis_weight * (", "f->nis + ("),
+    (C, "        f->u_held[1] = u[1];\n", ""),
+    (C, "f->u_held[0] = u[0]", "f->u_held[0] = u[1]"),
+    (C, "#define DOUBLINGS 3", "#define DOUBLINGS 2"),
+    (C, "j < doublings", "j <= doublings"),
+    (C, "total > UNKNOWN_TURN", "total >= UNKNOWN_TURN"),
+    (C, "ANGLE_COLUMNS - 1] = 0.5f", "ANGLE_COLUMNS - 1] = 0.25f"),
+    (C, "larger(2.0f * cosm1", "smaller(2.0f * cosm1"),
+    (C, "#define MOST_REPAIRS 32767", "#define MOST_REPAIRS 32766"),
+    (C, "            iterations++;\n", ""),
+    (C, "iterations < f->max_iterations", "iterations <= f->max_iterations"),
+    (C, "(LD_pred[2] > f->Q[1])", "(LD_pred[2] > f->Q[2])"),
+    (C, "(LD_pred[2] > f->Q[1])", "(LD_pred[2] >= f->Q[1])"),
+    (C, "PMSM_COVARIANCE_REPAIRED | PMSM_RESTARTED", "PMSM_COVARIANCE_REPAIRED"),
+    (C, "coast(x_pred, LD_pred, f->x, f->LD)", "coast(x_pred, LD_pred, x_j, f->LD)"),
+    (C, "status |= time_update_turns", "status = 0 & time_update_turns"),
+    (C, "    f->iterations = iterations;\n", ""),
+    (LANES, "(good != 0) ? 0 : PMSM_INPUT_REJECTED", "(good != 0) ? PMSM_INPUT_REJECTED : 0"),
+    (
+        LANES,
+        "const int u_good = within(u[0].of[lane], u_max) & within(",
+        "const int u_good = within(u[0].of[lane], u_max) | within(",
+    ),
+    (
+        LANES,
+        "for (lane = 0; lane < LANES; lane++) {\n            if (special",
+        "for (lane = 1; lane < LANES; lane++) {\n            if (special",
+    ),
+    (LANES, "any |= special[lane]", "any = special[lane]"),
+    (LANES, "take(HL, new_HL, active, 8)", "take(HL, new_HL, active, 7)"),
+    (LANES, "take(f->LD, other_LD, rejected, 10)", "take(f->LD, other_LD, rejected, 9)"),
+    (LANES, "f->iterations[lane] + made", "f->iterations[lane] + 1"),
+    (LANES, "(rejected[lane] != 0) ? before : after", "(rejected[lane] != 0) ? after : before"),
+    (LANES, "(worst <= 1.0f) ? 0 : PMSM_RESTARTED", "(worst <= 1.0f) ? 0 : PMSM_DIVERGED"),
+    (MODULE, "(worst <= 1.0)", "(worst < 1.0)"),
+    (MODULE, "np.where(accepted, 0, INPUT_REJECTED)", "np.where(u_good, 0, INPUT_REJECTED)"),
+    (MODULE, "COVARIANCE_REPAIRED = 8", "COVARIANCE_REPAIRED = 16"),
+    (MODULE, "for j in range(3):", "for j in range(2):"),
+    (MODULE, "u_held = _select(u_good, u, f.u_held)", "u_held = u"),
+    (MODULE, "f.nis_weight * (nis - f.nis)", "f.nis_weight * nis"),
+    (MODULE, "(iterations < f.max_iterations)", "(iterations <= f.max_iterations)"),
+    (MODULE, "zip(f.x_0, f.x)", "zip(f.x, f.x)"),
+    (MODULE, "        x = _select(accepted, x, coast_x)\n", ""),
+    (FOC, "PMSM_COMMAND_REJECTED", "PMSM_INPUT_REJECTED"),
+    (FOC, "rotor[1] = c->sensed[1]", "rotor[1] = c->sensed[0]"),
+    (FOC, "c->command_held[k] = command[k]", "c->command_held[k] = command[0]"),
+    (FOC, "is_within(c->sensed[1], SENSED_MAX)", "is_within(c->sensed[1], c->command_max[1])"),
+    (FOC, "value * value <= limit * limit", "value * value < limit * limit"),
+    (FOC, "c->gain, c->integrator, duty, v, c->integrator", "c->gain, c->integrator, duty, v, i"),
+    (FOC, "c->v_acting[1] = c->v_queued[1]", "c->v_acting[1] = v[1]"),
+    (FOC_LANES, "(delayed != 0) ? now : queued", "(delayed != 0) ? queued : now"),
+    (FOC_LANES, "speed_good & link_good & (", "speed_good & ("),
+    (FOC_LANES, "for (k = 0; k < 3; k++) {\n        c->integrator", "for (k = 0; k < 2; k++) {\n        c->integrator"),
+    (MODULE, "c.integrator = control(", "integrator = control("),
+    (MODULE, "SENSED_MAX = 1000.0", "SENSED_MAX = 100.0"),
+    (MODULE, "        c.v_acting = v\n", "        c.v_acting = c.v_queued\n"),
+]
+
+
+@pytest.mark.parametrize("fault", FLOW_FAULTS, ids=lambda fault: f"{fault[0]}: {fault[1].strip()[:40]}")
+def test_a_fault_in_the_flow_of_one_text_is_told(fault: tuple[str, str, str]) -> None:
+    file, old, new = fault
+    folder = GeneratedFolder(Path(GENERATED / "ipmsm_flux"))
+    text = folder.text(file)
+    assert old in text
+    link = link_text(module_of(overlaid(folder, file, text.replace(old, new)), file), "ickf", "jacobian")
+    assert any(row.stage.startswith("step, ") for row in link.rows if not row.passed)
+
+
+def module_of(folder: GeneratedFolder, file: str) -> GeneratedFolder:
+    """The folder, its module executed from the planted text."""
+    assert not file.endswith(".py") or folder.module
+    return folder

@@ -46,7 +46,7 @@ Memory = dict[tuple[int, int], Term | OverLanes]
 class CText:
     """The functions and structs of one translation unit."""
 
-    def __init__(self, terms: Terms, tree: Any, blocks: Mapping[str, int]) -> None:
+    def __init__(self, terms: Terms, tree: Any, blocks: Mapping[str, tuple[int, ...]]) -> None:
         self.terms = terms
         self.functions = {d.decl.name: d for d in tree.ext if isinstance(d, c_ast.FuncDef)}
         self.types = {d.name: d.type.type for d in tree.ext if isinstance(d, c_ast.Typedef)}
@@ -132,7 +132,9 @@ class CText:
         inputs = [self.cells(a) for p, a in zip(parameters, arguments, strict=True) if not p.endswith("_out")]
         call = self.terms.make("call", name, *inputs)
         outputs = [a for p, a in zip(parameters, arguments, strict=True) if p.endswith("_out")]
-        for port, (target, size) in enumerate(zip(outputs, self.blocks[name], strict=True)):  # type: ignore[arg-type]
+        if len(outputs) != len(self.blocks[name]):
+            return self.terms.unknown(f"the value of {name}")
+        for port, (target, size) in enumerate(zip(outputs, self.blocks[name], strict=True)):
             assert isinstance(target, Pointer)
             for k in range(size):
                 self.write(target.array, target.offset + k, self.terms.make("out", call, port, k))

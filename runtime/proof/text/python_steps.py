@@ -38,7 +38,7 @@ class PythonText:
         self.functions = {d.name: d for d in tree.body if isinstance(d, ast.FunctionDef)}
         self.constants = {k: v for k, v in vars(module).items() if isinstance(v, int | float | tuple)}
         self.math = aliases(tree, arithmetic)
-        #: Constants that were rounded to float32: NumPy does that where they meet an array, Python's own arithmetic not.
+        #: Constants that were rounded to float32: NumPy does that where they meet an array, Python itself does not.
         self.rounded: set[Term] = set()
         self.elsewhere: dict[str, Callable[[list[Any]], Any]] = {}
 

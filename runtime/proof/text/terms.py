@@ -103,7 +103,7 @@ class Terms:
         return self.make("operation", sign, left, right)
 
     def _constants(self, sign: str, left: Term, right: Term) -> Term:
-        """A product of two float32 is exact in Python's double, then rounded once, as in C; other operations are not."""
+        """A product of two float32 is exact in Python's double, then rounded once as in C; no other operation is."""
         if sign != "*":
             return self.unknown(f"{sign} of two constants")
         return self.number(float(left.args[0]) * float(right.args[0]))
@@ -137,7 +137,7 @@ class Terms:
     # --- truths
 
     def compare(self, relation: str, left: Term, right: Term) -> Term:
-        """1 where the relation holds, else 0; NaN makes it false, so that ``a <= b`` is not the opposite of ``a > b``."""
+        """1 where the relation holds, else 0; with NaN none holds, so ``a <= b`` is not the opposite of ``a > b``."""
         return self._once(self._compare, relation, left, right)
 
     def _compare(self, relation: str, left: Term, right: Term) -> Term:
