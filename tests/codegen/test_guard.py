@@ -79,7 +79,7 @@ def without_guards(source: str) -> str:
         r"        f->nis = f->nis \+ [^;]*;\n",
         r"    check\[0\] = check\[0\] \+ .*?\n    \}\n",
         r"#pragma CODE_SECTION\(set_status_bits[^\n]*\n",
-        r"/\* What is left to do where.*?\n\}\n",
+        r"/\* Sets the remaining status bits after.*?\n\}\n",
     ):
         source, count = re.subn(watching, "", source, flags=re.DOTALL)
         assert count, watching

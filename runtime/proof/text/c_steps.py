@@ -13,7 +13,7 @@ from typing import Any, cast
 
 from pycparser import c_ast
 
-from runtime.proof.text.terms import Key, OverLanes, Term, Terms
+from runtime.proof.text.terms import OverLanes, Term, Terms
 
 #: Lanes of a lane form; the variable that counts them.
 LANES, LANE = 16, "lane"
@@ -22,7 +22,7 @@ _count = itertools.count()
 
 
 class Array:
-    """Cells of memory: an array, a struct's field or a variable. ``of_lanes``: each of its cells has one value a lane."""
+    """Cells of memory: an array, a struct's field or a variable. ``of_lanes``: a cell has one value a lane."""
 
     def __init__(self, name: str, size: int | None, kind: str, private: bool) -> None:
         flags = kind == "int" and size == LANES

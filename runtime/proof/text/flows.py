@@ -28,7 +28,7 @@ def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
 
 
 def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, written: Mapping[str, int]) -> Cells:
-    """Every field of the controller's struct after a step, duty cycles and status; the filter's step is one term a cell.
+    """Every field of the controller's struct after a step, duty cycles and status; the filter's step is one call.
 
     ``written``: the fields that the filter's step writes, and their lengths.
     """

@@ -29,7 +29,7 @@ class Scope(dict[str, Any]):
 
 
 class PythonText:
-    """The functions and constants of a generated module; ``arithmetic`` names the class whose functions ``math`` has."""
+    """The functions and constants of a generated module; ``arithmetic`` is the class that ``math`` is."""
 
     def __init__(
         self, terms: Terms, module: ModuleType, tree: ast.Module, blocks: Mapping[str, Any], arithmetic: str = "Float32"
