@@ -31,7 +31,7 @@ FLOORS = (
     ("runtime.system",),
     ("runtime.estimator", "runtime.recorded", "runtime.style"),
     ("runtime.folders",),
-    ("runtime.drive", "runtime.firmware.static"),
+    ("runtime.drive", "runtime.firmware.static", "runtime.proof.text"),
     ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study"),
     ("runtime.firmware", "runtime.board"),
     ("runtime.endurance",),

@@ -42,10 +42,13 @@ COVARIANCE_REPAIRED = 8  # a pivot of P was raised to its floor, or an angle kno
 DIVERGED = 16  # nis >= nis_max: over a window the measurements were not what the filter expected
 RESTARTED = 32  # the state was not a number or absurdly large: it is x_0, P_0 again
 
-SOUND = 1000000000.0  # no state, no variance of a filter in its senses is larger
-PER_SOUND = 1e-09
+SANE_LIMIT = 1000000000.0  # a state, variance or mean beyond it makes the step restart
+PER_SANE_LIMIT = 1e-09
 MOST_REPAIRS = 32767
-UNKNOWN_5 = 1.9739208802178716  # rad^2, sum of z = d^2 / 5 of all columns: beyond d = pi points alias
+ANGLE_COLUMNS = 4  # of L, in which theta has a part: up to its own
+ANGLE_ROW = 6  # of LD: the place of the first of them
+SMALL_TURN_5 = 0.1  # rad^2, of z = d^2 / 5: polynomials serve while the sum over all columns is no larger
+UNKNOWN_TURN_5 = 1.9739208802178716  # rad^2, of that sum: d = pi, beyond which points alias
 
 # Motor data and sample time, folded.
 PSI_M = 0.545  # magnet flux linkage, Wb
@@ -95,66 +98,74 @@ def _larger(a, b):
     return np.where(a > b, a, b)[()]
 
 
-def _watch_pivots(words, Q, flags):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised."""
-    clear = True
+def _watch_pivots(words, Q, status):
+    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
+    clear = words[VARIANCES[0]] > Q[0]
     for place, floor in zip(VARIANCES, Q):
         clear = clear & (words[place] > floor)
-    if not np.all(clear):
-        flags.append(np.where(clear, 0, COVARIANCE_REPAIRED)[()])
+    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
-def _total(z):
-    """Sum from the left."""
+def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
+    """Turns that are not all small, where the columns together turn by more than ``small``.
+
+    Beyond ``unknown`` the points would alias: the angle is unknown, what it had in common with states before it is given
+    up, and half that much is left of its variance. Its own is the last column in which it has a part. Returns words, turns
+    and the status.
+    """
     total = z[0]
     for entry in z[1:]:
         total = total + entry
-    return total
+    wide = (total > small) & where
+    if not np.any(wide):
+        return words, turn, status
+    lost = total > unknown
+    words, z, wider = list(words), list(z), []
+    for k in range(ANGLE_COLUMNS):
+        left = 0.5 * math.dtype(unknown) if k == ANGLE_COLUMNS - 1 else math.dtype(0)
+        words[ANGLE_ROW + k] = np.where(wide & lost, left, words[ANGLE_ROW + k])[()]
+        z[k] = np.where(lost, left, z[k])[()]
+    for entry in z:
+        wider = [*wider, *small_angle(entry)]
+    turn = tuple(np.where(wide, new, old)[()] for new, old in zip(wider, turn))
+    return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _forget_angle(words, z, where, flags, math, small_angle, widest):
-    """Where the points would alias, the angle is unknown: what it had in common with states before it is given up, and
-    half that much is left of its variance. Its own is the last column in which it has a part; returns words and turns.
+def _average(f, nis, where):
+    """Averages the normalised innovation squared over the window, where a measurement was taken."""
+    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
+
+
+def _restart(f, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+    words = diagonal(f.P_0, 0.0)
+    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
+    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
+    f.nis = np.where(where, 0.0, f.nis)[()]
+
+
+def _set_status_bits(f, check, status):
+    """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
+    of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
+    number. Returns the status.
     """
-    lost = (_total(z) > widest) & where
-    count, row = ROWS[ANGLE] + 1, word(ORDER[0], ANGLE)
-    capped = [*([math.dtype(0)] * (count - 1)), math.dtype(0.5) * math.dtype(widest)]
-    flags.append(np.where(lost, COVARIANCE_REPAIRED, 0)[()])
-    words = list(words)
-    words[row : row + count] = (np.where(lost, new, old)[()] for new, old in zip(capped, words[row : row + count]))
-    z = [*(np.where(lost, new, old)[()] for new, old in zip(capped, z)), *z[count:]]
-    return tuple(words), tuple(value for entry in z for value in small_angle(entry))
-
-
-def _averaged(f, nis, where):
-    """The normalised innovation squared in the window's mean, where a measurement was taken."""
-    return np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _look_after(f, check, flags, status):
-    """What is left to do where something was not as usual; returns the status. A state, word of LD or mean that is
-    not a number, or beyond SOUND, makes the sum of their squares in that unit large or no number.
-    """
-    for flag in flags:
-        status = status | flag
-    unusual = ~((check * check <= SOUND * SOUND) & (f.nis < f.nis_max)) | (status & COVARIANCE_REPAIRED != 0)
-    if not np.any(unusual):
+    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
+    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    if np.all(ordinary):
         return status
-    size = check * PER_SOUND
+    size = check * PER_SANE_LIMIT
     worst = size * size
     for word in (f.nis, *f.LD):
-        size = word * PER_SOUND
+        size = word * PER_SANE_LIMIT
         worst = worst + size * size
-    status = status | np.where(unusual & ~(worst <= 1.0), RESTARTED, 0)[()]
+    status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
     status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = status & (COVARIANCE_REPAIRED | RESTARTED) != 0
-    f.repairs = np.minimum(f.repairs + np.where(repaired, 1, 0), MOST_REPAIRS)[()]
-    lost = status & RESTARTED != 0
-    if np.any(lost):
-        words = diagonal(f.P_0, 0.0)
-        f.x = tuple(np.where(lost, new, old)[()] for new, old in zip(f.x_0, f.x))
-        f.LD = tuple(np.where(lost, new, old)[()] for new, old in zip(words, f.LD))
-        f.nis = np.where(lost, 0.0, f.nis)[()]
+    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
+    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
+    restarted = (status & RESTARTED) != 0
+    if np.any(restarted):
+        _restart(f, restarted)
     return status
 
 
@@ -206,14 +217,12 @@ def _polynomial_small_angle_5_f32(z):
 
 
 def _small_angle_5_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane; a wide d is halved until it is small, then doubled again."""
-    wide = z > 0.1
-    if not np.any(wide):
-        return _polynomial_small_angle_5_f32(z)
-    part, doublings = np.where(wide, _smaller(z, 6.4), z)[()], np.where(wide, 0, 0)
+    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane: d is halved until it is small, then doubled again."""
+    part, doublings = _smaller(z, 6.4), 0
     for _ in range(3):
         halved = part > 0.1
-        part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
+        doublings = np.where(halved, doublings + 1, doublings)[()]
+        part = np.where(halved, 0.25 * part, part)[()]
     sinc, cosm1 = _polynomial_small_angle_5_f32(part)
     for j in range(3):
         more = j < doublings
@@ -233,14 +242,12 @@ def _polynomial_small_angle_5_f64(z):
 
 
 def _small_angle_5_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane; a wide d is halved until it is small, then doubled again."""
-    wide = z > 0.1
-    if not np.any(wide):
-        return _polynomial_small_angle_5_f64(z)
-    part, doublings = np.where(wide, _smaller(z, 6.4), z)[()], np.where(wide, 0, 0)
+    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane: d is halved until it is small, then doubled again."""
+    part, doublings = _smaller(z, 6.4), 0
     for _ in range(3):
         halved = part > 0.1
-        part, doublings = np.where(halved, 0.25 * part, part)[()], doublings + np.where(halved, 1, 0)
+        doublings = np.where(halved, doublings + 1, doublings)[()]
+        part = np.where(halved, 0.25 * part, part)[()]
     sinc, cosm1 = _polynomial_small_angle_5_f64(part)
     for j in range(3):
         more = j < doublings
@@ -255,6 +262,7 @@ class Float32:
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
+    turn_5 = staticmethod(_polynomial_small_angle_5_f32)
     small_angle_5 = staticmethod(_small_angle_5_f32)
 
 
@@ -264,6 +272,7 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
+    turn_5 = staticmethod(_polynomial_small_angle_5_f64)
     small_angle_5 = staticmethod(_small_angle_5_f64)
 
 
@@ -329,8 +338,9 @@ def new_filter(dtype=np.float32, **tuning):
 
 
 def _within(values, limit):
-    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not."""
-    return (values[0] >= -limit) & (values[0] <= limit) & (values[1] >= -limit) & (values[1] <= limit)
+    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not. By squares, as in C."""
+    most = limit * limit
+    return (values[0] * values[0] <= most) & (values[1] * values[1] <= most)
 
 
 def _select(mask, new, old):
@@ -359,10 +369,10 @@ def time_update_turns(LD, math, stages=None):
     z_theta_mid_1 = D_1 * part_of_z_theta_mid_1 * part_of_z_theta_mid_1
     half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32
     z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32
-    sinc_theta_mid_0, cosm1_theta_mid_0 = math.small_angle_5(z_theta_mid_0)
-    sinc_theta_mid_1, cosm1_theta_mid_1 = math.small_angle_5(z_theta_mid_1)
-    sinc_theta_mid_2, cosm1_theta_mid_2 = math.small_angle_5(z_theta_mid_2)
-    sinc_theta_mid_3, cosm1_theta_mid_3 = math.small_angle_5(D_3)
+    sinc_theta_mid_0, cosm1_theta_mid_0 = math.turn_5(z_theta_mid_0)
+    sinc_theta_mid_1, cosm1_theta_mid_1 = math.turn_5(z_theta_mid_1)
+    sinc_theta_mid_2, cosm1_theta_mid_2 = math.turn_5(z_theta_mid_2)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_5(D_3)
 
     return (
         (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_3,),
@@ -904,20 +914,20 @@ def ckf_step(f, u, y, math, stages=None):
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    flags = []
     z, turn = time_update_turns(LD, math, stages)
-    if np.any(_total(z) > UNKNOWN_5):
-        LD, turn = _forget_angle(LD, z, True, flags, math, math.small_angle_5, UNKNOWN_5)
+    LD, turn, status = _widen(
+        LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
+    )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    _watch_pivots(LD_pred, f.Q, flags)
+    status = _watch_pivots(LD_pred, f.Q, status)
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    f.nis = _averaged(f, nis[0], accepted)
+    _average(f, nis[0], accepted)
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _look_after(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], flags, status)
+    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -932,20 +942,20 @@ def ickf_step(f, u, y, math, stages=None):
     y = _select(accepted, y, (math.dtype(0), math.dtype(0)))
     iterations = np.where(accepted, 1, 0)[()]
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
-    flags = []
     z, turn = time_update_turns(LD, math, stages)
-    if np.any(_total(z) > UNKNOWN_5):
-        LD, turn = _forget_angle(LD, z, True, flags, math, math.small_angle_5, UNKNOWN_5)
+    LD, turn, status = _widen(
+        LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
+    )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    _watch_pivots(LD_pred, f.Q, flags)
+    status = _watch_pivots(LD_pred, f.Q, status)
     x, LD, nis = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    f.nis = _averaged(f, nis[0], accepted)
+    _average(f, nis[0], accepted)
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _look_after(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], flags, status)
+    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
 
 
 def clarke(phase, math, stages=None):
@@ -1088,14 +1098,14 @@ def foc_step(c, filter_step, phase, command, math):
     i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
     held = []
     for new, old, limit in zip(command, c.command_held, c.command_max):
-        good = (new >= -limit) & (new <= limit)
-        held += _select(good, (new,), (old,))
+        good = new * new <= limit * limit
+        held = [*held, np.where(good, new, old)[()]]
         status = status | np.where(good, 0, COMMAND_REJECTED)[()]
     c.command_held = tuple(held)
     rotor = (c.filter.x[2], c.filter.x[3])
     if c.sensored:
-        good = (c.sensed[0] >= -c.command_max[0]) & (c.sensed[0] <= c.command_max[0])
-        good = good & (c.sensed[1] >= -SENSED_MAX) & (c.sensed[1] <= SENSED_MAX)
+        good = c.sensed[0] * c.sensed[0] <= c.command_max[0] * c.command_max[0]
+        good = good & (c.sensed[1] * c.sensed[1] <= SENSED_MAX * SENSED_MAX)
         rotor = _select(good, c.sensed, rotor)
         status = status | np.where(good, 0, COMMAND_REJECTED)[()]
     duty, v, c.integrator = control(i, rotor, c.command_held, c.gain, c.integrator, math)

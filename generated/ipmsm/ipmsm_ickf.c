@@ -25,8 +25,8 @@
 #pragma CODE_SECTION(time_update, ".TI.ramfunc")
 #pragma CODE_SECTION(ickf_measurement_update, ".TI.ramfunc")
 #pragma CODE_SECTION(coast, ".TI.ramfunc")
-#pragma CODE_SECTION(start_over, ".TI.ramfunc")
-#pragma CODE_SECTION(look_after, ".TI.ramfunc")
+#pragma CODE_SECTION(restart, ".TI.ramfunc")
+#pragma CODE_SECTION(set_status_bits, ".TI.ramfunc")
 #pragma CODE_SECTION(ipmsm_ickf_step, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(sin_cos, "ramfuncs")
@@ -39,8 +39,8 @@
 #pragma CODE_SECTION(time_update, "ramfuncs")
 #pragma CODE_SECTION(ickf_measurement_update, "ramfuncs")
 #pragma CODE_SECTION(coast, "ramfuncs")
-#pragma CODE_SECTION(start_over, "ramfuncs")
-#pragma CODE_SECTION(look_after, "ramfuncs")
+#pragma CODE_SECTION(restart, "ramfuncs")
+#pragma CODE_SECTION(set_status_bits, "ramfuncs")
 #pragma CODE_SECTION(ipmsm_ickf_step, "ramfuncs")
 #endif
 #endif
@@ -49,8 +49,8 @@
 
 #define N_STATES 5
 #define N_WORDS 15 /* of LD */
-#define SOUND 1e+09f /* no state, no variance of a filter in its senses is larger */
-#define PER_SOUND 1e-09f
+#define SANE_LIMIT 1e+09f /* a state, variance or mean beyond it makes the step restart */
+#define PER_SANE_LIMIT 1e-09f
 #define MOST_REPAIRS 32767
 #define ANGLE_COLUMNS 4 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 6 /* of LD: what belongs to theta */
@@ -140,8 +140,8 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
 {
     int k;
     int status = 0;
-    float32 total = 0.0f;
-    for (k = 0; k < count; k++) {
+    float32 total = z[0];
+    for (k = 1; k < count; k++) {
         total = total + z[k];
     }
     if (total > UNKNOWN_TURN) {
@@ -861,8 +861,8 @@ void ipmsm_ickf_init(ipmsm_ickf_t *f)
     ipmsm_ickf_reset(f);
 }
 
-/* The estimate after a reset. */
-static void start_over(ipmsm_ickf_t *f)
+/* Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. */
+static void restart(ipmsm_ickf_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9, 14 }; /* its place among the words */
@@ -876,18 +876,19 @@ static void start_over(ipmsm_ickf_t *f)
     f->nis = 0.0f;
 }
 
-/* What is left to do where something was not as usual; returns the status. A state, word of LD or mean that is not a
- * number, or beyond SOUND, makes the sum of their squares in that unit large or no number. */
-static int look_after(ipmsm_ickf_t *f, int status, float32 check)
+/* Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word of
+ * LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
+ * number. Returns the status. */
+static int set_status_bits(ipmsm_ickf_t *f, int status, float32 check)
 {
-    float32 size = check * PER_SOUND;
+    float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int result = status;
     int k;
-    size = f->nis * PER_SOUND;
+    size = f->nis * PER_SANE_LIMIT;
     worst = worst + size * size;
     for (k = 0; k < N_WORDS; k++) {
-        size = f->LD[k] * PER_SOUND;
+        size = f->LD[k] * PER_SANE_LIMIT;
         worst = worst + size * size;
     }
     result |= (worst <= 1.0f) ? 0 : PMSM_RESTARTED;
@@ -896,14 +897,14 @@ static int look_after(ipmsm_ickf_t *f, int status, float32 check)
         f->repairs += (f->repairs < MOST_REPAIRS) ? 1 : 0;
     }
     if ((result & PMSM_RESTARTED) != 0) {
-        start_over(f);
+        restart(f);
     }
     return result;
 }
 
 void ipmsm_ickf_reset(ipmsm_ickf_t *f)
 {
-    start_over(f);
+    restart(f);
     f->u_held[0] = 0.0f;
     f->u_held[1] = 0.0f;
     f->iterations = 0;
@@ -937,11 +938,11 @@ int ipmsm_ickf_step(ipmsm_ickf_t *f, const float32 u[2], const float32 y[2])
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* Pivots, mean and states: no number, if one of them is none. */
+    /* The sum of pivots, mean and states is no number if one of them is none. */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SOUND * SOUND) ||
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
         !(f->nis < f->nis_max)) {
-        status = look_after(f, status, check[0]);
+        status = set_status_bits(f, status, check[0]);
     }
     f->iterations = iterations;
     return status;

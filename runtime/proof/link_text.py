@@ -28,7 +28,8 @@ from runtime.proof.text.flows import (
     record_of,
     written_fields,
 )
-from runtime.proof.text.python_steps import PythonText, Record
+from runtime.proof.text.python_nodes import Record
+from runtime.proof.text.python_steps import PythonText
 from runtime.proof.text.terms import Terms
 
 #: Blocks that each form has at least.

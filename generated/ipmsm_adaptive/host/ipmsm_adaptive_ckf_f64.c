@@ -14,8 +14,8 @@
 
 #define N_STATES 7
 #define N_WORDS 28 /* of LD */
-#define SOUND 1000000000.0 /* no state, no variance of a filter in its senses is larger */
-#define PER_SOUND 1e-09
+#define SANE_LIMIT 1000000000.0 /* a state, variance or mean beyond it makes the step restart */
+#define PER_SANE_LIMIT 1e-09
 #define MOST_REPAIRS 32767
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -103,8 +103,8 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
 {
     int k;
     int status = 0;
-    float64 total = 0.0;
-    for (k = 0; k < count; k++) {
+    float64 total = z[0];
+    for (k = 1; k < count; k++) {
         total = total + z[k];
     }
     if (total > UNKNOWN_TURN) {
@@ -1216,8 +1216,8 @@ void ipmsm_adaptive_ckf_f64_init(ipmsm_adaptive_ckf_f64_t *f)
     ipmsm_adaptive_ckf_f64_reset(f);
 }
 
-/* The estimate after a reset. */
-static void start_over(ipmsm_adaptive_ckf_f64_t *f)
+/* Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. */
+static void restart(ipmsm_adaptive_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
@@ -1231,18 +1231,19 @@ static void start_over(ipmsm_adaptive_ckf_f64_t *f)
     f->nis = 0.0;
 }
 
-/* What is left to do where something was not as usual; returns the status. A state, word of LD or mean that is not a
- * number, or beyond SOUND, makes the sum of their squares in that unit large or no number. */
-static int look_after(ipmsm_adaptive_ckf_f64_t *f, int status, float64 check)
+/* Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word of
+ * LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
+ * number. Returns the status. */
+static int set_status_bits(ipmsm_adaptive_ckf_f64_t *f, int status, float64 check)
 {
-    float64 size = check * PER_SOUND;
+    float64 size = check * PER_SANE_LIMIT;
     float64 worst = size * size;
     int result = status;
     int k;
-    size = f->nis * PER_SOUND;
+    size = f->nis * PER_SANE_LIMIT;
     worst = worst + size * size;
     for (k = 0; k < N_WORDS; k++) {
-        size = f->LD[k] * PER_SOUND;
+        size = f->LD[k] * PER_SANE_LIMIT;
         worst = worst + size * size;
     }
     result |= (worst <= 1.0) ? 0 : PMSM_RESTARTED;
@@ -1251,14 +1252,14 @@ static int look_after(ipmsm_adaptive_ckf_f64_t *f, int status, float64 check)
         f->repairs += (f->repairs < MOST_REPAIRS) ? 1 : 0;
     }
     if ((result & PMSM_RESTARTED) != 0) {
-        start_over(f);
+        restart(f);
     }
     return result;
 }
 
 void ipmsm_adaptive_ckf_f64_reset(ipmsm_adaptive_ckf_f64_t *f)
 {
-    start_over(f);
+    restart(f);
     f->u_held[0] = 0.0;
     f->u_held[1] = 0.0;
     f->iterations = 0;
@@ -1294,11 +1295,11 @@ int ipmsm_adaptive_ckf_f64_step(ipmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* Pivots, mean and states: no number, if one of them is none. */
+    /* The sum of pivots, mean and states is no number if one of them is none. */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SOUND * SOUND) ||
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
         !(f->nis < f->nis_max)) {
-        status = look_after(f, status, check[0]);
+        status = set_status_bits(f, status, check[0]);
     }
     f->iterations = iterations;
     return status;

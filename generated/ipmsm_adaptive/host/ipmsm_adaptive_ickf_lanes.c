@@ -71,8 +71,8 @@ INLINE float32 larger(float32 a, float32 b)
     return (a > b) ? a : b;
 }
 
-#define SOUND 1e+09f /* no state, no variance of a filter in its senses is larger */
-#define PER_SOUND 1e-09f
+#define SANE_LIMIT 1e+09f /* a state, variance or mean beyond it makes the step restart */
+#define PER_SANE_LIMIT 1e-09f
 #define N_WORDS 28 /* of LD */
 #define MOST_REPAIRS 32767
 
@@ -127,8 +127,8 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
 {
     int k;
     int status = 0;
-    float32 total = 0.0f;
-    for (k = 0; k < count; k++) {
+    float32 total = z[0];
+    for (k = 1; k < count; k++) {
         total = total + z[k];
     }
     if (total > UNKNOWN_TURN) {
@@ -176,7 +176,7 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
         float32 own_row[ANGLE_COLUMNS];
         float32 own_z[MOST_TURNS];
         float32 own_turn[2 * MOST_TURNS];
-        float32 total = 0.0f;
+        float32 total = z[0].of[lane];
         for (k = 0; k < ANGLE_COLUMNS; k++) {
             own_row[k] = row[k].of[lane];
         }
@@ -184,6 +184,8 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
             own_z[k] = z[k].of[lane];
             own_turn[2 * k] = turn[2 * k].of[lane];
             own_turn[(2 * k) + 1] = turn[(2 * k) + 1].of[lane];
+        }
+        for (k = 1; k < count; k++) {
             total = total + own_z[k];
         }
         if (total > SMALL_TURN) {
@@ -250,33 +252,46 @@ static int guard(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restr
 }
 
 /* All lanes take the first pass. */
-static void begin_iterating(ipmsm_adaptive_ickf_lanes_t *__restrict f, int *__restrict active)
+static void begin_iterating(ipmsm_adaptive_ickf_lanes_t *__restrict f, int *__restrict active, int *__restrict moving)
 {
     int lane;
     for (lane = 0; lane < LANES; lane++) {
         f->iterations[lane] = 0;
         active[lane] = 1;
+        moving[lane] = 0;
     }
 }
 
-/* After a pass: counts it where it was made, marks the lanes that need another and says whether there is any. */
+/* After a pass: counts it, marks the lanes that need another and says whether there is any. */
 static int go_on(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restrict change, const int *__restrict rejected,
-    int *__restrict active)
+    int *__restrict active, int *__restrict moving)
 {
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
         const float32 tolerance = f->tolerance[0].of[lane];
-        const int made = active[lane] & (1 - rejected[lane]);
-        const int moving = made & ((change[0].of[lane] <= (tolerance * tolerance)) ? 0 : 1);
+        const int made = active[lane];
+        const int before = moving[lane];
+        const int still = (change[0].of[lane] <= (tolerance * tolerance)) ? 0 : 1;
         const int iterations = f->iterations[lane] + made;
-        const int more = moving & ((iterations < f->max_iterations[lane]) ? 1 : 0);
+        const int more = made & (1 - rejected[lane]) & still & ((iterations < f->max_iterations[lane]) ? 1 : 0);
         f->iterations[lane] = iterations;
-        f->status[lane] |= ((moving - more) != 0) ? PMSM_NOT_CONVERGED : 0;
+        moving[lane] = (made != 0) ? still : before;
         active[lane] = more;
         any |= more;
     }
     return any;
+}
+
+/* Marks the lanes whose last iterate still moved; a rejected measurement has made none. */
+static void judge_convergence(ipmsm_adaptive_ickf_lanes_t *__restrict f, const int *__restrict rejected, const int *__restrict moving)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const int iterations = f->iterations[lane];
+        f->iterations[lane] = (rejected[lane] != 0) ? 0 : iterations;
+        f->status[lane] |= ((moving[lane] & (1 - rejected[lane])) != 0) ? PMSM_NOT_CONVERGED : 0;
+    }
 }
 
 /* Small angles of time_update: sin(d) / d and cos(d) - 1 */
@@ -1349,17 +1364,18 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
     }
 }
 
-/* What is left to do in a lane where something was not as usual: as in the scalar form. */
-static void mend(ipmsm_adaptive_ickf_lanes_t *__restrict f, float32 check, int lane)
+/* Sets the remaining status bits of a lane whose step was not ordinary, counts repairs, and restarts it if need be: as
+ * in the scalar form. */
+static void set_status_bits(ipmsm_adaptive_ickf_lanes_t *__restrict f, float32 check, int lane)
 {
     static const int variance[7] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    float32 size = check * PER_SOUND;
+    float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
-    size = f->nis[0].of[lane] * PER_SOUND;
+    size = f->nis[0].of[lane] * PER_SANE_LIMIT;
     worst = worst + size * size;
     for (k = 0; k < N_WORDS; k++) {
-        size = f->LD[k].of[lane] * PER_SOUND;
+        size = f->LD[k].of[lane] * PER_SANE_LIMIT;
         worst = worst + size * size;
     }
     f->status[lane] |= (worst <= 1.0f) ? 0 : PMSM_RESTARTED;
@@ -1379,11 +1395,11 @@ static void mend(ipmsm_adaptive_ickf_lanes_t *__restrict f, float32 check, int l
     }
 }
 
-/* The window's mean goes on where a measurement was taken; lanes in which something was not as usual are mended. */
-static void look_after(ipmsm_adaptive_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
+/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
+static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
     const int *__restrict rejected)
 {
-    int unusual[LANES];
+    int special[LANES];
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
@@ -1393,16 +1409,18 @@ static void look_after(ipmsm_adaptive_ickf_lanes_t *__restrict f, lanes *__restr
         const float32 sum = check[0].of[lane] + mean +
             f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane] +
             f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
-        const int sound = (sum * sum <= SOUND * SOUND) ? 1 : 0;
+        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
         const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
         f->nis[0].of[lane] = mean;
         check[0].of[lane] = sum;
-        unusual[lane] = (1 - (sound & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
-        any |= unusual[lane];
+        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        any |= special[lane];
     }
-    for (lane = 0; (lane < LANES) && (any != 0); lane++) {
-        if (unusual[lane] != 0) {
-            mend(f, check[0].of[lane], lane);
+    if (any != 0) {
+        for (lane = 0; lane < LANES; lane++) {
+            if (special[lane] != 0) {
+                set_status_bits(f, check[0].of[lane], lane);
+            }
         }
     }
 }
@@ -1425,6 +1443,7 @@ void ipmsm_adaptive_ickf_lanes_step(ipmsm_adaptive_ickf_lanes_t *f, const lanes 
     lanes other_LD[28];
     int rejected[LANES];
     int active[LANES];
+    int moving[LANES];
     const int any_rejected = guard(f, u, y, rejected);
 
     if (time_update_turns(f->LD, z, turn) != 0) {
@@ -1433,18 +1452,19 @@ void ipmsm_adaptive_ickf_lanes_step(ipmsm_adaptive_ickf_lanes_t *f, const lanes 
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     watch_pivots(LD_pred, f->Q, f->status);
     copy(x_j, x_pred, 7);
-    begin_iterating(f, active);
+    begin_iterating(f, active, moving);
     do {
         ickf_iterate(x_j, x_pred, LD_pred, f->R, y, new_x_j, new_nis, new_HL, new_change);
         take(x_j, new_x_j, active, 7);
         take(nis, new_nis, active, 1);
         take(HL, new_HL, active, 12);
-    } while (go_on(f, new_change, rejected, active) != 0); /* eq. 33 */
+    } while (go_on(f, new_change, rejected, active, moving) != 0); /* eq. 33 */
+    judge_convergence(f, rejected, moving);
     ickf_finish(x_j, LD_pred, f->R, HL, f->x, f->LD);
     if (any_rejected != 0) {
         coast(x_pred, LD_pred, other_x, other_LD);
         take(f->x, other_x, rejected, 7);
         take(f->LD, other_LD, rejected, 28);
     }
-    look_after(f, check, nis, rejected);
+    finish_step(f, check, nis, rejected);
 }

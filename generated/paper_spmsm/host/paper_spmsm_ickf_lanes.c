@@ -60,8 +60,8 @@ INLINE float32 larger(float32 a, float32 b)
     return (a > b) ? a : b;
 }
 
-#define SOUND 1e+09f /* no state, no variance of a filter in its senses is larger */
-#define PER_SOUND 1e-09f
+#define SANE_LIMIT 1e+09f /* a state, variance or mean beyond it makes the step restart */
+#define PER_SANE_LIMIT 1e-09f
 #define N_WORDS 10 /* of LD */
 #define MOST_REPAIRS 32767
 
@@ -113,8 +113,8 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
 {
     int k;
     int status = 0;
-    float32 total = 0.0f;
-    for (k = 0; k < count; k++) {
+    float32 total = z[0];
+    for (k = 1; k < count; k++) {
         total = total + z[k];
     }
     if (total > UNKNOWN_TURN) {
@@ -162,7 +162,7 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
         float32 own_row[ANGLE_COLUMNS];
         float32 own_z[MOST_TURNS];
         float32 own_turn[2 * MOST_TURNS];
-        float32 total = 0.0f;
+        float32 total = z[0].of[lane];
         for (k = 0; k < ANGLE_COLUMNS; k++) {
             own_row[k] = row[k].of[lane];
         }
@@ -170,6 +170,8 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
             own_z[k] = z[k].of[lane];
             own_turn[2 * k] = turn[2 * k].of[lane];
             own_turn[(2 * k) + 1] = turn[(2 * k) + 1].of[lane];
+        }
+        for (k = 1; k < count; k++) {
             total = total + own_z[k];
         }
         if (total > SMALL_TURN) {
@@ -566,17 +568,18 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
     }
 }
 
-/* What is left to do in a lane where something was not as usual: as in the scalar form. */
-static void mend(paper_spmsm_ickf_lanes_t *__restrict f, float32 check, int lane)
+/* Sets the remaining status bits of a lane whose step was not ordinary, counts repairs, and restarts it if need be: as
+ * in the scalar form. */
+static void set_status_bits(paper_spmsm_ickf_lanes_t *__restrict f, float32 check, int lane)
 {
     static const int variance[4] = { 0, 2, 5, 9 }; /* its place among the words */
-    float32 size = check * PER_SOUND;
+    float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
-    size = f->nis[0].of[lane] * PER_SOUND;
+    size = f->nis[0].of[lane] * PER_SANE_LIMIT;
     worst = worst + size * size;
     for (k = 0; k < N_WORDS; k++) {
-        size = f->LD[k].of[lane] * PER_SOUND;
+        size = f->LD[k].of[lane] * PER_SANE_LIMIT;
         worst = worst + size * size;
     }
     f->status[lane] |= (worst <= 1.0f) ? 0 : PMSM_RESTARTED;
@@ -596,11 +599,11 @@ static void mend(paper_spmsm_ickf_lanes_t *__restrict f, float32 check, int lane
     }
 }
 
-/* The window's mean goes on where a measurement was taken; lanes in which something was not as usual are mended. */
-static void look_after(paper_spmsm_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
+/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
+static void finish_step(paper_spmsm_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
     const int *__restrict rejected)
 {
-    int unusual[LANES];
+    int special[LANES];
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
@@ -609,16 +612,18 @@ static void look_after(paper_spmsm_ickf_lanes_t *__restrict f, lanes *__restrict
         const float32 mean = (rejected[lane] != 0) ? before : after;
         const float32 sum = check[0].of[lane] + mean +
             f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane];
-        const int sound = (sum * sum <= SOUND * SOUND) ? 1 : 0;
+        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
         const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
         f->nis[0].of[lane] = mean;
         check[0].of[lane] = sum;
-        unusual[lane] = (1 - (sound & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
-        any |= unusual[lane];
+        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        any |= special[lane];
     }
-    for (lane = 0; (lane < LANES) && (any != 0); lane++) {
-        if (unusual[lane] != 0) {
-            mend(f, check[0].of[lane], lane);
+    if (any != 0) {
+        for (lane = 0; lane < LANES; lane++) {
+            if (special[lane] != 0) {
+                set_status_bits(f, check[0].of[lane], lane);
+            }
         }
     }
 }
@@ -647,5 +652,5 @@ void paper_spmsm_ickf_lanes_step(paper_spmsm_ickf_lanes_t *f, const lanes u[2], 
         take(f->x, other_x, rejected, 4);
         take(f->LD, other_LD, rejected, 10);
     }
-    look_after(f, check, nis, rejected);
+    finish_step(f, check, nis, rejected);
 }

@@ -72,8 +72,8 @@ INLINE float32 larger(float32 a, float32 b)
     return (a > b) ? a : b;
 }
 
-#define SOUND 1e+09f /* no state, no variance of a filter in its senses is larger */
-#define PER_SOUND 1e-09f
+#define SANE_LIMIT 1e+09f /* a state, variance or mean beyond it makes the step restart */
+#define PER_SANE_LIMIT 1e-09f
 #define N_WORDS 28 /* of LD */
 #define MOST_REPAIRS 32767
 
@@ -128,8 +128,8 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
 {
     int k;
     int status = 0;
-    float32 total = 0.0f;
-    for (k = 0; k < count; k++) {
+    float32 total = z[0];
+    for (k = 1; k < count; k++) {
         total = total + z[k];
     }
     if (total > UNKNOWN_TURN) {
@@ -177,7 +177,7 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
         float32 own_row[ANGLE_COLUMNS];
         float32 own_z[MOST_TURNS];
         float32 own_turn[2 * MOST_TURNS];
-        float32 total = 0.0f;
+        float32 total = z[0].of[lane];
         for (k = 0; k < ANGLE_COLUMNS; k++) {
             own_row[k] = row[k].of[lane];
         }
@@ -185,6 +185,8 @@ static void widen_lanes(lanes *__restrict row, lanes *__restrict z, lanes *__res
             own_z[k] = z[k].of[lane];
             own_turn[2 * k] = turn[2 * k].of[lane];
             own_turn[(2 * k) + 1] = turn[(2 * k) + 1].of[lane];
+        }
+        for (k = 1; k < count; k++) {
             total = total + own_z[k];
         }
         if ((total > SMALL_TURN) && ((skipped == NULL) || (skipped[lane] == 0))) {
@@ -1203,17 +1205,18 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
     }
 }
 
-/* What is left to do in a lane where something was not as usual: as in the scalar form. */
-static void mend(spmsm_adaptive_ckf_lanes_t *__restrict f, float32 check, int lane)
+/* Sets the remaining status bits of a lane whose step was not ordinary, counts repairs, and restarts it if need be: as
+ * in the scalar form. */
+static void set_status_bits(spmsm_adaptive_ckf_lanes_t *__restrict f, float32 check, int lane)
 {
     static const int variance[7] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    float32 size = check * PER_SOUND;
+    float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
-    size = f->nis[0].of[lane] * PER_SOUND;
+    size = f->nis[0].of[lane] * PER_SANE_LIMIT;
     worst = worst + size * size;
     for (k = 0; k < N_WORDS; k++) {
-        size = f->LD[k].of[lane] * PER_SOUND;
+        size = f->LD[k].of[lane] * PER_SANE_LIMIT;
         worst = worst + size * size;
     }
     f->status[lane] |= (worst <= 1.0f) ? 0 : PMSM_RESTARTED;
@@ -1233,11 +1236,11 @@ static void mend(spmsm_adaptive_ckf_lanes_t *__restrict f, float32 check, int la
     }
 }
 
-/* The window's mean goes on where a measurement was taken; lanes in which something was not as usual are mended. */
-static void look_after(spmsm_adaptive_ckf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
+/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
+static void finish_step(spmsm_adaptive_ckf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
     const int *__restrict rejected)
 {
-    int unusual[LANES];
+    int special[LANES];
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
@@ -1247,16 +1250,18 @@ static void look_after(spmsm_adaptive_ckf_lanes_t *__restrict f, lanes *__restri
         const float32 sum = check[0].of[lane] + mean +
             f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane] +
             f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
-        const int sound = (sum * sum <= SOUND * SOUND) ? 1 : 0;
+        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
         const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
         f->nis[0].of[lane] = mean;
         check[0].of[lane] = sum;
-        unusual[lane] = (1 - (sound & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
-        any |= unusual[lane];
+        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        any |= special[lane];
     }
-    for (lane = 0; (lane < LANES) && (any != 0); lane++) {
-        if (unusual[lane] != 0) {
-            mend(f, check[0].of[lane], lane);
+    if (any != 0) {
+        for (lane = 0; lane < LANES; lane++) {
+            if (special[lane] != 0) {
+                set_status_bits(f, check[0].of[lane], lane);
+            }
         }
     }
 }
@@ -1290,5 +1295,5 @@ void spmsm_adaptive_ckf_lanes_step(spmsm_adaptive_ckf_lanes_t *f, const lanes u[
         take(f->x, other_x, rejected, 7);
         take(f->LD, other_LD, rejected, 28);
     }
-    look_after(f, check, nis, rejected);
+    finish_step(f, check, nis, rejected);
 }

@@ -7,40 +7,25 @@ once, for a lane that stands for all; a choice that is made for all lanes togeth
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from typing import Any
 
 from pycparser import c_ast
 
+from runtime.proof.text.c_call import Call
+from runtime.proof.text.c_nodes import (
+    LANE,
+    Array,
+    Memory,
+    Pointer,
+    Struct,
+    Value,
+    declared,
+    enumerators,
+)
 from runtime.proof.text.terms import OverLanes, Term, Terms
 
-#: Lanes of a lane form; the variable that counts them.
-LANES, LANE = 16, "lane"
-
-_count = itertools.count()
-
-
-class Array:
-    """Cells of memory: an array, a struct's field or a variable. ``of_lanes``: a cell has one value a lane."""
-
-    def __init__(self, name: str, size: int | None, kind: str, private: bool) -> None:
-        flags = kind == "int" and size == LANES
-        self.name, self.whole, self.of_lanes = name, kind == "int", kind == "lanes" or flags
-        self.is_array, self.size = size is not None, 1 if flags else size or 1
-        #: It lives inside the loop over lanes, and may be written there without further ado.
-        self.private = private
-        self.id = next(_count)
-
-
-class Pointer:
-    def __init__(self, array: Array, offset: int = 0) -> None:
-        self.array, self.offset = array, offset
-
-
-Struct = dict[str, Any]
-Value = Term | OverLanes | Pointer | Struct | None
-Memory = dict[tuple[int, int], Term | OverLanes]
+__all__ = ["Array", "CText", "Pointer", "Struct", "Value"]
 
 
 class CText:
@@ -50,6 +35,8 @@ class CText:
         self.terms = terms
         self.functions = {d.decl.name: d for d in tree.ext if isinstance(d, c_ast.FuncDef)}
         self.types = {d.name: d.type.type for d in tree.ext if isinstance(d, c_ast.Typedef)}
+        #: Enumerators, which name states and places of the covariance words.
+        self.numbers = {name: value for d in tree.ext for name, value in enumerators(d)}
         self.blocks = blocks
         #: Functions of other files, by name.
         self.elsewhere: dict[str, Callable[[CText, list[Value]], Value]] = {}
@@ -68,7 +55,7 @@ class CText:
         """A struct whose fields are symbols of their names."""
         fields: Struct = {}
         for declaration in self.types[kind].decls:
-            name, base, size = declaration.name, *_declared(declaration.type)
+            name, base, size = declaration.name, *declared(declaration.type)
             if base in self.types and base != "lanes" and isinstance(self.types[base], c_ast.Struct):
                 fields[name] = self.new_struct(base, f"{prefix}{name}.")
                 continue
@@ -120,13 +107,13 @@ class CText:
         scope: dict[str, Any] = {}
         for parameter, argument in zip(parameters, arguments, strict=True):
             if isinstance(argument, Term | OverLanes) and parameter.name != LANE:
-                array = self.new_array(parameter.name, None, _declared(parameter.type)[0])
+                array = self.new_array(parameter.name, None, declared(parameter.type)[0])
                 array.private = True
                 self.memory[array.id, 0] = argument
                 scope[parameter.name] = array
             else:
                 scope[parameter.name] = argument
-        return _Run(self, scope).statements(definition.body.block_items or [])
+        return Call(self, scope).statements(definition.body.block_items or [])
 
     def _block(self, name: str, parameters: list[str], arguments: list[Value]) -> Value:
         inputs = [self.cells(a) for p, a in zip(parameters, arguments, strict=True) if not p.endswith("_out")]
@@ -146,325 +133,3 @@ class CText:
             return self.terms.unknown("a block's argument")
         found = [self.read(pointer.array, k) for k in range(pointer.offset, pointer.array.size)]
         return self.terms.make("array", *(c if isinstance(c, Term) else self.terms.unknown("lanes") for c in found))
-
-
-class _Run:
-    """One call: its variables, and the statements still to come."""
-
-    def __init__(self, text: CText, scope: dict[str, Any]) -> None:
-        self.text, self.terms, self.scope = text, text.terms, scope
-
-    # --- statements
-
-    def statements(self, items: list[Any]) -> Value:
-        """Carry out statements; the value that they return, if any."""
-        for k, item in enumerate(items):
-            rest = items[k + 1 :]
-            if isinstance(item, c_ast.Return):
-                return self.value(item.expr) if item.expr is not None else None
-            if isinstance(item, c_ast.If) and _returns(item):
-                return self._branch(item, rest)
-            self._statement(item)
-        return None
-
-    def _branch(self, item: Any, rest: list[Any]) -> Value:
-        """An ``if``, and what follows it: once behind each branch where one of them returns, else nothing."""
-        condition = self.truth(item.cond)
-        if isinstance(condition, Term) and condition.kind == "integer":
-            return self.statements([*_items(item.iftrue if condition.args[0] else item.iffalse), *rest])
-        before = dict(self.text.memory)
-        one = self.statements([*_items(item.iftrue), *rest])
-        after, self.text.memory = self.text.memory, before
-        two = self.statements([*_items(item.iffalse), *rest])
-        merged = {
-            key: self._merged(condition, after.get(key), self.text.memory.get(key))
-            for key in after.keys() | self.text.memory.keys()
-        }
-        self.text.memory = cast(Memory, merged)
-        return None if one is None and two is None else self._merged(condition, one, two)
-
-    def _merged(self, condition: Term | OverLanes, one: Value, two: Value) -> Term | OverLanes:
-        if one is two and isinstance(one, Term | OverLanes):
-            return one
-        if isinstance(one, Term) and isinstance(two, Term):
-            return self.terms.merge(condition, one, two)
-        return self.terms.unknown("written in one branch only")
-
-    def _statement(self, item: Any) -> None:
-        match item:
-            case c_ast.Decl():
-                self._declare(item)
-            case c_ast.If():
-                self._branch(item, [])
-            case c_ast.For():
-                self._for(item)
-            case c_ast.DoWhile():
-                self._repeat(item)
-            case c_ast.Compound():
-                self.statements(item.block_items or [])
-            case c_ast.Assignment():
-                self._assign(item)
-            case c_ast.UnaryOp(op="p++", expr=target):
-                array, place = self.place(target)
-                self.text.write(array, place, self._plus(self.text.read(array, place)))
-            case c_ast.FuncCall():
-                self.value(item)
-            case c_ast.Cast(expr=c_ast.ID()):
-                pass  # (void)x: says to the compiler that it is not used
-            case _:
-                self._spoil(f"a statement: {type(item).__name__}")
-
-    def _spoil(self, why: str) -> None:
-        """A statement that is not understood may have written anything."""
-        for key in self.text.memory:
-            self.text.memory[key] = self.terms.unknown(why)
-
-    def _plus(self, value: Any) -> Term:
-        return self.terms.operation("+", value, self.terms.one) if isinstance(value, Term) else self.terms.unknown("++")
-
-    def _declare(self, item: Any) -> None:
-        kind, size = _declared(item.type)
-        array = self.text.new_array(item.name, size, kind)
-        self.scope[item.name] = array
-        if isinstance(item.init, c_ast.InitList):
-            array.of_lanes = False
-            for k, entry in enumerate(item.init.exprs):
-                self.text.memory[array.id, k] = cast(Term, self.value(entry))
-        elif item.init is None:
-            for k in range(array.size):
-                self.text.memory[array.id, k] = self.terms.unknown(f"{item.name}[{k}] before it is written")
-        else:
-            value = self.value(item.init)
-            if not isinstance(value, Term | OverLanes) or (isinstance(value, Term) and value.whole != array.whole):
-                value = self.terms.unknown(f"what {item.name} is")
-            self.text.memory[array.id, 0] = value
-
-    def _for(self, item: Any) -> None:
-        """A loop over lanes once, for one; any other, whose bounds are numbers, pass by pass."""
-        variable, first, last = self._bounds(item)
-        if variable is None:
-            self._spoil("a loop without fixed bounds")
-        elif variable == LANE:
-            if (first, last) != (0, LANES) or self.text.lanes:
-                self._spoil("a loop over some lanes")
-                return
-            outer, self.text.lanes = self.scope.get(LANE), True
-            self.scope[LANE] = LANE
-            self.statements(_items(item.stmt))
-            self.scope[LANE], self.text.lanes = outer, False
-        else:
-            for k in range(first, last):
-                self.scope[variable] = self.terms.integer(k)
-                self.statements(_items(item.stmt))
-
-    def _bounds(self, item: Any) -> tuple[str | None, int, int]:
-        """Of ``for (k = first; k < last; k++)``."""
-        match item:
-            case c_ast.For(
-                init=c_ast.Assignment(op="=", lvalue=c_ast.ID(name=a), rvalue=first),
-                cond=c_ast.BinaryOp(op="<", left=c_ast.ID(name=b), right=last),
-                next=c_ast.UnaryOp(op="p++", expr=c_ast.ID(name=c)),
-            ) if a == b == c:
-                ends = [self.value(first), self.value(last)]
-                if all(isinstance(end, Term) and end.kind == "integer" for end in ends):
-                    return a, *(int(cast(Term, end).args[0]) for end in ends)  # type: ignore[return-value]
-        return None, 0, 0
-
-    def _repeat(self, item: Any) -> None:
-        """``do ... while``: twice on what stands for any pass, first to see what it changes."""
-        text, before = self.text, dict(self.text.memory)
-        cells = {key: text.arrays[key[0]] for key, value in before.items() if isinstance(value, Term)}
-        after, _, start = self._passed(item, before, cells, set())
-        cells = {key: array for key, array in cells.items() if after[key] is not start[key]}
-        truths = {key for key in cells if self._is_truth(before[key])}
-        while True:
-            after, again, start = self._passed(item, before, cells, truths)
-            wrong = {key for key in truths if not self._is_truth(after[key])}
-            if not wrong:
-                break
-            truths -= wrong
-        named = {key: (array.name.split(".")[-1], key[1]) for key, array in cells.items()}
-        found = self.terms.loop(
-            {named[key]: (start[key], cast(Term, before[key])) for key in cells},
-            {named[key]: self._known(after[key]) for key in cells},
-            again,
-        )
-        text.memory = before | {key: found[named[key]] for key in cells}
-
-    def _is_truth(self, value: Any) -> bool:
-        return isinstance(value, Term) and self.terms.is_truth(value)
-
-    def _known(self, value: Any) -> Term:
-        return value if isinstance(value, Term) else self.terms.unknown("over lanes")
-
-    def _passed(
-        self, item: Any, before: Memory, cells: dict[tuple[int, int], Array], truths: set[tuple[int, int]]
-    ) -> tuple[Memory, Term | OverLanes, dict[tuple[int, int], Term]]:
-        """One pass in which ``cells`` hold what stands for any value: their values after it, whether it goes on."""
-        start = {
-            key: self.terms.phi((array.name.split(".")[-1], key[1]), key in truths, array.whole)
-            for key, array in cells.items()
-        }
-        self.text.memory = before | start
-        self.statements(_items(item.stmt))
-        again = self.truth(item.cond)
-        return {key: self.text.memory[key] for key in cells}, again, start
-
-    # --- assignments
-
-    def _assign(self, item: Any) -> None:
-        array, place = self.place(item.lvalue)
-        value = self.value(item.rvalue)
-        if item.op in {"|=", "+="}:
-            if isinstance(value, OverLanes) or (self.text.lanes and not (array.of_lanes or array.private)):
-                self.text.write(array, place, value, adds=item.op == "|=")
-                return
-            old = self.text.read(array, place)
-            known = isinstance(old, Term) and isinstance(value, Term)
-            value = self.terms.operation(item.op[0], old, value) if known else self.terms.unknown(item.op)  # type: ignore[arg-type]
-        elif item.op != "=":
-            value = self.terms.unknown(f"the operator {item.op}")
-        if isinstance(value, Term) and value.whole != array.whole and value.kind != "unknown":
-            value = self.terms.unknown(f"{array.name} of another type")
-        self.text.write(array, place, value)
-
-    def place(self, node: Any) -> tuple[Array, int]:
-        """Array and place that an expression names."""
-        match node:
-            case c_ast.ArrayRef(name=c_ast.StructRef(name=cell, field=c_ast.ID(name="of")), subscript=c_ast.ID(name=n)):
-                if self.scope.get(n) == LANE:
-                    return self.place(cell)
-            case c_ast.ArrayRef(name=owner, subscript=subscript):
-                pointer = self.value(owner)
-                if isinstance(pointer, Pointer):
-                    index = LANE if self._is_lane(subscript) else self.value(subscript)
-                    if index == LANE and pointer.array.of_lanes and pointer.array.size == 1 and pointer.array.whole:
-                        return pointer.array, 0
-                    if isinstance(index, Term) and index.kind == "integer":
-                        return pointer.array, pointer.offset + int(index.args[0])
-            case c_ast.ID(name=name) if isinstance(self.scope.get(name), Array):
-                return self.scope[name], 0
-            case c_ast.StructRef():
-                found = self.value_of_field(node)
-                if isinstance(found, Array):
-                    return found, 0
-        return self.text.new_array("nothing known", None, "?"), 0
-
-    def _is_lane(self, node: Any) -> bool:
-        return isinstance(node, c_ast.ID) and self.scope.get(node.name) == LANE
-
-    def value_of_field(self, node: Any) -> Any:
-        owner = self.value_of_field(node.name) if isinstance(node.name, c_ast.StructRef) else self.value(node.name)
-        return owner.get(node.field.name) if isinstance(owner, dict) else None
-
-    # --- values
-
-    def value(self, node: Any) -> Value:
-        match node:
-            case c_ast.Constant(type="int", value=digits):
-                return self.terms.integer(int(digits, 0))
-            case c_ast.Constant(type="float", value=digits):  # without its f it would be a double
-                return self.terms.number(float(digits.rstrip("fF")))
-            case c_ast.ID(name=name):
-                return self._named(name)
-            case c_ast.StructRef():
-                return self._whole(self.value_of_field(node))
-            case c_ast.ArrayRef():
-                array, place = self.place(node)
-                return self.text.read(array, place)
-            case c_ast.UnaryOp(op="&", expr=c_ast.ArrayRef() as cell):
-                return Pointer(*self.place(cell))
-            case c_ast.UnaryOp(op="&", expr=c_ast.StructRef() as field):
-                found = self.value_of_field(field)
-                return found if isinstance(found, dict) else self._whole(found)
-            case c_ast.FuncCall(name=c_ast.ID(name=name), args=args):
-                return self.text.call(name, [self.argument(a) for a in (args.exprs if args else [])])
-        return self._computed(node)
-
-    def argument(self, node: Any) -> Value:
-        return cast(Any, LANE) if self._is_lane(node) else self.value(node)
-
-    def _named(self, name: str) -> Value:
-        found = self.scope.get(name)
-        if isinstance(found, Array):
-            return self._whole(found)
-        if name == "NULL":
-            return None
-        return self.terms.unknown(f"the name {name}") if found is None and name not in self.scope else found
-
-    def _whole(self, array: Any) -> Value:
-        """An array's pointer, a variable's value."""
-        if not isinstance(array, Array):
-            return array if isinstance(array, dict) else self.terms.unknown("a field")
-        return Pointer(array) if array.is_array else self.text.read(array, 0)
-
-    def _computed(self, node: Any) -> Value:
-        match node:
-            case c_ast.UnaryOp(op="-", expr=operand):
-                value = self.value(operand)
-                return self.terms.negative(value) if isinstance(value, Term) else self.terms.unknown("-")
-            case c_ast.BinaryOp(op="+" | "-" | "*" | "/" | "|" | "&" as sign, left=left, right=right):
-                a, b = self.value(left), self.value(right)
-                known = isinstance(a, Term) and isinstance(b, Term)
-                return self.terms.operation(sign, a, b) if known else self.terms.unknown(sign)  # type: ignore[arg-type]
-            case c_ast.TernaryOp(cond=cond, iftrue=one, iffalse=two):
-                condition, a, b = self.truth(cond), self.value(one), self.value(two)
-                known = isinstance(condition, Term) and isinstance(a, Term) and isinstance(b, Term)
-                return self.terms.select(condition, a, b) if known else self.terms.unknown("?:")  # type: ignore[arg-type]
-            case c_ast.BinaryOp() | c_ast.UnaryOp(op="!"):
-                return self.truth(node)
-        return self.terms.unknown(f"an expression: {type(node).__name__}")
-
-    def truth(self, node: Any) -> Term | OverLanes:
-        """A condition, 0 or 1."""
-        match node:
-            case c_ast.UnaryOp(op="!", expr=operand):
-                value = self.truth(operand)
-                return self.terms.opposite(value) if isinstance(value, Term) else self.terms.unknown("!")
-            case c_ast.BinaryOp(op="&&" | "||" as sign, left=left, right=right):
-                a, b = self.truth(left), self.truth(right)
-                if isinstance(a, Term) and isinstance(b, Term):
-                    return self.terms.both(a, b) if sign == "&&" else self.terms.either(a, b)
-                return self.terms.unknown(sign)
-            case c_ast.BinaryOp(op="<" | "<=" | ">" | ">=" | "==" | "!=" as sign, left=left, right=right):
-                return self._comparison(sign, self.value(left), self.value(right))
-        value = self.value(node)
-        return self.terms.truth(value) if isinstance(value, Term) and value.whole else self.terms.unknown("a condition")
-
-    def _comparison(self, sign: str, left: Value, right: Value) -> Term | OverLanes:
-        if isinstance(left, Term) and isinstance(right, Term):
-            return self.terms.compare(sign, left, right)
-        if right is None and sign == "==":  # a pointer that may be NULL
-            return self.terms.integer(left is None)
-        if isinstance(left, OverLanes) and sign == "!=" and right is self.terms.zero:
-            return left
-        return self.terms.unknown(sign)
-
-
-def _items(statement: Any) -> list[Any]:
-    if statement is None:
-        return []
-    return statement.block_items or [] if isinstance(statement, c_ast.Compound) else [statement]
-
-
-def _returns(node: Any) -> bool:
-    return isinstance(node, c_ast.Return) or any(_returns(child) for _, child in node.children())
-
-
-def _length(node: Any) -> int:
-    """Of an array: a number, or a product of numbers; 0 where none is told."""
-    if isinstance(node, c_ast.BinaryOp) and node.op == "*":
-        return _length(node.left) * _length(node.right)
-    return int(node.value) if isinstance(node, c_ast.Constant) else 0
-
-
-def _declared(kind: Any) -> tuple[str, int | None]:
-    """Name of the base type, and length of an array (0 where none is told; None: no array)."""
-    size: int | None = None
-    while not hasattr(kind, "names"):
-        if isinstance(kind, c_ast.ArrayDecl):
-            size = _length(kind.dim)
-        if isinstance(kind, c_ast.Struct):
-            return "struct", size
-        kind = kind.type
-    return kind.names[0], size

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pycparser import c_ast
 
-from runtime.proof.text.python_steps import aliases, keeps_stages
+from runtime.proof.text.python_nodes import aliases, keeps_stages
 
 #: An expression: (operation, operand, ...), down to names and float32 constants.
 Tree = tuple[Any, ...]

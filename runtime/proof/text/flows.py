@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from runtime.proof.text.c_steps import CText, Pointer, Struct, Value
-from runtime.proof.text.python_steps import PythonText, Record
+from runtime.proof.text.python_nodes import Record
+from runtime.proof.text.python_steps import PythonText
 from runtime.proof.text.terms import Key, Term, Terms
 
 #: A cell's name and place -> its value.

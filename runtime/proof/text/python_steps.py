@@ -10,22 +10,11 @@ from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
+from runtime.proof.text.python_nodes import FunctionName, Record, Scope, aliases, copied, keeps_stages, leaves, replaced
 from runtime.proof.text.terms import OverLanes, Term, Terms
 
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "/", ast.BitOr: "|", ast.BitAnd: "&"}
 _RELATIONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-
-
-class Record(dict[str, Any]):
-    """An object with attributes: the filter, the controller."""
-
-
-class FunctionName(str):
-    """A function that is handed on."""
-
-
-class Scope(dict[str, Any]):
-    """Variables of a call."""
 
 
 class PythonText:
@@ -63,18 +52,6 @@ class PythonText:
         return tuple(ports) if len(ports) > 1 else ports[0]
 
 
-def aliases(tree: ast.Module, arithmetic: str) -> dict[str, str]:
-    """Attribute -> function, of a class that names functions of the module."""
-    found: dict[str, str] = {}
-    for definition in tree.body:
-        if isinstance(definition, ast.ClassDef) and definition.name == arithmetic:
-            for line in definition.body:
-                match line:
-                    case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call(args=[ast.Name(id=function)])):
-                        found[name] = function
-    return found
-
-
 class _Run:
     """One call: its variables, and the statements still to come."""
 
@@ -99,7 +76,7 @@ class _Run:
         condition = self.truth(item.test)
         if isinstance(condition, Term) and condition.kind == "integer":
             return self.statements([*(item.body if condition.args[0] else item.orelse), *rest])
-        before = _copied(self.scope)
+        before = copied(self.scope)
         one = self.statements([*item.body, *rest])
         after, self.scope = self.scope, before
         two = self.statements([*item.orelse, *rest])
@@ -170,21 +147,21 @@ class _Run:
 
     def _repeat(self, body: list[ast.stmt], test: ast.expr) -> None:
         """``while True: ...; if not np.any(mask): break``, as C's do-while."""
-        own, before = self.scope, _copied(self.scope)
+        own, before = self.scope, copied(self.scope)
         _, start, after = self._passed(body, test, before, None, set())
         changed = {key for key in start if after.get(key) is not start[key]}
-        truths = {key for key in changed if self.terms.is_truth(_leaves(before)[key])}
+        truths = {key for key in changed if self.terms.is_truth(leaves(before)[key])}
         while True:
             again, start, after = self._passed(body, test, before, changed, truths)
             wrong = {key for key in truths if not self.terms.is_truth(after[key])}
             if not wrong:
                 break
             truths -= wrong
-        values = _leaves(before)
+        values = leaves(before)
         found = self.terms.loop(
             {key: (start[key], values[key]) for key in changed}, {key: after[key] for key in changed}, again
         )
-        self.scope = _replaced(before, found)
+        self.scope = replaced(before, found)
         for name, record in own.items():
             if isinstance(record, Record):  # the object itself, which the caller knows
                 record.update(self.scope[name])
@@ -193,19 +170,19 @@ class _Run:
     def _passed(
         self, body: list[ast.stmt], test: ast.expr, before: Scope, cells: set[Any] | None, truths: set[Any]
     ) -> tuple[Term | OverLanes, dict[Any, Term], dict[Any, Term]]:
-        values = _leaves(before)
+        values = leaves(before)
         start = {
             key: self.terms.phi(key, key in truths, value.whole)
             for key, value in values.items()
             if cells is None or key in cells
         }
-        self.scope = _replaced(before, start)
+        self.scope = replaced(before, start)
         self.statements(body)
         ends = self.truth(test)
         again: Term | OverLanes = self.terms.unknown("a loop's end")
         if isinstance(ends, OverLanes) and ends.every:
             again = OverLanes(self.terms.opposite(ends.condition))
-        after = _leaves(self.scope)
+        after = leaves(self.scope)
         return again, start, {key: after.get(key, self.terms.unknown("lost")) for key in start}
 
     @staticmethod
@@ -234,8 +211,9 @@ class _Run:
                 return self.terms.unknown(f"the name {name}")
             case ast.IfExp(test=test, body=one, orelse=two):
                 condition = self.truth(test)
-                known = isinstance(condition, Term) and condition.kind == "integer"
-                return self.value(one if condition.args[0] else two) if known else self.terms.unknown("if ... else")
+                if isinstance(condition, Term) and condition.kind == "integer":
+                    return self.value(one if condition.args[0] else two)
+                return self.terms.unknown("if ... else")
             case ast.Tuple(elts=parts) | ast.List(elts=parts):
                 return self._sequence(parts, tuple if isinstance(node, ast.Tuple) else list)
             case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in self.text.math:
@@ -377,45 +355,3 @@ class _Run:
         if isinstance(value, OverLanes):
             return value
         return self.terms.truth(value) if isinstance(value, Term) and value.whole else self.terms.unknown("a condition")
-
-
-def keeps_stages(statement: ast.stmt) -> bool:
-    """``if stages is not None: stages[...] = ...``: nothing is computed there."""
-    return (
-        isinstance(statement, ast.If)
-        and ast.unparse(statement.test) == "stages is not None"
-        and not statement.orelse
-        and all(ast.unparse(line).startswith("stages") for line in statement.body)
-    )
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, Record | Scope):
-        return type(value)({name: _copied(entry) for name, entry in value.items()})
-    return [_copied(entry) for entry in value] if isinstance(value, list) else value
-
-
-def _leaves(scope: Any) -> dict[Any, Term]:
-    """Every value below, by variable (of a record: with its attribute) and place."""
-    found: dict[Any, Term] = {}
-    for name, value in scope.items():
-        if isinstance(value, Record):
-            found |= {(f"{name}.{field}", k): entry for (field, k), entry in _leaves(value).items()}
-        elif isinstance(value, list | tuple):
-            found |= {(name, k): entry for k, entry in enumerate(value) if isinstance(entry, Term)}
-        elif isinstance(value, Term):
-            found[name, 0] = value
-    return found
-
-
-def _replaced(scope: Any, values: Mapping[Any, Term]) -> Any:
-    def replaced(name: str, value: Any) -> Any:
-        if isinstance(value, Record):
-            start = f"{name}."
-            own = {(key.removeprefix(start), k): v for (key, k), v in values.items() if key.startswith(start)}
-            return _replaced(value, own)
-        if isinstance(value, list | tuple):
-            return type(value)(values.get((name, k), entry) for k, entry in enumerate(value))
-        return values.get((name, 0), value)
-
-    return type(scope)({name: replaced(name, value) for name, value in scope.items()})

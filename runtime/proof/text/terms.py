@@ -22,6 +22,7 @@ class Term:
 
     def __init__(self, kind: str, args: tuple[Any, ...], whole: bool, order: tuple[int, bytes]) -> None:
         self.kind, self.args, self.whole = kind, args, whole
+        self.chooses: bool
         #: How deep it is, and a digest of what it says: a comparison comes after those that it depends on.
         self.order = order
         #: There is a choice somewhere in it.
@@ -230,7 +231,7 @@ class Terms:
         if all(new is old for new, old in zip(args, term.args, strict=True)):
             return term
         if term.kind == "whole":
-            return self._integers(*args)
+            return self._integers(str(args[0]), args[1], args[2])
         return self.make(term.kind, *args, whole=term.whole)
 
     # --- merging, loops

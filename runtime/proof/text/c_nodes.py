@@ -1,0 +1,96 @@
+"""What the readers of C share: cells of memory, and pieces of pycparser's syntax tree."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from pycparser import c_ast
+
+from runtime.proof.text.terms import OverLanes, Term, Terms
+
+#: Lanes of a lane form; the variable that counts them.
+LANES, LANE = 16, "lane"
+
+_count = itertools.count()
+
+
+class Array:
+    """Cells of memory: an array, a struct's field or a variable. ``of_lanes``: a cell has one value a lane."""
+
+    def __init__(self, name: str, size: int | None, kind: str, private: bool) -> None:
+        flags = kind == "int" and size == LANES
+        self.name, self.whole, self.of_lanes = name, kind == "int", kind == "lanes" or flags
+        self.is_array, self.size = size is not None, 1 if flags else size or 1
+        #: It lives inside the loop over lanes, and may be written there without further ado.
+        self.private = private
+        self.id = next(_count)
+
+
+class Pointer:
+    def __init__(self, array: Array, offset: int = 0) -> None:
+        self.array, self.offset = array, offset
+
+
+Struct = dict[str, Any]
+Value = Term | OverLanes | Pointer | Struct | None
+Memory = dict[tuple[int, int], Term | OverLanes]
+
+
+class Unit(Protocol):
+    """What a call needs of its translation unit: memory, and the functions it may call."""
+
+    terms: Terms
+    memory: Memory
+    arrays: dict[int, Array]
+    lanes: bool
+    numbers: dict[str, int]
+
+    def read(self, array: Array, place: int) -> Term | OverLanes: ...
+
+    def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None: ...
+
+    def call(self, name: str, arguments: list[Value]) -> Value: ...
+
+    def new_array(self, name: str, size: int | None, kind: str) -> Array: ...
+
+
+def items(statement: Any) -> list[Any]:
+    if statement is None:
+        return []
+    return statement.block_items or [] if isinstance(statement, c_ast.Compound) else [statement]
+
+
+def returns(node: Any) -> bool:
+    return isinstance(node, c_ast.Return) or any(returns(child) for _, child in node.children())
+
+
+def enumerators(declaration: Any) -> Iterator[tuple[str, int]]:
+    """Names and values of an enumeration; every value is told or one more than the last."""
+    kind = getattr(declaration, "type", None)
+    if isinstance(kind, c_ast.Enum) and kind.values is not None:
+        following = 0
+        for entry in kind.values.enumerators:
+            following = int(entry.value.value, 0) if entry.value is not None else following
+            yield entry.name, following
+            following += 1
+
+
+def length(node: Any) -> int:
+    """Of an array: a number, or a product of numbers; 0 where none is told."""
+    if isinstance(node, c_ast.BinaryOp) and node.op == "*":
+        return length(node.left) * length(node.right)
+    return int(node.value) if isinstance(node, c_ast.Constant) else 0
+
+
+def declared(kind: Any) -> tuple[str, int | None]:
+    """Name of the base type, and length of an array (0 where none is told; None: no array)."""
+    size: int | None = None
+    while not hasattr(kind, "names"):
+        if isinstance(kind, c_ast.ArrayDecl):
+            size = length(kind.dim)
+        if isinstance(kind, c_ast.Struct):
+            return "struct", size
+        kind = kind.type
+    return kind.names[0], size
