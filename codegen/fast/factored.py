@@ -37,10 +37,10 @@ def _by_state(L: Matrix, order: Sequence[int]) -> Matrix:
     return [rows[i] for i in range(len(L))]
 
 
-def factor(P: Matrix, floor: list[Expr], order: Sequence[int]) -> tuple[Matrix, list[Expr]]:
-    """L D L^T = P, of which the lower triangle is read, its states taken in this ``order``.
+def factor(P: Matrix, floor: list[Expr], order: Sequence[int]) -> tuple[Matrix, list[Expr], Matrix]:
+    """L, D and L D of L D L^T = P, of which the lower triangle is read, its states taken in this ``order``.
 
-    Rows of L are in the order of the state.
+    Rows of L and of L D are in the order of the state.
 
     ``floor`` bounds D from below. For P = A + diag(floor) with A positive semidefinite no pivot of P is
     smaller, so in exact arithmetic the bound changes nothing; in float it keeps rounding from making a
@@ -62,7 +62,7 @@ def factor(P: Matrix, floor: list[Expr], order: Sequence[int]) -> tuple[Matrix, 
                 entry = entry - scaled[i][k] * L[j][k]
             scaled[i][j] = entry
             L[i][j] = entry / D[j]
-    return _by_state(L, order), D
+    return _by_state(L, order), D, _by_state(scaled, order)
 
 
 @dataclass
@@ -72,7 +72,7 @@ class Measured:
     ``rows``: measurements still to come, as rows of H L; they turn with the columns of L. ``correction``: what
     the measurements add to the estimate, summed apart from it, because an angle's last digits are coarser.
     Of those taken ``spans`` are the innovations' variances, ``shares`` the innovations by them, ``squares`` nu^2 by
-    them.
+    them. ``named``: names for what comes up on the way, rows and columns of L counted in the factors' ``order``.
     """
 
     L: Matrix
@@ -84,6 +84,8 @@ class Measured:
     spans: list[Expr] = field(default_factory=list)
     shares: list[Expr] = field(default_factory=list)
     squares: list[Expr] = field(default_factory=list)
+    order: Sequence[int] = ()
+    named: dict[str, Expr] = field(default_factory=dict)
 
     @property
     def nis(self) -> Expr:
@@ -117,12 +119,22 @@ class Measured:
                 gathered[i] = gathered[i] + before * g
             self.D[j] = self.D[j] * a / grown
             a = grown
+            self._name_column(j, (f, g, a), gathered)
         share = nu / a
         self.squares.append(nu * share)
         self.correction = [sum_ + k * share for sum_, k in zip(self.correction, gathered[:n], strict=True)]
         self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
         self.spans.append(a)
         self.shares.append(share)
+
+    def _name_column(self, j: int, values: tuple[Expr, Expr, Expr], gathered: list[Expr]) -> None:
+        """Names for f, g and a of column j, for what is gathered up to it, and for the factors it leaves."""
+        which = ("first", "second")[len(self.spans)]
+        rows = {i: k for k, i in enumerate(self.order or range(len(self.D)))}
+        self.named |= {f"{label}_{which}_{j}": value for label, value in zip(("f", "g", "span"), values, strict=True)}
+        self.named |= {f"gathered_{which}_{rows.get(i, 'y')}{j}": value for i, value in enumerate(gathered)}
+        self.named[f"D_{which}_{j}"] = self.D[j]
+        self.named |= {f"L_{which}_{k}{j}": self.L[i][j] for i, k in rows.items()}
 
 
 def decorrelated(

@@ -49,12 +49,16 @@ class Frame:
     def out_matrix(self, P: list[list[Expr]]) -> list[list[Expr]]:
         """A symmetric matrix back to the stator frame, rows and columns."""
         half = [self.out(list(row)) for row in P]
-        (a, _), (b, c) = P[0][:2], P[1][:2]
-        tilt = self.sine * (a - c) + self.cosine * b * 2.0
+        a, b, c = P[0][0], P[1][0], P[1][1]
+        tilt = self.tilt(P)
         half[0][0] = a - self.sine * tilt
         half[1][0] = self.cosine * tilt - b
         half[1][1] = c + self.sine * tilt
         return [[half[max(i, j)][min(i, j)] for j in range(len(P))] for i in range(len(P))]
+
+    def tilt(self, P: list[list[Expr]]) -> Expr:
+        """What turning back takes from the first diagonal entry of a symmetric matrix, by the sine."""
+        return self.sine * (P[0][0] - P[1][1]) + self.cosine * P[1][0] * 2.0
 
     def into_diagonal(self, R: list[Expr]) -> list[list[Expr]]:
         """A diagonal 2x2 matrix, turned into the frame."""

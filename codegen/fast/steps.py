@@ -155,12 +155,15 @@ class Shape(Spreading):
         if frame:
             named = {f"P_turned_{i}{j}": P[i][j] for i in range(self.n) for j in range(min(i + 1, 2))}
             b.stage("P_turned", number("17"), "", list(named.values()), list(named), scale="none")
+            tilt = frame.tilt(P)
+            b.hint({"P_tilt": tilt, "P_turn": frame.sine * tilt})
             P = frame.out_matrix(P)
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
         b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P)
-        L_pred, D_pred = factor(P, Q, self.model.order)
+        L_pred, D_pred, LD = factor(P, Q, self.model.order)
         self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
+        b.hint({f"LD_pred_{k}{j}": LD[i][j] for k, i in enumerate(self.model.order) for j in range(k)})
         check = sum_of(D_pred)
         b.stage("check", "", CHECK, [check], ["check"], scale="none")
         b.output("x_pred", x_pred)
@@ -210,6 +213,7 @@ class Shape(Spreading):
         b.stage("innovation", "31", meaning, seen.innovation, _innovation_names(), scale="none")
         rows = seen.rows
         weighted = [[d * f for d, f in zip(D, row, strict=True)] for row in rows]
+        b.hint({f"D_HL_{k}{c}": entry for k, row in enumerate(weighted) for c, entry in enumerate(row)})
         Pyy = [[dot(weighted[i], rows[j]) + seen.noise[i][j] for j in range(i + 1)] for i in range(2)]
         entries = [Pyy[0][0], Pyy[1][0], Pyy[1][1]]
         b.stage("Pyy", "22", f"Pyy^j{seen.where}", entries, ["Pyy_00", "Pyy_10", "Pyy_11"], scale="none")
@@ -298,6 +302,7 @@ class Shape(Spreading):
         noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
         if frame or not bend[0][0].is_zero():  # turned, bent: no less than what it was, whatever that is rounded to
             noise[0][0] = noise[0][0].apply("max", self._floor(R) if frame else R[0])
+        b.hint({f"HL_{k}{c}": entry for k, row in enumerate(run.odd) for c, entry in enumerate(row)})
         entries = [noise[0][0], noise[1][0], noise[1][1]]
         b.stage("noise", self.equation("22"), _NOISE, entries, ["noise_00", "noise_10", "noise_11"], scale="none")
         turned = frame.into(y) if frame else y
@@ -331,6 +336,7 @@ class Shape(Spreading):
         """Both measurements, one after the other: the estimate after them, and the factors."""
         L, D = factors
         rows, innovation, variances = decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)
+        b.hint({f"HL_1{c}_apart": entry for c, entry in enumerate(rows[1])})
         state = Measured(
             [list(row) for row in L],
             list(D),
@@ -338,11 +344,13 @@ class Shape(Spreading):
             [list(row) for row in rows],
             list(innovation),
             variances,
+            order=self.model.order,
         )
         state.take()
         if not innovation[1].is_zero():
             b.stage("second", equation, "", state.innovations, ["innovation_after_first"], scale="none")
         state.take()
+        b.hint(state.named | {"share_first": state.shares[0], "share_second": state.shares[1]})
         b.stage("spans", equation, "", state.spans, ["span_first", "span_second"], scale="none")
         return [value + change for value, change in zip(x, state.correction, strict=True)], state
 

@@ -110,11 +110,13 @@ class GraphBlock(Block):
     """A block whose entries are nodes of ``graph`` already, not symbols of a tape.
 
     ``last`` names stages that are printed behind the others, in this order: the first brings with it whatever it is
-    made of. A value is then computed where it is used, and a processor need not keep it.
+    made of. A value is then computed where it is used, and a processor need not keep it. ``hints`` are names for values
+    that come to be used more than once and that no stage names; they order nothing.
     """
 
     graph: Graph
     last: tuple[str, ...] = ()
+    hints: tuple[tuple[str, Expr], ...] = ()
 
     @property
     def operations(self) -> frozenset[str]:
@@ -135,6 +137,7 @@ class GraphBuilder(BlockBuilder):
     def __init__(self, name: str, title: str) -> None:
         super().__init__(name, title)
         self.graph = Graph()
+        self._hints: list[tuple[str, Expr]] = []
 
     def const(self, value: float, name: str = "", formula: str = "") -> Expr:
         """A number; one with a name keeps it in print."""
@@ -152,10 +155,14 @@ class GraphBuilder(BlockBuilder):
         label = f"working_{equation}_{len(self._stages)}"
         self._stages.append(Stage(label, equation, "", tuple(kept.values()), tuple(kept), rows, "none"))
 
+    def hint(self, named: dict[str, Expr]) -> None:
+        """Names for whatever of these is used more than once; unlike a stage they order no statement."""
+        self._hints += [(name, value) for name, value in named.items() if value.value is None]
+
     def build(self, last: tuple[str, ...] = ()) -> GraphBlock:
         """The block, without input arrays that no output depends on; ``last`` as :class:`GraphBlock` says."""
         block = super().build()
         roots = [entry.node for port in block.outputs for entry in port.entries]
         needed = {self.graph[index].name for index in self.graph.reachable(roots)}
         inputs = tuple(port for port in block.inputs if needed & set(port.names))
-        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph, last)
+        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph, last, tuple(self._hints))

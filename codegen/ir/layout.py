@@ -148,6 +148,7 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
             if entry in live and entry not in names and graph[entry].op not in {"const", "sin", "cos"}:
                 names[entry] = _fresh(name, taken)
     uses = Counter(arg for index in live for arg in graph[index].args)
+    hints = {entry.node: name for name, entry in reversed(block.hints)} if isinstance(block, GraphBlock) else {}
     first_user: dict[int, int] = {}
     for index in sorted(live):
         for arg in graph[index].args:
@@ -160,7 +161,7 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
             if index not in names:
                 names[index] = _fresh(f"{node.op}_{names[node.args[0]]}", taken)
         elif index not in names and uses[index] > 1 and node.op not in {"const", "neg"}:
-            names[index] = _fresh(_describe(graph, index, names, first_user), taken)
+            names[index] = _fresh(hints.get(index) or _describe(graph, index, names, first_user), taken)
     return names
 
 
@@ -173,25 +174,60 @@ _NUMBERS = {1.0: "one", 2.0: "two", 0.5: "half", 0.25: "quarter"}
 
 def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[int, int]) -> str:
     """A name for work that is shared but that no stage names: what it is made of, else what it is part of."""
-    node = graph[index]
-    parts = [_word(graph, arg, names) for arg in node.args]
-    if all(parts):
-        square = node.op == "mul" and parts[0] == parts[1]
-        for words in (_WORDS, _SHORT):
-            text = f"{parts[0]}_sq" if square else f"_{words.get(node.op, node.op)}_".join(parts)
-            if len(text) <= SIGNIFICANT:
-                return text
+    for words in (_WORDS, _SHORT):
+        text = _made_of(graph, index, names, words)
+        if text and len(text) <= SIGNIFICANT:
+            return text
     user = first_user.get(index)
     while user is not None and user not in names:
         user = first_user.get(user)
     return f"part_of_{names[user]}" if user is not None else "part_of_the_result"
 
 
-def _word(graph: Graph, index: int, names: dict[int, str]) -> str:
+def _made_of(graph: Graph, index: int, names: dict[int, str], words: dict[str, str]) -> str:
+    """An operation in words; empty if something in it has no name that tells what it is."""
+    node = graph[index]
+    parts = [_word(graph, arg, names, words) for arg in node.args]
+    if node.op == "mul" and (scaled := _scaled(graph, node.args, parts)):
+        return scaled
+    if not all(parts):
+        return ""
+    if node.op == "mul" and parts[0] == parts[1]:
+        return f"{parts[0]}_sq"
+    word = f"_{words.get(node.op, node.op)}_"
+    if node.op == "mul" and any(part.startswith("one_per_") for part in parts):
+        parts.sort(key=lambda part: part.startswith("one_per_"))
+        word, parts[1] = "_per_", parts[1].removeprefix("one_per_")
+    if node.op in {"add", "sub"} and all(arg in names for arg in node.args):
+        return _joined(parts, word)
+    return word.join(parts) if len(parts) > 1 else f"minus_{parts[0]}" if node.op == "neg" else ""
+
+
+def _scaled(graph: Graph, args: tuple[int, ...], parts: list[str]) -> str:
+    """``x_scaled`` for x by a number that has no name."""
+    for part, other, by in (parts[0], parts[1], args[1]), (parts[1], parts[0], args[0]):
+        if part and not other and graph[by].op == "const":
+            return f"{part}_scaled"
+    return ""
+
+
+def _joined(parts: list[str], word: str) -> str:
+    """Two names in one, what they begin and end with said once: ``odd_i_q_now_plus_next_0``."""
+    a, b = (part.split("_") for part in parts)
+    short = min(len(a), len(b)) - 1
+    head = next((k for k in range(short) if a[k] != b[k]), short)
+    tail = next((k for k in range(short - head) if a[-1 - k] != b[-1 - k]), short - head)
+    middle = word.join("_".join(tokens[head : len(tokens) - tail]) for tokens in (a, b))
+    return "_".join([*a[:head], middle, *a[len(a) - tail :]])
+
+
+def _word(graph: Graph, index: int, names: dict[int, str], words: dict[str, str]) -> str:
     """An operand in a name; empty if nothing short can be said of it."""
     if graph[index].op == "const":
         return names.get(index, _NUMBERS.get(graph[index].value, "")).lower()
-    return names.get(index, "")
+    if index in names or graph[index].op == "input":
+        return "" if "part_of" in names[index] else names[index]
+    return _made_of(graph, index, names, words) if graph[index].op in _WORDS or graph[index].op == "neg" else ""
 
 
 def _fresh(name: str, taken: set[str]) -> str:

@@ -100,7 +100,8 @@ def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
     outputs = tuple(
         replace(port, entries=tuple(Expr(graph, moved[entry.node]) for entry in port.entries)) for port in block.outputs
     )
-    return replace(block, graph=graph, outputs=outputs, stages=tuple(map(rewritten, block.stages)))
+    hints = tuple((name, Expr(graph, moved[entry.node])) for name, entry in block.hints if entry.node in moved)
+    return replace(block, graph=graph, outputs=outputs, stages=tuple(map(rewritten, block.stages)), hints=hints)
 
 
 __all__ = [

@@ -62,7 +62,7 @@ def test_factor_is_cholesky_without_roots(n: int) -> None:
     for order in (np.arange(n), *(rng.permutation(n) for _ in range(4))):
         P, sheet = covariance(rng, n), Sheet()
         lower = np.tril(P) + np.triu(np.full((n, n), 9.9), 1)
-        L, D = factor(sheet.put(lower), sheet.put(np.full(n, 1e-30)), list(order))
+        L, D, _ = factor(sheet.put(lower), sheet.put(np.full(n, 1e-30)), list(order))
         found_L, found_D = sheet.get(L), sheet.get(D)
         close(dense(found_L, found_D), P, P)
         root = np.linalg.cholesky(P[np.ix_(order, order)])
@@ -77,12 +77,12 @@ def test_the_floor_holds_and_is_idle_above_it() -> None:
     for n in (2, 3, 5):
         A, floor = rng.normal(size=(n, 2)), rng.uniform(0.1, 1.0, n)
         P, sheet = A @ A.T + np.diag(floor), Sheet()
-        L, D = factor(sheet.put(P), sheet.put(floor), range(n))
+        L, D, _ = factor(sheet.put(P), sheet.put(floor), range(n))
         found = sheet.get(D)
         assert np.all(found >= floor)
         close(dense(sheet.get(L), found), P, P)
         singular = Sheet()
-        _, D = factor(singular.put(np.ones((n, n))), singular.put(floor), range(n))
+        _, D, _ = factor(singular.put(np.ones((n, n))), singular.put(floor), range(n))
         np.testing.assert_array_equal(singular.get(D)[1:], np.maximum(floor[1:], 0.0))
 
 
