@@ -103,7 +103,7 @@ class Measured:
         n = len(self.D)
         row, nu, a = self.rows.pop(0), self.innovations.pop(0), self.variances.pop(0)
         floor = a
-        stacked = [*self.L, *self.rows]
+        stacked, rows = [*self.L, *self.rows], self._places()
         gathered = [a * 0.0] * len(stacked)
         for j in reversed(range(n)):
             f = row[j]
@@ -116,24 +116,35 @@ class Measured:
             for i, line in enumerate(stacked):
                 before = line[j]
                 line[j] = before - f * gathered[i] / a
+                self.named[f"change_{self._which}_{rows.get(i, 'y')}{j}"] = f * gathered[i] / a
                 gathered[i] = gathered[i] + before * g
             self.D[j] = self.D[j] * a / grown
+            self._name_column(j, (f, g, a, grown), gathered)
             a = grown
-            self._name_column(j, (f, g, a), gathered)
         share = nu / a
         self.squares.append(nu * share)
         self.correction = [sum_ + k * share for sum_, k in zip(self.correction, gathered[:n], strict=True)]
+        self.named |= {f"correction_{self._which}_{k}": self.correction[i] for i, k in rows.items()}
         self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
         self.spans.append(a)
         self.shares.append(share)
 
-    def _name_column(self, j: int, values: tuple[Expr, Expr, Expr], gathered: list[Expr]) -> None:
-        """Names for f, g and a of column j, for what is gathered up to it, and for the factors it leaves."""
-        which = ("first", "second")[len(self.spans)]
-        rows = {i: k for k, i in enumerate(self.order or range(len(self.D)))}
-        self.named |= {f"{label}_{which}_{j}": value for label, value in zip(("f", "g", "span"), values, strict=True)}
+    @property
+    def _which(self) -> str:
+        k = len(self.spans)
+        return ("first", "second")[k] if k < 2 else f"later_{k}"
+
+    def _places(self) -> dict[int, int]:
+        """Where the rows of the states stand in the factors."""
+        return {i: k for k, i in enumerate(self.order or range(len(self.D)))}
+
+    def _name_column(self, j: int, values: tuple[Expr, ...], gathered: list[Expr]) -> None:
+        """Names for f, g and a of column j, f by the a before, what is gathered, the factors it leaves."""
+        which, rows = self._which, self._places()
+        f, g, before, a = values
+        self.named |= {f"f_{which}_{j}": f, f"g_{which}_{j}": g, f"span_{which}_{j}": a}
         self.named |= {f"gathered_{which}_{rows.get(i, 'y')}{j}": value for i, value in enumerate(gathered)}
-        self.named[f"D_{which}_{j}"] = self.D[j]
+        self.named |= {f"D_{which}_{j}": self.D[j], f"lambda_{which}_{j}": f / before}
         self.named |= {f"L_{which}_{k}{j}": self.L[i][j] for i, k in rows.items()}
 
 

@@ -150,6 +150,8 @@ class Shape(Spreading):
         offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, leaning=leaning)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
+        b.hint({f"{s}_of_x": value for s, value in zip(self.states, here, strict=True)})
+        b.hint({f"{s}_mean": base + d for s, base, d in zip(self.states, run.base, offset, strict=True)})
         labels = [f"{s}_pred" for s in self.states]
         b.stage("x_pred", number("16"), "x_pred = mean X_i'", x_pred, labels, scale="state")
         if frame:
@@ -299,6 +301,7 @@ class Shape(Spreading):
         numbers = self.equation("21"), self.equation("22")
         offset, bend = self.moments(b, run, D, numbers, measured, linear=False)
         noise = frame.into_diagonal(R) if frame else [[R[0], zero], [zero, R[1]]]
+        b.hint({f"R_turned_{i}{j}": noise[i][j] for i in range(2) for j in range(i + 1)} if frame else {})
         noise = [[noise[i][j] + bend[i][j] for j in range(2)] for i in range(2)]
         if frame or not bend[0][0].is_zero():  # turned, bent: no less than what it was, whatever that is rounded to
             noise[0][0] = noise[0][0].apply("max", self._floor(R) if frame else R[0])
@@ -336,7 +339,7 @@ class Shape(Spreading):
         """Both measurements, one after the other: the estimate after them, and the factors."""
         L, D = factors
         rows, innovation, variances = decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)
-        b.hint({f"HL_1{c}_apart": entry for c, entry in enumerate(rows[1])})
+        b.hint({f"HL_1{c}_apart": entry for c, entry in enumerate(rows[1])} | {"variance_second": variances[1]})
         state = Measured(
             [list(row) for row in L],
             list(D),

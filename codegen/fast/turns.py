@@ -62,7 +62,7 @@ def _before(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, 
     )
     outputs = (Port(f"z{tag}", z, tuple(name for name, _, _ in names)), Port(f"turn{tag}", tuple(turned), labels))
     title = f"Small angles of {block.name}: sin(d) / d and cos(d) - 1"
-    return GraphBlock(f"{block.name}_turns", title, inputs, outputs, stages, graph)
+    return GraphBlock(f"{block.name}_turns", title, inputs, outputs, stages, graph, hints=block.hints)
 
 
 def _after(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:

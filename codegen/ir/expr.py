@@ -165,4 +165,6 @@ class GraphBuilder(BlockBuilder):
         roots = [entry.node for port in block.outputs for entry in port.entries]
         needed = {self.graph[index].name for index in self.graph.reachable(roots)}
         inputs = tuple(port for port in block.inputs if needed & set(port.names))
-        return GraphBlock(block.name, block.title, inputs, block.outputs, block.stages, self.graph, last, tuple(self._hints))
+        return GraphBlock(
+            block.name, block.title, inputs, block.outputs, block.stages, self.graph, last, tuple(self._hints)
+        )

@@ -169,12 +169,13 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
 SIGNIFICANT = 31
 _WORDS = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
 _SHORT = {"mul": "x"}
+_SHORTEST = {"mul": "x", "add": "and", "sub": "less"}  # and no constant by its name
 _NUMBERS = {1.0: "one", 2.0: "two", 0.5: "half", 0.25: "quarter"}
 
 
 def _describe(graph: Graph, index: int, names: dict[int, str], first_user: dict[int, int]) -> str:
     """A name for work that is shared but that no stage names: what it is made of, else what it is part of."""
-    for words in (_WORDS, _SHORT):
+    for words in (_WORDS, _SHORT, _SHORTEST):
         text = _made_of(graph, index, names, words)
         if text and len(text) <= SIGNIFICANT:
             return text
@@ -192,6 +193,8 @@ def _made_of(graph: Graph, index: int, names: dict[int, str], words: dict[str, s
         return scaled
     if not all(parts):
         return ""
+    if node.op == "mul" and words is _SHORTEST and (scale := [g for g in node.args if graph[g].op == "const"]):
+        return f"{parts[1 - node.args.index(scale[0])]}_scaled"
     if node.op == "mul" and parts[0] == parts[1]:
         return f"{parts[0]}_sq"
     word = f"_{words.get(node.op, node.op)}_"

@@ -15,6 +15,7 @@ from codegen.ir.expr import Expr, GraphBlock
 from codegen.ir.graph import Graph
 from codegen.passes.collect import collect
 from codegen.passes.distribute import distribute
+from codegen.passes.hints import carried
 from codegen.passes.products import share_products
 from codegen.passes.reciprocals import share_reciprocals, spend_reciprocals
 from codegen.passes.reuse import reuse_products
@@ -100,7 +101,8 @@ def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
     outputs = tuple(
         replace(port, entries=tuple(Expr(graph, moved[entry.node]) for entry in port.entries)) for port in block.outputs
     )
-    hints = tuple((name, Expr(graph, moved[entry.node])) for name, entry in block.hints if entry.node in moved)
+    staged = tuple(pair for stage in block.stages for pair in zip(stage.names, stage.entries, strict=True))
+    hints = carried((*block.hints, *staged), graph)
     return replace(block, graph=graph, outputs=outputs, stages=tuple(map(rewritten, block.stages)), hints=hints)
 
 
