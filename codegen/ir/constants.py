@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from copy import copy
 from dataclasses import dataclass
 
-from codegen.ir.graph import Graph
-
-#: Characters that C89 promises to tell apart.
-LONGEST_NAME = 31
+from codegen.ir.graph import SIGNIFICANT, Graph
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ def product_name(names: Counter[str], plain: float) -> str:
         return ""
     parts = [name + ("_SQ" if count == 2 else "") for name, count in names.items()]
     name = "_".join(parts + ([f"{'BY' if by else 'X'}{int(number)}"] if number != 1.0 else []))
-    return name if len(name) <= LONGEST_NAME else ""
+    return name if len(name) <= SIGNIFICANT else ""
 
 
 def taken_apart(graph: Graph, index: int) -> tuple[Counter[str], float]:
@@ -57,6 +55,23 @@ def taken_apart(graph: Graph, index: int) -> tuple[Counter[str], float]:
     if all(token.isidentifier() or _is_number(token) for token in tokens) and product_name(names, plain) == node.name:
         return names, plain
     return Counter([node.name]), 1.0
+
+
+def with_sums(graph: Graph) -> Graph:
+    """The graph, its numbers that are sums met on the way, their multiples or squares, named after them; no value changes."""
+    known = dict[float, tuple[str, str]]()
+    for value, (name, formula) in graph.sums.items():
+        known |= {k * value: (f"{name}_X{k}", f"{k} * ({formula})") for k in (2, 4)}
+        known[value * value] = f"{name}_SQ", f"({formula}) * ({formula})"
+    known = {value: named for value, named in known.items() if len(named[0]) <= SIGNIFICANT} | graph.sums
+    named = copy(graph)
+    named.nodes = [
+        node._replace(name=known[node.value][0], formula=known[node.value][1])
+        if node.op == "const" and not node.name and node.value in known
+        else node
+        for node in graph.nodes
+    ]
+    return named
 
 
 def _is_number(token: str) -> bool:

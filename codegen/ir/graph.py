@@ -26,6 +26,10 @@ _FOLD: dict[str, Callable[..., float]] = {
 }
 
 
+#: Characters of an identifier that C89 promises to tell apart (MISRA C:2012, 5.2).
+SIGNIFICANT = 31
+
+
 class Node(NamedTuple):
     """One operation. ``name`` is set for inputs and named constants, ``value`` and ``formula`` for constants."""
 
@@ -49,6 +53,8 @@ class Graph:
         self.nodes: list[Node] = []
         #: What passes made of this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
         self.rewritten: dict[tuple[Any, ...], tuple[Graph, dict[int, int]]] = {}
+        #: Sums of named constants met: value to name and formula. Nodes stay without, lest passes take them for others.
+        self.sums: dict[float, tuple[str, str]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
         self._constants: dict[int, float] = {}
 
@@ -93,12 +99,25 @@ class Graph:
     def _rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
         constants = [self._constants.get(arg) for arg in args]
         if op in _FOLD and None not in constants:
-            return self.const(_FOLD[op](*constants))
+            value = _FOLD[op](*constants)
+            name, formula = self._sum_name(op, args)
+            if name:
+                self.sums.setdefault(value, (name, formula))
+            return self.const(value)
         if op == "mul" and 1.0 in constants:
             return args[1 - constants.index(1.0)]
         if op == "div" and constants[1] is not None and math.frexp(constants[1])[0] == 0.5:
             return self.op("mul", args[0], self.const(1.0 / constants[1]))  # a power of two: exact either way
         return None
+
+    def _sum_name(self, op: str, args: tuple[int, ...]) -> tuple[str, str]:
+        """``ONE_MINUS_A`` and its formula for 1 - A, likewise a sum; of anything else nothing."""
+        word = {"add": "PLUS", "sub": "MINUS"}.get(op, "")
+        operands = [self[arg].name or {1.0: "ONE"}.get(self[arg].value, "") for arg in args]
+        name = f"_{word}_".join(operands)
+        if not word or not all(operands) or operands == ["ONE", "ONE"] or len(name) > SIGNIFICANT:
+            return "", ""
+        return name, f" {'+' if op == 'add' else '-'} ".join(self[arg].name or "1" for arg in args)
 
     def is_two_pi(self, value: int) -> bool:
         """See :class:`Algebra`."""

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from codegen.ir.expr import GraphBlock
-from codegen.ir.graph import Graph, read_tape
+from codegen.ir.graph import SIGNIFICANT, Graph, read_tape
 from model.quantities import Block, Constant, Stage
 
 
@@ -165,8 +165,6 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
     return names
 
 
-#: Characters of an identifier that C89 promises to tell apart (MISRA C:2012, 5.2).
-SIGNIFICANT = 31
 _WORDS = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
 _SHORT = {"mul": "x"}
 _SHORTEST = {"mul": "x", "add": "and", "sub": "less"}  # and no constant by its name
