@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 from codegen.ir.graph import SIGNIFICANT, Graph
 
+#: A sum that comes to a multiple of 1 / ROUND could be any number: it gets no name.
+ROUND = 64.0
+
 
 @dataclass(frozen=True)
 class Folded:
@@ -57,13 +60,19 @@ def taken_apart(graph: Graph, index: int) -> tuple[Counter[str], float]:
     return Counter([node.name]), 1.0
 
 
+def is_round(value: float) -> bool:
+    """Whether a number is one that formulas hold by themselves, and that a sum comes to by chance."""
+    return (ROUND * value).is_integer()
+
+
 def with_sums(graph: Graph) -> Graph:
     """The graph, its numbers that are sums met on the way, their multiples or squares, named after them; no value changes."""
+    sums = {value: named for value, named in graph.sums.items() if not is_round(value)}
     known = dict[float, tuple[str, str]]()
-    for value, (name, formula) in graph.sums.items():
+    for value, (name, formula) in sums.items():
         known |= {k * value: (f"{name}_X{k}", f"{k} * ({formula})") for k in (2, 4)}
         known[value * value] = f"{name}_SQ", f"({formula}) * ({formula})"
-    known = {value: named for value, named in known.items() if len(named[0]) <= SIGNIFICANT} | graph.sums
+    known = {value: named for value, named in known.items() if len(named[0]) <= SIGNIFICANT} | sums
     named = copy(graph)
     named.nodes = [
         node._replace(name=known[node.value][0], formula=known[node.value][1])
