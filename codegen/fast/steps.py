@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 
@@ -11,6 +10,7 @@ import casadi as ca
 from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
 from codegen.fast.leaning import find_leaning
+from codegen.fast.seen import Seen
 from codegen.fast.split import SplitAlgebra
 from codegen.fast.spread import Spread, Spreading
 from codegen.fast.tape import Tape
@@ -82,47 +82,6 @@ def _cheapest(forms: list[list[GraphBlock]], means: Means) -> list[GraphBlock]:
         return weight(graph, [moved[entry.node] for port in block.outputs for entry in port.entries])
 
     return min(forms, key=lambda blocks: sum(work(block) for block in blocks))
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A measurement as the filter takes it: rows of H L (2, n), noise (2, 2), innovation (2,).
-
-    ``floor`` bounds the variance of the second from below once the first is known; ``where`` tells the frame.
-    """
-
-    rows: Matrix
-    noise: Matrix
-    innovation: Vector
-    floor: Expr
-    where: str
-
-    def _labelled(self) -> dict[str, Expr]:
-        rows = {f"HL_{k}{c}": entry for k, row in enumerate(self.rows) for c, entry in enumerate(row)}
-        return rows | {"noise_00": self.noise[0][0], "noise_10": self.noise[1][0], "noise_11": self.noise[1][1]}
-
-    def carried(self, inputs: Collection[str]) -> dict[str, dict[str, Expr]]:
-        """What a later block must be given of it, by array and name: all but numbers and these ``inputs``."""
-        found: dict[str, dict[str, Expr]] = {}
-        for label, entry in self._labelled().items():
-            node = entry.graph[entry.node]
-            if node.op != "const" and node.name not in inputs:
-                found.setdefault(label.split("_")[0], {})[label] = entry
-        return found
-
-    def in_block(self, b: GraphBuilder, given: dict[str, Expr], innovation: Vector, floor: Expr) -> Seen:
-        """The same in another block, ``given`` there what is carried, and inputs, by name."""
-
-        def place(label: str, entry: Expr) -> Expr:
-            node = entry.graph[entry.node]
-            if node.op == "const":
-                return b.const(node.value, node.name, node.formula)
-            return given[label if label in given else node.name]
-
-        at = {label: place(label, entry) for label, entry in self._labelled().items()}
-        rows = [[at[f"HL_{k}{c}"] for c in range(len(row))] for k, row in enumerate(self.rows)]
-        noise = [[at["noise_00"], at["noise_10"]], [at["noise_10"], at["noise_11"]]]
-        return Seen(rows, noise, innovation, floor, "")
 
 
 class Shape(Spreading):

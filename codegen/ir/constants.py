@@ -66,7 +66,7 @@ def is_round(value: float) -> bool:
 
 
 def with_sums(graph: Graph) -> Graph:
-    """The graph, its numbers that are sums met on the way, their multiples or squares, named after them; no value changes."""
+    """The graph, its numbers that are sums met on the way, multiples or squares of them, named so; no value changes."""
     sums = {value: named for value, named in graph.sums.items() if not is_round(value)}
     known = dict[float, tuple[str, str]]()
     for value, (name, formula) in sums.items():

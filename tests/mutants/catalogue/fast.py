@@ -153,8 +153,8 @@ FORM = (
         ("covariances with others not turned", "[self.out(list(row)) for row in P]", "[list(row) for row in P]", FLUX),
         (
             "tilt's sign",
-            "tilt = self.sine * (a - c) + self.cosine * b * 2.0",
-            "tilt = self.sine * (a - c) - self.cosine * b * 2.0",
+            "(P[0][0] - P[1][1]) + self.cosine * P[1][0] * 2.0",
+            "(P[0][0] - P[1][1]) - self.cosine * P[1][0] * 2.0",
             FLUX,
         ),
         (
