@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from copy import copy
 from dataclasses import dataclass
 
 from codegen.ir.graph import SIGNIFICANT, Graph
@@ -73,14 +72,7 @@ def with_sums(graph: Graph) -> Graph:
         known |= {k * value: (f"{name}_X{k}", f"{k} * ({formula})") for k in (2, 4)}
         known[value * value] = f"{name}_SQ", f"({formula}) * ({formula})"
     known = {value: named for value, named in known.items() if len(named[0]) <= SIGNIFICANT} | sums
-    named = copy(graph)
-    named.nodes = [
-        node._replace(name=known[node.value][0], formula=known[node.value][1])
-        if node.op == "const" and not node.name and node.value in known
-        else node
-        for node in graph.nodes
-    ]
-    return named
+    return graph.named(known)
 
 
 def _is_number(token: str) -> bool:

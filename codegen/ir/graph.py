@@ -90,6 +90,16 @@ class Graph:
         key = (op, args[1], args[0]) if op in COMMUTATIVE and args[0] > args[1] else (op, *args)
         return self._add(key, op, args)
 
+    def named(self, known: dict[float, tuple[str, str]]) -> Graph:
+        """A graph of the same nodes in which these numbers have a name and a formula, if they had none."""
+        new = Graph()
+        new.sums, new._index, new._constants = self.sums, dict(self._index), dict(self._constants)
+        for node in self.nodes:
+            nameless = node.op == "const" and not node.name
+            name, formula = known.get(node.value, ("", "")) if nameless else (node.name, node.formula)
+            new.nodes.append(node._replace(name=name, formula=formula or node.formula))
+        return new
+
     def adopt(self, node: Node, args: list[int]) -> int:
         """A node of another graph, its arguments given in this one."""
         if node.op == "input":

@@ -98,5 +98,7 @@ def test_a_sum_keeps_its_name_and_a_plain_number_has_none() -> None:
     assert (named[kept].name, named[kept].formula, named[kept].value) == ("ONE_MINUS_LOSS", "1 - LOSS", 0.7)
     assert (named[fourfold].name, named[fourfold].formula) == ("ONE_MINUS_LOSS_X4", "4 * (1 - LOSS)")
     assert (named[plain].name, graph[kept].name) == ("", "")
+    named.input("angle")
+    assert graph[graph.input("angle")].name == "angle"  # what grows in one is not taken for known in the other
     half = graph.op("sub", one, graph.const(0.25, "QUARTER"))
     assert with_sums(graph)[half].name == ""
