@@ -211,10 +211,10 @@ static int time_update_turns(float32 LD[15], float32 turn_out[8])
     const float32 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float32 part_of_z_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float32 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
-    const float32 part_of_z_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float32 z_theta_mid_1 = D_1 * part_of_z_theta_mid_1 * part_of_z_theta_mid_1;
+    const float32 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float32 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
+    const float32 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float32 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
     const float32 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
     const float32 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
 
@@ -284,229 +284,217 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 sin_theta_mid = sincos_theta_mid.sine;
     const float32 cos_theta_mid = sincos_theta_mid.cosine;
     const float32 i_d_now = cos_theta_mid * i_alpha + sin_theta_mid * i_beta;
-    const float32 part_of_even_i_d_now_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 part_of_even_i_d_now_0_2 = D_0 * 5.0f * part_of_even_i_d_now_0;
+    const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float32 D_0_scaled_x_sind_theta_mid_0 = D_0 * 5.0f * sind_theta_mid_0;
     const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float32 even_i_d_now_0 = i_d_now * cosm1_theta_mid_0 +
-        part_of_even_i_d_now_0_2 * odd_i_beta_turned_0;
+        D_0_scaled_x_sind_theta_mid_0 * odd_i_beta_turned_0;
     const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
     const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
     const float32 i_q_now = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
     const float32 odd_i_d_now_0 = odd_i_alpha_turned_0 * one_plus_cosm1_theta_mid_0 +
-        i_q_now * part_of_even_i_d_now_0;
+        i_q_now * sind_theta_mid_0;
     const float32 even_i_q_now_0 = i_q_now * cosm1_theta_mid_0 -
-        part_of_even_i_d_now_0_2 * odd_i_alpha_turned_0;
+        D_0_scaled_x_sind_theta_mid_0 * odd_i_alpha_turned_0;
     const float32 odd_i_q_now_0 = odd_i_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
-        i_d_now * part_of_even_i_d_now_0;
+        i_d_now * sind_theta_mid_0;
     const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float32 even_v_d_0 = v_d * cosm1_theta_mid_0;
     const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
-    const float32 odd_v_d_0 = v_q * part_of_even_i_d_now_0;
+    const float32 odd_v_d_0 = v_q * sind_theta_mid_0;
     const float32 even_v_q_0 = v_q * cosm1_theta_mid_0;
-    const float32 pole_pairs_saliency_times_omega = POLE_PAIRS_SALIENCY * omega;
-    const float32 i_d_mid = i_d_now * DECAY_HALF_D +
-        GAIN_HALF_D * (v_d - pole_pairs_saliency_times_omega * i_q_now);
-    const float32 part_of_even_i_q_mid_0 = POLE_PAIRS_SALIENCY_X5 * D_0 * L_20;
+    const float32 coupling = POLE_PAIRS_SALIENCY * omega;
+    const float32 i_d_mid = i_d_now * DECAY_HALF_D + GAIN_HALF_D * (v_d - coupling * i_q_now);
+    const float32 D_0_scaled_x_L_20 = POLE_PAIRS_SALIENCY_X5 * D_0 * L_20;
     const float32 even_i_d_mid_0 = even_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (even_v_d_0 -
-        pole_pairs_saliency_times_omega * even_i_q_now_0 - part_of_even_i_q_mid_0 * odd_i_q_now_0);
+        coupling * even_i_q_now_0 - D_0_scaled_x_L_20 * odd_i_q_now_0);
     const float32 odd_i_d_mid_0 = odd_i_d_now_0 * DECAY_HALF_D +
-        (odd_v_d_0 - pole_pairs_saliency_times_omega * odd_i_q_now_0) * GAIN_HALF_D -
+        (odd_v_d_0 - coupling * odd_i_q_now_0) * GAIN_HALF_D -
         GAIN_HALF_D_POLE_PAIRS_SALIENCY * L_20 * (i_q_now + even_i_q_now_0);
-    const float32 part_of_i_q_mid = v_q - POLE_PAIRS_PSI_M * omega;
+    const float32 v_q_less_omega_scaled = v_q - POLE_PAIRS_PSI_M * omega;
     const float32 i_q_mid = DECAY_HALF_Q * i_q_now +
-        GAIN_HALF_Q * (part_of_i_q_mid - pole_pairs_saliency_times_omega * i_d_now);
+        GAIN_HALF_Q * (v_q_less_omega_scaled - coupling * i_d_now);
     const float32 even_i_q_mid_0 = DECAY_HALF_Q * even_i_q_now_0 + GAIN_HALF_Q * (even_v_q_0 -
-        pole_pairs_saliency_times_omega * even_i_d_now_0 - part_of_even_i_q_mid_0 * odd_i_d_now_0);
-    const float32 part_of_odd_i_q_mid_0 = v_d * part_of_even_i_d_now_0 + POLE_PAIRS_PSI_M * L_20;
-    const float32 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 - GAIN_HALF_Q * (part_of_odd_i_q_mid_0 +
-        pole_pairs_saliency_times_omega * odd_i_d_now_0) -
+        coupling * even_i_d_now_0 - D_0_scaled_x_L_20 * odd_i_d_now_0);
+    const float32 part_of_odd_i_q_mid_0 = v_d * sind_theta_mid_0 + POLE_PAIRS_PSI_M * L_20;
+    const float32 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 -
+        GAIN_HALF_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_now_0) -
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * L_20 * (i_d_now + even_i_d_now_0);
-    const float32 i_d_next = DECAY_D * i_d_now + GAIN_D * (v_d - pole_pairs_saliency_times_omega * i_q_mid);
+    const float32 i_d_next = DECAY_D * i_d_now + GAIN_D * (v_d - coupling * i_q_mid);
     const float32 even_i_d_next_0 = DECAY_D * even_i_d_now_0 + GAIN_D * (even_v_d_0 -
-        pole_pairs_saliency_times_omega * even_i_q_mid_0 - part_of_even_i_q_mid_0 * odd_i_q_mid_0);
-    const float32 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 +
-        GAIN_D * (odd_v_d_0 - pole_pairs_saliency_times_omega * odd_i_q_mid_0) -
+        coupling * even_i_q_mid_0 - D_0_scaled_x_L_20 * odd_i_q_mid_0);
+    const float32 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0) -
         GAIN_D_POLE_PAIRS_SALIENCY * L_20 * (i_q_mid + even_i_q_mid_0);
-    const float32 i_q_next = i_q_now * DECAY_Q +
-        GAIN_Q * (part_of_i_q_mid - pole_pairs_saliency_times_omega * i_d_mid);
+    const float32 i_q_next = i_q_now * DECAY_Q + GAIN_Q * (v_q_less_omega_scaled - coupling * i_d_mid);
     const float32 even_i_q_next_0 = even_i_q_now_0 * DECAY_Q + GAIN_Q * (even_v_q_0 -
-        pole_pairs_saliency_times_omega * even_i_d_mid_0 - part_of_even_i_q_mid_0 * odd_i_d_mid_0);
-    const float32 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q - (part_of_odd_i_q_mid_0 +
-        pole_pairs_saliency_times_omega * odd_i_d_mid_0) * GAIN_Q -
+        coupling * even_i_d_mid_0 - D_0_scaled_x_L_20 * odd_i_d_mid_0);
+    const float32 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q -
+        (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0) * GAIN_Q -
         GAIN_Q_POLE_PAIRS_SALIENCY * L_20 * (i_d_mid + even_i_d_mid_0);
-    const float32 i_q_now_plus_i_q_next = i_q_now + i_q_next;
-    const float32 i_q_between = 0.5f * i_q_now_plus_i_q_next;
-    const float32 part_of_bend_omega_0 = even_i_q_now_0 + even_i_q_next_0;
-    const float32 even_i_q_between_0 = 0.5f * part_of_bend_omega_0;
+    const float32 i_q_now_plus_next = i_q_now + i_q_next;
+    const float32 i_q_between = 0.5f * i_q_now_plus_next;
+    const float32 even_i_q_now_plus_next_0 = even_i_q_now_0 + even_i_q_next_0;
+    const float32 even_i_q_between_0 = 0.5f * even_i_q_now_plus_next_0;
     const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float32 part_of_even_i_d_now_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float32 part_of_even_i_d_now_1_2 = 5.0f * D_1 * part_of_even_i_d_now_1;
-    const float32 even_i_d_now_1 = i_d_now * cosm1_theta_mid_1 + cos_theta_mid * part_of_even_i_d_now_1_2;
+    const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float32 D_1_scaled_x_sind_theta_mid_1 = 5.0f * D_1 * sind_theta_mid_1;
+    const float32 even_i_d_now_1 = i_d_now * cosm1_theta_mid_1 +
+        cos_theta_mid * D_1_scaled_x_sind_theta_mid_1;
     const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
-    const float32 odd_i_d_now_1 = sin_theta_mid * one_plus_cosm1_theta_mid_1 +
-        i_q_now * part_of_even_i_d_now_1;
-    const float32 even_i_q_now_1 = i_q_now * cosm1_theta_mid_1 - sin_theta_mid * part_of_even_i_d_now_1_2;
-    const float32 odd_i_q_now_1 = cos_theta_mid * one_plus_cosm1_theta_mid_1 -
-        i_d_now * part_of_even_i_d_now_1;
+    const float32 odd_i_d_now_1 = sin_theta_mid * one_plus_cosm1_theta_mid_1 + i_q_now * sind_theta_mid_1;
+    const float32 even_i_q_now_1 = i_q_now * cosm1_theta_mid_1 -
+        sin_theta_mid * D_1_scaled_x_sind_theta_mid_1;
+    const float32 odd_i_q_now_1 = cos_theta_mid * one_plus_cosm1_theta_mid_1 - i_d_now * sind_theta_mid_1;
     const float32 even_v_d_1 = v_d * cosm1_theta_mid_1;
-    const float32 odd_v_d_1 = v_q * part_of_even_i_d_now_1;
+    const float32 odd_v_d_1 = v_q * sind_theta_mid_1;
     const float32 even_v_q_1 = v_q * cosm1_theta_mid_1;
-    const float32 part_of_even_i_q_mid_1 = POLE_PAIRS_SALIENCY_X5 * D_1 * L_21;
+    const float32 D_1_scaled_x_L_21 = POLE_PAIRS_SALIENCY_X5 * D_1 * L_21;
     const float32 even_i_d_mid_1 = DECAY_HALF_D * even_i_d_now_1 + GAIN_HALF_D * (even_v_d_1 -
-        pole_pairs_saliency_times_omega * even_i_q_now_1 - part_of_even_i_q_mid_1 * odd_i_q_now_1);
+        coupling * even_i_q_now_1 - D_1_scaled_x_L_21 * odd_i_q_now_1);
     const float32 odd_i_d_mid_1 = DECAY_HALF_D * odd_i_d_now_1 +
-        GAIN_HALF_D * (odd_v_d_1 - pole_pairs_saliency_times_omega * odd_i_q_now_1) -
+        GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1) -
         GAIN_HALF_D_POLE_PAIRS_SALIENCY * L_21 * (i_q_now + even_i_q_now_1);
     const float32 even_i_q_mid_1 = DECAY_HALF_Q * even_i_q_now_1 + GAIN_HALF_Q * (even_v_q_1 -
-        pole_pairs_saliency_times_omega * even_i_d_now_1 - part_of_even_i_q_mid_1 * odd_i_d_now_1);
-    const float32 part_of_odd_i_q_mid_1 = v_d * part_of_even_i_d_now_1 + POLE_PAIRS_PSI_M * L_21;
-    const float32 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 - GAIN_HALF_Q * (part_of_odd_i_q_mid_1 +
-        pole_pairs_saliency_times_omega * odd_i_d_now_1) -
+        coupling * even_i_d_now_1 - D_1_scaled_x_L_21 * odd_i_d_now_1);
+    const float32 part_of_odd_i_q_mid_1 = v_d * sind_theta_mid_1 + POLE_PAIRS_PSI_M * L_21;
+    const float32 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 -
+        GAIN_HALF_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_now_1) -
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * L_21 * (i_d_now + even_i_d_now_1);
     const float32 even_i_d_next_1 = DECAY_D * even_i_d_now_1 + GAIN_D * (even_v_d_1 -
-        pole_pairs_saliency_times_omega * even_i_q_mid_1 - part_of_even_i_q_mid_1 * odd_i_q_mid_1);
-    const float32 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 +
-        GAIN_D * (odd_v_d_1 - pole_pairs_saliency_times_omega * odd_i_q_mid_1) -
+        coupling * even_i_q_mid_1 - D_1_scaled_x_L_21 * odd_i_q_mid_1);
+    const float32 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1) -
         GAIN_D_POLE_PAIRS_SALIENCY * L_21 * (i_q_mid + even_i_q_mid_1);
     const float32 even_i_q_next_1 = DECAY_Q * even_i_q_now_1 + GAIN_Q * (even_v_q_1 -
-        pole_pairs_saliency_times_omega * even_i_d_mid_1 - part_of_even_i_q_mid_1 * odd_i_d_mid_1);
-    const float32 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 +
-        pole_pairs_saliency_times_omega * odd_i_d_mid_1) -
+        coupling * even_i_d_mid_1 - D_1_scaled_x_L_21 * odd_i_d_mid_1);
+    const float32 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 -
+        GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1) -
         GAIN_Q_POLE_PAIRS_SALIENCY * L_21 * (i_d_mid + even_i_d_mid_1);
-    const float32 part_of_bend_omega_1 = even_i_q_now_1 + even_i_q_next_1;
-    const float32 even_i_q_between_1 = 0.5f * part_of_bend_omega_1;
+    const float32 even_i_q_now_plus_next_1 = even_i_q_now_1 + even_i_q_next_1;
+    const float32 even_i_q_between_1 = 0.5f * even_i_q_now_plus_next_1;
     const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
     const float32 even_i_d_now_2 = i_d_now * cosm1_theta_mid_2;
-    const float32 part_of_odd_i_d_now_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float32 odd_i_d_now_2 = i_q_now * part_of_odd_i_d_now_2;
+    const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float32 odd_i_d_now_2 = i_q_now * sind_theta_mid_2;
     const float32 even_i_q_now_2 = i_q_now * cosm1_theta_mid_2;
     const float32 even_v_d_2 = v_d * cosm1_theta_mid_2;
-    const float32 odd_v_d_2 = v_q * part_of_odd_i_d_now_2;
+    const float32 odd_v_d_2 = v_q * sind_theta_mid_2;
     const float32 even_v_q_2 = v_q * cosm1_theta_mid_2;
     const float32 pole_pairs_saliency_x5_x_D_2 = POLE_PAIRS_SALIENCY_X5 * D_2;
-    const float32 i_d_now_x_part_of_odd_i_d_now_2 = i_d_now * part_of_odd_i_d_now_2;
+    const float32 minus_odd_i_q_now_2 = i_d_now * sind_theta_mid_2;
     const float32 even_i_d_mid_2 = DECAY_HALF_D * even_i_d_now_2 + GAIN_HALF_D * (even_v_d_2 -
-        pole_pairs_saliency_times_omega * even_i_q_now_2 +
-        pole_pairs_saliency_x5_x_D_2 * i_d_now_x_part_of_odd_i_d_now_2);
-    const float32 odd_i_d_mid_2 = DECAY_HALF_D * odd_i_d_now_2 + GAIN_HALF_D * (odd_v_d_2 +
-        pole_pairs_saliency_times_omega * i_d_now_x_part_of_odd_i_d_now_2) -
+        coupling * even_i_q_now_2 + pole_pairs_saliency_x5_x_D_2 * minus_odd_i_q_now_2);
+    const float32 odd_i_d_mid_2 = DECAY_HALF_D * odd_i_d_now_2 +
+        GAIN_HALF_D * (odd_v_d_2 + coupling * minus_odd_i_q_now_2) -
         GAIN_HALF_D_POLE_PAIRS_SALIENCY * (i_q_now + even_i_q_now_2);
     const float32 even_i_q_mid_2 = DECAY_HALF_Q * even_i_q_now_2 + GAIN_HALF_Q * (even_v_q_2 -
-        pole_pairs_saliency_times_omega * even_i_d_now_2 - pole_pairs_saliency_x5_x_D_2 * odd_i_d_now_2);
-    const float32 part_of_even_i_d_next_2 = v_d * part_of_odd_i_d_now_2 + POLE_PAIRS_PSI_M;
-    const float32 part_of_even_i_d_next_2_2 = DECAY_HALF_Q * i_d_now_x_part_of_odd_i_d_now_2 +
-        GAIN_HALF_Q * (part_of_even_i_d_next_2 + pole_pairs_saliency_times_omega * odd_i_d_now_2) +
+        coupling * even_i_d_now_2 - pole_pairs_saliency_x5_x_D_2 * odd_i_d_now_2);
+    const float32 part_of_even_i_d_next_2 = v_d * sind_theta_mid_2 + POLE_PAIRS_PSI_M;
+    const float32 minus_odd_i_q_mid_2 = DECAY_HALF_Q * minus_odd_i_q_now_2 +
+        GAIN_HALF_Q * (part_of_even_i_d_next_2 + coupling * odd_i_d_now_2) +
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * (i_d_now + even_i_d_now_2);
     const float32 even_i_d_next_2 = DECAY_D * even_i_d_now_2 + GAIN_D * (even_v_d_2 -
-        pole_pairs_saliency_times_omega * even_i_q_mid_2 +
-        pole_pairs_saliency_x5_x_D_2 * part_of_even_i_d_next_2_2);
-    const float32 odd_i_d_next_2 = DECAY_D * odd_i_d_now_2 + GAIN_D * (odd_v_d_2 +
-        pole_pairs_saliency_times_omega * part_of_even_i_d_next_2_2) -
+        coupling * even_i_q_mid_2 + pole_pairs_saliency_x5_x_D_2 * minus_odd_i_q_mid_2);
+    const float32 odd_i_d_next_2 = DECAY_D * odd_i_d_now_2 +
+        GAIN_D * (odd_v_d_2 + coupling * minus_odd_i_q_mid_2) -
         GAIN_D_POLE_PAIRS_SALIENCY * (i_q_mid + even_i_q_mid_2);
     const float32 even_i_q_next_2 = DECAY_Q * even_i_q_now_2 + GAIN_Q * (even_v_q_2 -
-        pole_pairs_saliency_times_omega * even_i_d_mid_2 - pole_pairs_saliency_x5_x_D_2 * odd_i_d_mid_2);
-    const float32 part_of_bend_omega_2 = even_i_q_now_2 + even_i_q_next_2;
-    const float32 even_i_q_between_2 = 0.5f * part_of_bend_omega_2;
+        coupling * even_i_d_mid_2 - pole_pairs_saliency_x5_x_D_2 * odd_i_d_mid_2);
+    const float32 even_i_q_now_plus_next_2 = even_i_q_now_2 + even_i_q_next_2;
+    const float32 even_i_q_between_2 = 0.5f * even_i_q_now_plus_next_2;
     const float32 even_i_d_now_3 = i_d_now * cosm1_theta_mid_3;
     const float32 odd_i_d_now_3 = i_q_now * sinc_theta_mid_3;
     const float32 even_i_q_now_3 = i_q_now * cosm1_theta_mid_3;
     const float32 omega_sq = omega * omega;
-    const float32 part_of_even_i_d_next_3 = DECAY_D + 5.477552e-09f * omega_sq;
-    const float32 v_d_times_cosm1_theta_mid_3 = v_d * cosm1_theta_mid_3;
-    const float32 part_of_even_i_d_next_3_2 = GAIN_D_POLE_PAIRS_SALIENCY * omega;
-    const float32 v_q_times_cosm1_theta_mid_3 = v_q * cosm1_theta_mid_3;
-    const float32 even_i_d_next_3 = part_of_even_i_d_next_3 * even_i_d_now_3 +
-        GAIN_D * v_d_times_cosm1_theta_mid_3 - part_of_even_i_d_next_3_2 * (DECAY_HALF_Q * even_i_q_now_3 +
-        GAIN_HALF_Q * v_q_times_cosm1_theta_mid_3);
-    const float32 v_q_times_sinc_theta_mid_3 = v_q * sinc_theta_mid_3;
-    const float32 i_d_now_times_sinc_theta_mid_3 = i_d_now * sinc_theta_mid_3;
-    const float32 v_d_times_sinc_theta_mid_3 = v_d * sinc_theta_mid_3;
-    const float32 odd_i_d_next_3 = part_of_even_i_d_next_3 * odd_i_d_now_3 +
-        GAIN_D * v_q_times_sinc_theta_mid_3 +
-        part_of_even_i_d_next_3_2 * (DECAY_HALF_Q * i_d_now_times_sinc_theta_mid_3 +
-        GAIN_HALF_Q * v_d_times_sinc_theta_mid_3);
-    const float32 part_of_even_i_alpha_next_3_2 = DECAY_Q + 5.4815725e-09f * omega_sq;
-    const float32 part_of_even_i_alpha_next_3_3 = GAIN_Q_POLE_PAIRS_SALIENCY * omega;
-    const float32 even_i_q_next_3 = even_i_q_now_3 * part_of_even_i_alpha_next_3_2 +
-        GAIN_Q * v_q_times_cosm1_theta_mid_3 - part_of_even_i_alpha_next_3_3 * (DECAY_HALF_D * even_i_d_now_3
-        + GAIN_HALF_D * v_d_times_cosm1_theta_mid_3);
-    const float32 part_of_bend_omega_3 = even_i_q_now_3 + even_i_q_next_3;
-    const float32 even_i_q_between_3 = 0.5f * part_of_bend_omega_3;
-    const float32 i_d_next_plus_even_i_d_next_0 = i_d_next + even_i_d_next_0;
-    const float32 even_i_alpha_next_0 = even_i_d_next_0 + cosm1_theta_mid_0 * i_d_next_plus_even_i_d_next_0 -
-        part_of_even_i_d_now_0_2 * odd_i_q_next_0;
-    const float32 i_d_next_plus_even_i_d_next_1 = i_d_next + even_i_d_next_1;
-    const float32 even_i_alpha_next_1 = even_i_d_next_1 + cosm1_theta_mid_1 * i_d_next_plus_even_i_d_next_1 -
-        part_of_even_i_d_now_1_2 * odd_i_q_next_1;
-    const float32 i_d_next_plus_even_i_d_next_2 = i_d_next + even_i_d_next_2;
-    const float32 part_of_even_i_alpha_next_2 = 5.0f * D_2 * part_of_odd_i_d_now_2;
-    const float32 part_of_even_i_alpha_next_2_2 = DECAY_Q * i_d_now_x_part_of_odd_i_d_now_2 +
-        GAIN_Q * (part_of_even_i_d_next_2 + pole_pairs_saliency_times_omega * odd_i_d_mid_2) +
+    const float32 decay_d_plus_omega_sq_scaled = DECAY_D + 5.477552e-09f * omega_sq;
+    const float32 even_v_d_3 = v_d * cosm1_theta_mid_3;
+    const float32 omega_scaled = GAIN_D_POLE_PAIRS_SALIENCY * omega;
+    const float32 even_v_q_3 = v_q * cosm1_theta_mid_3;
+    const float32 even_i_d_next_3 = decay_d_plus_omega_sq_scaled * even_i_d_now_3 + GAIN_D * even_v_d_3 -
+        omega_scaled * (DECAY_HALF_Q * even_i_q_now_3 + GAIN_HALF_Q * even_v_q_3);
+    const float32 odd_v_d_3 = v_q * sinc_theta_mid_3;
+    const float32 minus_odd_i_q_now_3 = i_d_now * sinc_theta_mid_3;
+    const float32 minus_odd_v_q_3 = v_d * sinc_theta_mid_3;
+    const float32 odd_i_d_next_3 = decay_d_plus_omega_sq_scaled * odd_i_d_now_3 + GAIN_D * odd_v_d_3 +
+        omega_scaled * (DECAY_HALF_Q * minus_odd_i_q_now_3 + GAIN_HALF_Q * minus_odd_v_q_3);
+    const float32 decay_q_plus_omega_sq_scaled = DECAY_Q + 5.4815725e-09f * omega_sq;
+    const float32 omega_scaled_2 = GAIN_Q_POLE_PAIRS_SALIENCY * omega;
+    const float32 even_i_q_next_3 = even_i_q_now_3 * decay_q_plus_omega_sq_scaled + GAIN_Q * even_v_q_3 -
+        omega_scaled_2 * (DECAY_HALF_D * even_i_d_now_3 + GAIN_HALF_D * even_v_d_3);
+    const float32 even_i_q_now_plus_next_3 = even_i_q_now_3 + even_i_q_next_3;
+    const float32 even_i_q_between_3 = 0.5f * even_i_q_now_plus_next_3;
+    const float32 total_i_d_next_0 = i_d_next + even_i_d_next_0;
+    const float32 even_i_alpha_next_0 = even_i_d_next_0 + cosm1_theta_mid_0 * total_i_d_next_0 -
+        D_0_scaled_x_sind_theta_mid_0 * odd_i_q_next_0;
+    const float32 total_i_d_next_1 = i_d_next + even_i_d_next_1;
+    const float32 even_i_alpha_next_1 = even_i_d_next_1 + cosm1_theta_mid_1 * total_i_d_next_1 -
+        D_1_scaled_x_sind_theta_mid_1 * odd_i_q_next_1;
+    const float32 total_i_d_next_2 = i_d_next + even_i_d_next_2;
+    const float32 D_2_scaled_x_sind_theta_mid_2 = 5.0f * D_2 * sind_theta_mid_2;
+    const float32 minus_odd_i_q_next_2 = DECAY_Q * minus_odd_i_q_now_2 +
+        GAIN_Q * (part_of_even_i_d_next_2 + coupling * odd_i_d_mid_2) +
         GAIN_Q_POLE_PAIRS_SALIENCY * (i_d_mid + even_i_d_mid_2);
-    const float32 even_i_alpha_next_2 = even_i_d_next_2 + cosm1_theta_mid_2 * i_d_next_plus_even_i_d_next_2 +
-        part_of_even_i_alpha_next_2 * part_of_even_i_alpha_next_2_2;
-    const float32 i_d_next_plus_even_i_d_next_3 = i_d_next + even_i_d_next_3;
-    const float32 part_of_even_i_alpha_next_3 = 5.0f * D_3 * sinc_theta_mid_3;
-    const float32 part_of_even_i_alpha_next_3_4 =
-        i_d_now_times_sinc_theta_mid_3 * part_of_even_i_alpha_next_3_2 + GAIN_Q * v_d_times_sinc_theta_mid_3 +
-        part_of_even_i_alpha_next_3_3 * (DECAY_HALF_D * odd_i_d_now_3 +
-        GAIN_HALF_D * v_q_times_sinc_theta_mid_3);
-    const float32 even_i_alpha_next_3 = even_i_d_next_3 + cosm1_theta_mid_3 * i_d_next_plus_even_i_d_next_3 +
-        part_of_even_i_alpha_next_3 * part_of_even_i_alpha_next_3_4;
-    const float32 i_q_next_plus_even_i_q_next_0 = i_q_next + even_i_q_next_0;
-    const float32 even_i_beta_next_0 = part_of_even_i_d_now_0_2 * odd_i_d_next_0 + even_i_q_next_0 +
-        cosm1_theta_mid_0 * i_q_next_plus_even_i_q_next_0;
-    const float32 i_q_next_plus_even_i_q_next_1 = i_q_next + even_i_q_next_1;
-    const float32 even_i_beta_next_1 = part_of_even_i_d_now_1_2 * odd_i_d_next_1 + even_i_q_next_1 +
-        cosm1_theta_mid_1 * i_q_next_plus_even_i_q_next_1;
-    const float32 i_q_next_plus_even_i_q_next_2 = i_q_next + even_i_q_next_2;
-    const float32 even_i_beta_next_2 = part_of_even_i_alpha_next_2 * odd_i_d_next_2 + even_i_q_next_2 +
-        cosm1_theta_mid_2 * i_q_next_plus_even_i_q_next_2;
-    const float32 i_q_next_plus_even_i_q_next_3 = i_q_next + even_i_q_next_3;
-    const float32 even_i_beta_next_3 = part_of_even_i_alpha_next_3 * odd_i_d_next_3 + even_i_q_next_3 +
-        cosm1_theta_mid_3 * i_q_next_plus_even_i_q_next_3;
+    const float32 even_i_alpha_next_2 = even_i_d_next_2 + cosm1_theta_mid_2 * total_i_d_next_2 +
+        D_2_scaled_x_sind_theta_mid_2 * minus_odd_i_q_next_2;
+    const float32 total_i_d_next_3 = i_d_next + even_i_d_next_3;
+    const float32 D_3_scaled_x_sinc_theta_mid_3 = 5.0f * D_3 * sinc_theta_mid_3;
+    const float32 minus_odd_i_q_next_3 = minus_odd_i_q_now_3 * decay_q_plus_omega_sq_scaled +
+        GAIN_Q * minus_odd_v_q_3 + omega_scaled_2 * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3);
+    const float32 even_i_alpha_next_3 = even_i_d_next_3 + cosm1_theta_mid_3 * total_i_d_next_3 +
+        D_3_scaled_x_sinc_theta_mid_3 * minus_odd_i_q_next_3;
+    const float32 total_i_q_next_0 = i_q_next + even_i_q_next_0;
+    const float32 even_i_beta_next_0 = D_0_scaled_x_sind_theta_mid_0 * odd_i_d_next_0 + even_i_q_next_0 +
+        cosm1_theta_mid_0 * total_i_q_next_0;
+    const float32 total_i_q_next_1 = i_q_next + even_i_q_next_1;
+    const float32 even_i_beta_next_1 = D_1_scaled_x_sind_theta_mid_1 * odd_i_d_next_1 + even_i_q_next_1 +
+        cosm1_theta_mid_1 * total_i_q_next_1;
+    const float32 total_i_q_next_2 = i_q_next + even_i_q_next_2;
+    const float32 even_i_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_i_d_next_2 + even_i_q_next_2 +
+        cosm1_theta_mid_2 * total_i_q_next_2;
+    const float32 total_i_q_next_3 = i_q_next + even_i_q_next_3;
+    const float32 even_i_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_i_d_next_3 + even_i_q_next_3 +
+        cosm1_theta_mid_3 * total_i_q_next_3;
     const float32 odd_i_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_i_d_next_0 -
-        part_of_even_i_d_now_0 * i_q_next_plus_even_i_q_next_0;
+        sind_theta_mid_0 * total_i_q_next_0;
     const float32 odd_i_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_i_d_next_1 -
-        part_of_even_i_d_now_1 * i_q_next_plus_even_i_q_next_1;
+        sind_theta_mid_1 * total_i_q_next_1;
     const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
     const float32 odd_i_alpha_next_2 = odd_i_d_next_2 * one_plus_cosm1_theta_mid_2 -
-        part_of_odd_i_d_now_2 * i_q_next_plus_even_i_q_next_2;
+        sind_theta_mid_2 * total_i_q_next_2;
     const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
     const float32 odd_i_alpha_next_3 = odd_i_d_next_3 * one_plus_cosm1_theta_mid_3 -
-        sinc_theta_mid_3 * i_q_next_plus_even_i_q_next_3;
-    const float32 odd_i_beta_next_0 = part_of_even_i_d_now_0 * i_d_next_plus_even_i_d_next_0 +
+        sinc_theta_mid_3 * total_i_q_next_3;
+    const float32 odd_i_beta_next_0 = sind_theta_mid_0 * total_i_d_next_0 +
         one_plus_cosm1_theta_mid_0 * odd_i_q_next_0;
-    const float32 odd_i_beta_next_1 = part_of_even_i_d_now_1 * i_d_next_plus_even_i_d_next_1 +
+    const float32 odd_i_beta_next_1 = sind_theta_mid_1 * total_i_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_i_q_next_1;
-    const float32 odd_i_beta_next_2 = part_of_odd_i_d_now_2 * i_d_next_plus_even_i_d_next_2 -
-        part_of_even_i_alpha_next_2_2 * one_plus_cosm1_theta_mid_2;
-    const float32 odd_i_beta_next_3 = i_d_next_plus_even_i_d_next_3 * sinc_theta_mid_3 -
-        part_of_even_i_alpha_next_3_4 * one_plus_cosm1_theta_mid_3;
-    const float32 part_of_bend_omega_0_5 = odd_i_q_now_0 + odd_i_q_next_0;
+    const float32 odd_i_beta_next_2 = sind_theta_mid_2 * total_i_d_next_2 -
+        minus_odd_i_q_next_2 * one_plus_cosm1_theta_mid_2;
+    const float32 odd_i_beta_next_3 = total_i_d_next_3 * sinc_theta_mid_3 -
+        minus_odd_i_q_next_3 * one_plus_cosm1_theta_mid_3;
+    const float32 odd_i_q_now_plus_next_0 = odd_i_q_now_0 + odd_i_q_next_0;
     const float32 part_of_omega_pred = PSI_M + SALIENCY_BY2 * (i_d_now + i_d_next);
-    const float32 part_of_bend_omega_0_2 = SALIENCY_BY2 * (even_i_d_now_0 + even_i_d_next_0);
-    const float32 part_of_bend_omega_0_3 = i_q_between + even_i_q_between_0;
-    const float32 part_of_bend_omega_0_4 = odd_i_d_now_0 + odd_i_d_next_0;
+    const float32 even_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (even_i_d_now_0 + even_i_d_next_0);
+    const float32 total_i_q_between_0 = i_q_between + even_i_q_between_0;
+    const float32 odd_i_d_now_plus_next_0 = odd_i_d_now_0 + odd_i_d_next_0;
     const float32 odd_omega_next_0 =
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * part_of_bend_omega_0_5 * (part_of_omega_pred + part_of_bend_omega_0_2) +
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * part_of_bend_omega_0_3 * part_of_bend_omega_0_4 - L_40) +
+        GAIN_OMEGA_GAIN_TORQUE_BY2 * odd_i_q_now_plus_next_0 * (part_of_omega_pred + even_i_d_now_and_next_0_scaled)
+        + GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_i_q_between_0 * odd_i_d_now_plus_next_0 - L_40) +
         L_20;
-    const float32 part_of_bend_omega_1_5 = odd_i_q_now_1 + odd_i_q_next_1;
-    const float32 part_of_bend_omega_1_2 = SALIENCY_BY2 * (even_i_d_now_1 + even_i_d_next_1);
-    const float32 part_of_bend_omega_1_3 = i_q_between + even_i_q_between_1;
-    const float32 part_of_bend_omega_1_4 = odd_i_d_now_1 + odd_i_d_next_1;
+    const float32 odd_i_q_now_plus_next_1 = odd_i_q_now_1 + odd_i_q_next_1;
+    const float32 even_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (even_i_d_now_1 + even_i_d_next_1);
+    const float32 total_i_q_between_1 = i_q_between + even_i_q_between_1;
+    const float32 odd_i_d_now_plus_next_1 = odd_i_d_now_1 + odd_i_d_next_1;
     const float32 odd_omega_next_1 =
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * part_of_bend_omega_1_5 * (part_of_omega_pred + part_of_bend_omega_1_2) +
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * part_of_bend_omega_1_3 * part_of_bend_omega_1_4 - L_41) +
+        GAIN_OMEGA_GAIN_TORQUE_BY2 * odd_i_q_now_plus_next_1 * (part_of_omega_pred + even_i_d_now_and_next_1_scaled)
+        + GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_i_q_between_1 * odd_i_d_now_plus_next_1 - L_41) +
         L_21;
-    const float32 part_of_bend_omega_2_3 = i_q_between + even_i_q_between_2;
-    const float32 part_of_bend_omega_2_4 = odd_i_d_now_2 + odd_i_d_next_2;
-    const float32 part_of_bend_omega_2_5 = i_d_now_x_part_of_odd_i_d_now_2 + part_of_even_i_alpha_next_2_2;
-    const float32 part_of_bend_omega_2_2 = SALIENCY_BY2 * (even_i_d_now_2 + even_i_d_next_2);
+    const float32 total_i_q_between_2 = i_q_between + even_i_q_between_2;
+    const float32 odd_i_d_now_plus_next_2 = odd_i_d_now_2 + odd_i_d_next_2;
+    const float32 minus_odd_i_q_now_plus_next_2 = minus_odd_i_q_now_2 + minus_odd_i_q_next_2;
+    const float32 even_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (even_i_d_now_2 + even_i_d_next_2);
     const float32 odd_omega_next_2 = 1.0f +
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * part_of_bend_omega_2_3 * part_of_bend_omega_2_4 - L_42) -
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * part_of_bend_omega_2_5 * (part_of_omega_pred + part_of_bend_omega_2_2);
+        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_i_q_between_2 * odd_i_d_now_plus_next_2 - L_42) -
+        GAIN_OMEGA_GAIN_TORQUE_BY2 * minus_odd_i_q_now_plus_next_2 * (part_of_omega_pred + even_i_d_now_and_next_2_scaled);
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
     const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
@@ -515,87 +503,87 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3;
     const float32 bend_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
         even_i_alpha_next_3;
-    const float32 part_of_P_turned_00 = 0.04f * bend_i_alpha_sum;
+    const float32 bend_i_alpha_sum_scaled = 0.04f * bend_i_alpha_sum;
     const float32 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
         odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2
         + odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 +
         0.2f * (even_i_alpha_next_0 * even_i_alpha_next_0 + even_i_alpha_next_1 * even_i_alpha_next_1 +
         even_i_alpha_next_2 * even_i_alpha_next_2 + even_i_alpha_next_3 * even_i_alpha_next_3) -
-        bend_i_alpha_sum * part_of_P_turned_00;
+        bend_i_alpha_sum * bend_i_alpha_sum_scaled;
     const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
     const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
     const float32 D_2_times_odd_i_beta_next_2 = D_2 * odd_i_beta_next_2;
     const float32 D_3_times_odd_i_beta_next_3 = D_3 * odd_i_beta_next_3;
     const float32 bend_i_beta_sum = even_i_beta_next_0 + even_i_beta_next_1 + even_i_beta_next_2 +
         even_i_beta_next_3;
-    const float32 part_of_P_turned_11 = 0.04f * bend_i_beta_sum;
+    const float32 bend_i_beta_sum_scaled = 0.04f * bend_i_beta_sum;
     const float32 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
         odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + odd_i_beta_next_2 * D_2_times_odd_i_beta_next_2 +
         odd_i_beta_next_3 * D_3_times_odd_i_beta_next_3 + 0.2f * (even_i_beta_next_0 * even_i_beta_next_0 +
         even_i_beta_next_1 * even_i_beta_next_1 + even_i_beta_next_2 * even_i_beta_next_2 +
-        even_i_beta_next_3 * even_i_beta_next_3) - bend_i_beta_sum * part_of_P_turned_11;
+        even_i_beta_next_3 * even_i_beta_next_3) - bend_i_beta_sum * bend_i_beta_sum_scaled;
     const float32 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 + D_2_times_odd_i_alpha_next_2 * odd_i_beta_next_2 +
         D_3_times_odd_i_alpha_next_3 * odd_i_beta_next_3 + 0.2f * (even_i_alpha_next_0 * even_i_beta_next_0 +
         even_i_alpha_next_1 * even_i_beta_next_1 + even_i_alpha_next_2 * even_i_beta_next_2 +
-        even_i_alpha_next_3 * even_i_beta_next_3) - part_of_P_turned_00 * bend_i_beta_sum;
-    const float32 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-        cos_theta_mid * P_turned_10 * 2.0f;
-    const float32 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-    const float32 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
+        even_i_alpha_next_3 * even_i_beta_next_3) - bend_i_alpha_sum_scaled * bend_i_beta_sum;
+    const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
+    const float32 P_turn = sin_theta_mid * P_tilt;
+    const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float32 D_pred_0 = larger(P_pred_00, Q_0);
-    const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
+    const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
     const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
-    const float32 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
+    const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-    const float32 part_of_bend_omega_3_3 = i_q_between + even_i_q_between_3;
-    const float32 part_of_bend_omega_3_4 = odd_i_d_now_3 + odd_i_d_next_3;
-    const float32 part_of_bend_omega_3_5 = i_d_now_times_sinc_theta_mid_3 + part_of_even_i_alpha_next_3_4;
-    const float32 part_of_bend_omega_3_2 = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
-    const float32 part_of_P_turned_20 =
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * part_of_bend_omega_3_3 * part_of_bend_omega_3_4 -
-        GAIN_TORQUE_BY2 * part_of_bend_omega_3_5 * (part_of_omega_pred + part_of_bend_omega_3_2) - L_43);
-    const float32 half_times_part_of_omega_pred = 0.5f * part_of_omega_pred;
-    const float32 bend_omega_0 = half_times_part_of_omega_pred * part_of_bend_omega_0 +
-        part_of_bend_omega_0_2 * part_of_bend_omega_0_3 +
-        -0.01875f * D_0 * part_of_bend_omega_0_4 * part_of_bend_omega_0_5;
-    const float32 bend_omega_1 = half_times_part_of_omega_pred * part_of_bend_omega_1 +
-        part_of_bend_omega_1_2 * part_of_bend_omega_1_3 +
-        -0.01875f * D_1 * part_of_bend_omega_1_4 * part_of_bend_omega_1_5;
-    const float32 bend_omega_2 = half_times_part_of_omega_pred * part_of_bend_omega_2 +
-        part_of_bend_omega_2_2 * part_of_bend_omega_2_3 -
-        -0.01875f * D_2 * part_of_bend_omega_2_4 * part_of_bend_omega_2_5;
-    const float32 bend_omega_3 = half_times_part_of_omega_pred * part_of_bend_omega_3 +
-        part_of_bend_omega_3_2 * part_of_bend_omega_3_3 -
-        -0.01875f * D_3 * part_of_bend_omega_3_4 * part_of_bend_omega_3_5;
+    const float32 total_i_q_between_3 = i_q_between + even_i_q_between_3;
+    const float32 odd_i_d_now_plus_next_3 = odd_i_d_now_3 + odd_i_d_next_3;
+    const float32 minus_odd_i_q_now_plus_next_3 = minus_odd_i_q_now_3 + minus_odd_i_q_next_3;
+    const float32 even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
+    const float32 odd_omega_next_3 =
+        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_i_q_between_3 * odd_i_d_now_plus_next_3 -
+        GAIN_TORQUE_BY2 * minus_odd_i_q_now_plus_next_3 * (part_of_omega_pred + even_i_d_now_and_next_3_scaled)
+        - L_43);
+    const float32 part_of_bend_omega_0 = 0.5f * part_of_omega_pred;
+    const float32 bend_omega_0 = part_of_bend_omega_0 * even_i_q_now_plus_next_0 +
+        even_i_d_now_and_next_0_scaled * total_i_q_between_0 +
+        -0.01875f * D_0 * odd_i_d_now_plus_next_0 * odd_i_q_now_plus_next_0;
+    const float32 bend_omega_1 = part_of_bend_omega_0 * even_i_q_now_plus_next_1 +
+        even_i_d_now_and_next_1_scaled * total_i_q_between_1 +
+        -0.01875f * D_1 * odd_i_d_now_plus_next_1 * odd_i_q_now_plus_next_1;
+    const float32 bend_omega_2 = part_of_bend_omega_0 * even_i_q_now_plus_next_2 +
+        even_i_d_now_and_next_2_scaled * total_i_q_between_2 -
+        -0.01875f * D_2 * odd_i_d_now_plus_next_2 * minus_odd_i_q_now_plus_next_2;
+    const float32 bend_omega_3 = part_of_bend_omega_0 * even_i_q_now_plus_next_3 +
+        even_i_d_now_and_next_3_scaled * total_i_q_between_3 -
+        -0.01875f * D_3 * odd_i_d_now_plus_next_3 * minus_odd_i_q_now_plus_next_3;
     const float32 bend_omega_sum = bend_omega_0 + bend_omega_1 + bend_omega_2 + bend_omega_3;
     const float32 P_turned_20 = D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
         D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + D_2_times_odd_i_alpha_next_2 * odd_omega_next_2 +
-        D_3_times_odd_i_alpha_next_3 * part_of_P_turned_20 +
+        D_3_times_odd_i_alpha_next_3 * odd_omega_next_3 +
         GAIN_OMEGA_GAIN_TORQUE * (0.2f * (even_i_alpha_next_0 * bend_omega_0 +
         even_i_alpha_next_1 * bend_omega_1 + even_i_alpha_next_2 * bend_omega_2 +
-        even_i_alpha_next_3 * bend_omega_3) - part_of_P_turned_00 * bend_omega_sum);
+        even_i_alpha_next_3 * bend_omega_3) - bend_i_alpha_sum_scaled * bend_omega_sum);
     const float32 P_turned_21 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
         D_1_times_odd_i_beta_next_1 * odd_omega_next_1 + D_2_times_odd_i_beta_next_2 * odd_omega_next_2 +
-        D_3_times_odd_i_beta_next_3 * part_of_P_turned_20 +
+        D_3_times_odd_i_beta_next_3 * odd_omega_next_3 +
         GAIN_OMEGA_GAIN_TORQUE * (0.2f * (even_i_beta_next_0 * bend_omega_0 +
         even_i_beta_next_1 * bend_omega_1 + even_i_beta_next_2 * bend_omega_2 +
-        even_i_beta_next_3 * bend_omega_3) - part_of_P_turned_11 * bend_omega_sum);
+        even_i_beta_next_3 * bend_omega_3) - bend_i_beta_sum_scaled * bend_omega_sum);
     const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
     const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-    const float32 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-    const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
-    const float32 D_3_times_part_of_P_turned_20 = D_3 * part_of_P_turned_20;
+    const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
+    const float32 D_3_times_odd_omega_next_3 = D_3 * odd_omega_next_3;
     const float32 part_of_P_pred_22 = D_0 * odd_omega_next_0 * odd_omega_next_0 +
         D_1 * odd_omega_next_1 * odd_omega_next_1 + D_2 * odd_omega_next_2 * odd_omega_next_2 +
-        part_of_P_turned_20 * D_3_times_part_of_P_turned_20 + GAIN_OMEGA_SQ * D_4 +
+        odd_omega_next_3 * D_3_times_odd_omega_next_3 + GAIN_OMEGA_SQ * D_4 +
         GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (0.2f * (bend_omega_0 * bend_omega_0 + bend_omega_1 * bend_omega_1 +
         bend_omega_2 * bend_omega_2 + bend_omega_3 * bend_omega_3) - 0.04f * bend_omega_sum * bend_omega_sum);
     const float32 P_pred_22 = part_of_P_pred_22 + Q_2;
-    const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float32 D_0_times_odd_theta_mid_0 = D_0 * odd_theta_mid_0;
     const float32 D_1_times_odd_theta_mid_1 = D_1 * odd_theta_mid_1;
     const float32 D_2_times_odd_theta_mid_2 = D_2 * odd_theta_mid_2;
@@ -608,20 +596,20 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
     const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
     const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-    const float32 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+    const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
     const float32 part_of_P_pred_32 = D_0_times_odd_theta_mid_0 * odd_omega_next_0 +
         D_1_times_odd_theta_mid_1 * odd_omega_next_1 + D_2_times_odd_theta_mid_2 * odd_omega_next_2 +
-        D_3_times_part_of_P_turned_20;
+        D_3_times_odd_omega_next_3;
     const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
-    const float32 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+    const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float32 one_per_D_pred_2 = 1.0f / D_pred_2;
-    const float32 L_pred_32 = part_of_L_pred_32 * one_per_D_pred_2;
+    const float32 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
     const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
         odd_theta_mid_0 * D_0_times_odd_theta_mid_0 + odd_theta_mid_1 * D_1_times_odd_theta_mid_1 +
         odd_theta_mid_2 * D_2_times_odd_theta_mid_2 + D_3 + Q_3;
-    const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-        part_of_L_pred_32 * L_pred_32, Q_3);
+    const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3);
     const float32 P_turned_40 = D_0_times_odd_i_alpha_next_0 * L_40 + D_1_times_odd_i_alpha_next_1 * L_41 +
         D_2_times_odd_i_alpha_next_2 * L_42 + D_3_times_odd_i_alpha_next_3 * L_43;
     const float32 P_turned_41 = D_0_times_odd_i_beta_next_0 * L_40 + D_1_times_odd_i_beta_next_1 * L_41 +
@@ -629,41 +617,39 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
     const float32 L_pred_40 = one_per_D_pred_0 * P_pred_40;
     const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
-    const float32 part_of_L_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
-    const float32 L_pred_41 = one_per_D_pred_1 * part_of_L_pred_41;
+    const float32 LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
+    const float32 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
     const float32 D_0_times_L_40 = D_0 * L_40;
     const float32 D_1_times_L_41 = D_1 * L_41;
     const float32 D_2_times_L_42 = D_2 * L_42;
     const float32 D_3_times_L_43 = D_3 * L_43;
     const float32 P_pred_42 = D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
-        D_2_times_L_42 * odd_omega_next_2 + D_3_times_L_43 * part_of_P_turned_20 - GAIN_OMEGA * D_4;
-    const float32 part_of_L_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * part_of_L_pred_41;
-    const float32 L_pred_42 = one_per_D_pred_2 * part_of_L_pred_42;
+        D_2_times_L_42 * odd_omega_next_2 + D_3_times_L_43 * odd_omega_next_3 - GAIN_OMEGA * D_4;
+    const float32 LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41;
+    const float32 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
     const float32 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + D_0_times_odd_theta_mid_0 * L_40 +
         D_1_times_odd_theta_mid_1 * L_41 + D_2_times_odd_theta_mid_2 * L_42 + D_3_times_L_43;
-    const float32 part_of_L_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * part_of_L_pred_41 -
-        L_pred_32 * part_of_L_pred_42;
-    const float32 L_pred_43 = part_of_L_pred_43 / D_pred_3;
+    const float32 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
+        L_pred_32 * LD_pred_42;
+    const float32 L_pred_43 = LD_pred_43 / D_pred_3;
     const float32 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
         L_43 * D_3_times_L_43 + D_4 + Q_4;
-    const float32 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
-        part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_4);
+    const float32 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
 
     /* --- eq. 16: x_pred = mean X_i' */
     const float32 bend_i_alpha_mean = bend_i_alpha_sum * 0.2f;
     const float32 bend_i_beta_mean = 0.2f * bend_i_beta_sum;
     const float32 offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * bend_omega_sum;
     const float32 offset_theta = 9e-07f * bend_omega_sum;
-    const float32 i_d_next_plus_bend_i_alpha_mean = i_d_next + bend_i_alpha_mean;
-    const float32 i_q_next_plus_bend_i_beta_mean = i_q_next + bend_i_beta_mean;
-    const float32 i_alpha_pred = cos_theta_mid * i_d_next_plus_bend_i_alpha_mean -
-        sin_theta_mid * i_q_next_plus_bend_i_beta_mean;
-    const float32 i_beta_pred = sin_theta_mid * i_d_next_plus_bend_i_alpha_mean +
-        cos_theta_mid * i_q_next_plus_bend_i_beta_mean;
-    const float32 part_of_omega_pred_2 =
-        GAIN_OMEGA * (GAIN_TORQUE_BY2 * part_of_omega_pred * i_q_now_plus_i_q_next - load_torque) + omega;
-    const float32 omega_pred = part_of_omega_pred_2 + offset_omega;
-    const float32 theta_pred = theta_mid + part_of_omega_pred_2 * 0.00015f + offset_theta;
+    const float32 i_alpha_mean = i_d_next + bend_i_alpha_mean;
+    const float32 i_beta_mean = i_q_next + bend_i_beta_mean;
+    const float32 i_alpha_pred = cos_theta_mid * i_alpha_mean - sin_theta_mid * i_beta_mean;
+    const float32 i_beta_pred = sin_theta_mid * i_alpha_mean + cos_theta_mid * i_beta_mean;
+    const float32 omega_of_x = GAIN_OMEGA * (GAIN_TORQUE_BY2 * part_of_omega_pred * i_q_now_plus_next -
+        load_torque) + omega;
+    const float32 omega_pred = omega_of_x + offset_omega;
+    const float32 theta_pred = theta_mid + omega_of_x * 0.00015f + offset_theta;
 
     /* --- sum of the pivots, for the guard */
     const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4;
@@ -724,44 +710,42 @@ static void ickf_measurement_update(const float32 x_pred[5], const float32 LD_pr
     const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
     const float32 span_first = R_0 + D_pred_0;
     const float32 one_per_span_first = 1.0f / span_first;
-    const float32 D_pred_0_x_one_per_span_first = D_pred_0 * one_per_span_first;
-    const float32 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_x_one_per_span_first;
-    const float32 innovation_after_first = i_beta_meas - part_of_innovation_after_first * L_pred_10 -
-        i_beta_pred;
-    const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
-    const float32 part_of_span_second = R_0 * D_pred_0_x_one_per_span_first;
-    const float32 part_of_span_second_x_L_pred_10 = part_of_span_second * L_pred_10;
-    const float32 span_second = larger(R_1_plus_D_pred_1 + L_pred_10 * part_of_span_second_x_L_pred_10, R_1);
+    const float32 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
+    const float32 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+    const float32 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float32 span_second_1 = R_1 + D_pred_1;
+    const float32 D_first_0 = R_0 * D_pred_0_per_span_first;
+    const float32 g_second_0 = D_first_0 * L_pred_10;
+    const float32 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
     const float32 one_per_span_second = 1.0f / span_second;
-    const float32 part_of_i_alpha_after = innovation_after_first * one_per_span_second;
-    const float32 part_of_i_alpha_after_2 = part_of_innovation_after_first +
-        part_of_span_second_x_L_pred_10 * part_of_i_alpha_after;
-    const float32 i_alpha_after = part_of_i_alpha_after_2 + i_alpha_pred;
-    const float32 i_beta_after = i_beta_meas - R_1 * part_of_i_alpha_after;
-    const float32 part_of_omega_after = D_pred_1 * part_of_i_alpha_after;
-    const float32 omega_after = part_of_i_alpha_after_2 * L_pred_20 + part_of_omega_after * L_pred_21 +
+    const float32 share_second = innovation_after_first * one_per_span_second;
+    const float32 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+    const float32 i_alpha_after = correction_second_0 + i_alpha_pred;
+    const float32 i_beta_after = i_beta_meas - R_1 * share_second;
+    const float32 D_pred_1_times_share_second = D_pred_1 * share_second;
+    const float32 omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
         omega_pred;
-    const float32 theta_after = part_of_i_alpha_after_2 * L_pred_30 + part_of_omega_after * L_pred_31 +
+    const float32 theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
         theta_pred;
-    const float32 load_torque_after = part_of_i_alpha_after_2 * L_pred_40 + part_of_omega_after * L_pred_41 +
-        load_torque_pred;
+    const float32 load_torque_after = correction_second_0 * L_pred_40 +
+        D_pred_1_times_share_second * L_pred_41 + load_torque_pred;
 
     /* --- eq. 34: theta wrapped */
     const float32 theta_new = wrap_angle(theta_after);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * one_per_span_second;
-    const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
-    const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
-    const float32 L_new_10 = L_pred_10 - part_of_L_new_10;
-    const float32 D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1;
-    const float32 L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10;
-    const float32 L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10;
-    const float32 L_new_40 = L_pred_40 - L_pred_41 * part_of_L_new_10;
+    const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
+    const float32 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
+    const float32 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+    const float32 L_new_10 = L_pred_10 - change_second_10;
+    const float32 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+    const float32 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
+    const float32 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
+    const float32 L_new_40 = L_pred_40 - L_pred_41 * change_second_10;
 
     /* --- normalised innovation squared */
     const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-        innovation_after_first * part_of_i_alpha_after;
+        innovation_after_first * share_second;
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;

@@ -62,7 +62,11 @@
 #define GAIN_D 9.950166e-05f /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define GAIN_Q 9.9647885e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define HALF_T_POLE_PAIRS 0.00015f /* HALF_T * POLE_PAIRS */
+#define ONE_MINUS_LOSS_D 0.99004984f /* 1 - LOSS_D */
+#define ONE_MINUS_LOSS_D_X4 3.9601994f /* 4 * (1 - LOSS_D) */
+#define ONE_MINUS_LOSS_Q 0.99296606f /* 1 - LOSS_Q */
 #define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017e-10f /* MAGNET_TURN * POLE_PAIRS * PSI_M */
+#define ONE_MINUS_LOSS_Q_X4 3.9718642f /* 4 * (1 - LOSS_Q) */
 #define ADVANCE_POLE_PAIRS 0.0003f /* ADVANCE * POLE_PAIRS */
 #define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
 #define SALIENCY_SQ_X4 266.99133f /* 4 * SALIENCY * SALIENCY */
@@ -196,10 +200,10 @@ static int time_update_turns(float32 LD[10], float32 turn_out[8])
     const float32 D_3 = LD[9];
 
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float32 part_of_z_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float32 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
-    const float32 part_of_z_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float32 z_theta_mid_1 = D_1 * part_of_z_theta_mid_1 * part_of_z_theta_mid_1;
+    const float32 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float32 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
+    const float32 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float32 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
     const float32 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
     const float32 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
 
@@ -265,98 +269,94 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
     const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
-    const float32 part_of_psi_d_next = 0.99004984f * psi_d_mid + GAIN_D * v_d;
-    const float32 psi_d_next = part_of_psi_d_next + 0.005422841f;
-    const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 D_0_x_part_of_even_psi_d_next_0 = D_0 * part_of_even_psi_d_next_0;
+    const float32 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
+    const float32 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422841f;
+    const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float32 D_sind_theta_mid_0 = D_0 * sind_theta_mid_0;
     const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
-    const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-        3.9601994f * D_0_x_part_of_even_psi_d_next_0 * odd_psi_beta_turned_0;
+    const float32 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
+        ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
     const float32 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
-    const float32 part_of_odd_psi_d_next_0 = 0.99004984f * psi_q_mid + GAIN_D * v_q;
-    const float32 odd_psi_d_next_0 = 0.99004984f * one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-        part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-    const float32 part_of_psi_q_next = 0.99296606f * psi_q_mid + GAIN_Q * v_q;
-    const float32 psi_q_next = part_of_psi_q_next + omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
-    const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * part_of_psi_q_next -
-        3.9718642f * D_0_x_part_of_even_psi_d_next_0 * odd_psi_alpha_turned_0;
-    const float32 part_of_odd_psi_q_next_0 = psi_d_mid * 0.99296606f + v_d * GAIN_Q;
-    const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * 0.99296606f * one_plus_cosm1_theta_mid_0 -
-        part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
+    const float32 psi_q_mid_scaled_and_v_q_scal_2 = ONE_MINUS_LOSS_D * psi_q_mid + GAIN_D * v_q;
+    const float32 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
+        sind_theta_mid_0 * psi_q_mid_scaled_and_v_q_scal_2;
+    const float32 psi_q_mid_scaled_and_v_q_scaled = ONE_MINUS_LOSS_Q * psi_q_mid + GAIN_Q * v_q;
+    const float32 psi_q_next = psi_q_mid_scaled_and_v_q_scaled + omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
+    const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_mid_scaled_and_v_q_scaled -
+        ONE_MINUS_LOSS_Q_X4 * D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
+    const float32 psi_d_mid_scaled_and_v_d_scal_2 = psi_d_mid * ONE_MINUS_LOSS_Q + v_d * GAIN_Q;
+    const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_0 -
+        sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
     const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float32 D_1_x_part_of_even_psi_d_next_1 = D_1 * part_of_even_psi_d_next_1;
-    const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-        3.9601994f * cos_theta_mid * D_1_x_part_of_even_psi_d_next_1;
+    const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float32 D_sind_theta_mid_1 = D_1 * sind_theta_mid_1;
+    const float32 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
+        ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
-    const float32 odd_psi_d_next_1 = 0.99004984f * sin_theta_mid * one_plus_cosm1_theta_mid_1 +
-        part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
-    const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * part_of_psi_q_next -
-        3.9718642f * sin_theta_mid * D_1_x_part_of_even_psi_d_next_1;
-    const float32 odd_psi_q_next_1 = cos_theta_mid * 0.99296606f * one_plus_cosm1_theta_mid_1 -
-        part_of_odd_psi_q_next_0 * part_of_even_psi_d_next_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
+    const float32 odd_psi_d_next_1 = ONE_MINUS_LOSS_D * sin_theta_mid * one_plus_cosm1_theta_mid_1 +
+        sind_theta_mid_1 * psi_q_mid_scaled_and_v_q_scal_2;
+    const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_mid_scaled_and_v_q_scaled -
+        ONE_MINUS_LOSS_Q_X4 * sin_theta_mid * D_sind_theta_mid_1;
+    const float32 odd_psi_q_next_1 = cos_theta_mid * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_1 -
+        psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
     const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
-    const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
-    const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * part_of_psi_q_next;
-    const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float32 even_psi_d_next_2 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_2;
+    const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_mid_scaled_and_v_q_scaled;
+    const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float32 odd_psi_q_next_2 = MAGNET_TURN_POLE_PAIRS_PSI_M -
-        part_of_odd_psi_q_next_0 * part_of_even_psi_alpha_next_2_2;
-    const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
-    const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * part_of_psi_q_next;
-    const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
-    const float32 part_of_even_psi_alpha_next_0_2 = 4.0f * D_0_x_part_of_even_psi_d_next_0;
-    const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
-        part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0;
-    const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
-    const float32 part_of_even_psi_alpha_next_1_2 = 4.0f * D_1_x_part_of_even_psi_d_next_1;
-    const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
-        part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1;
-    const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
-    const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
-    const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
-        cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 -
-        part_of_even_psi_alpha_next_2_3 * odd_psi_q_next_2;
-    const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
-    const float32 part_of_even_psi_alpha_next_3_2 = part_of_odd_psi_q_next_0 * sinc_theta_mid_3;
-    const float32 part_of_even_psi_alpha_next_3_3 = 4.0f * D_3 * sinc_theta_mid_3;
-    const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
-        cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-        part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
-    const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-    const float32 even_psi_beta_next_0 = part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 +
-        even_psi_q_next_0 + cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
-    const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-    const float32 even_psi_beta_next_1 = part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 +
-        even_psi_q_next_1 + cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
-    const float32 part_of_even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_d_next_0;
-    const float32 part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2;
-    const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2 +
-        even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2;
-    const float32 part_of_even_psi_beta_next_3 = sinc_theta_mid_3 * part_of_odd_psi_d_next_0;
-    const float32 part_of_even_psi_beta_next_3_2 = psi_q_next + even_psi_q_next_3;
-    const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_3 * part_of_even_psi_beta_next_3 +
-        even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3_2;
+        psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_2;
+    const float32 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
+    const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
+    const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float32 D_sind_theta_mid_0_scaled = 4.0f * D_sind_theta_mid_0;
+    const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
+        D_sind_theta_mid_0_scaled * odd_psi_q_next_0;
+    const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+    const float32 D_sind_theta_mid_1_scaled = 4.0f * D_sind_theta_mid_1;
+    const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
+        D_sind_theta_mid_1_scaled * odd_psi_q_next_1;
+    const float32 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float32 D_2_scaled_x_sind_theta_mid_2 = 4.0f * D_2 * sind_theta_mid_2;
+    const float32 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
+        D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2;
+    const float32 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float32 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
+    const float32 D_3_scaled_x_sinc_theta_mid_3 = 4.0f * D_3 * sinc_theta_mid_3;
+    const float32 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
+        minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3;
+    const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+    const float32 even_psi_beta_next_0 = D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+        cosm1_theta_mid_0 * total_psi_q_next_0;
+    const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+    const float32 even_psi_beta_next_1 = D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+        cosm1_theta_mid_1 * total_psi_q_next_1;
+    const float32 odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2;
+    const float32 total_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
+    const float32 even_psi_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2
+        + cosm1_theta_mid_2 * total_psi_q_next_2;
+    const float32 odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2;
+    const float32 total_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
+    const float32 even_psi_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3
+        + cosm1_theta_mid_3 * total_psi_q_next_3;
     const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
-        part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
+        sind_theta_mid_0 * total_psi_q_next_0;
     const float32 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
-        part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
+        sind_theta_mid_1 * total_psi_q_next_1;
     const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
-    const float32 odd_psi_alpha_next_2 = part_of_even_psi_beta_next_2 * one_plus_cosm1_theta_mid_2 -
-        part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2_2;
+    const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * one_plus_cosm1_theta_mid_2 -
+        sind_theta_mid_2 * total_psi_q_next_2;
     const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
-    const float32 odd_psi_alpha_next_3 = part_of_even_psi_beta_next_3 * one_plus_cosm1_theta_mid_3 -
-        sinc_theta_mid_3 * part_of_even_psi_beta_next_3_2;
-    const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+    const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * one_plus_cosm1_theta_mid_3 -
+        sinc_theta_mid_3 * total_psi_q_next_3;
+    const float32 odd_psi_beta_next_0 = sind_theta_mid_0 * total_psi_d_next_0 +
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
-    const float32 odd_psi_beta_next_1 = part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+    const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-    const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 +
+    const float32 odd_psi_beta_next_2 = total_psi_d_next_2 * sind_theta_mid_2 +
         odd_psi_q_next_2 * one_plus_cosm1_theta_mid_2;
-    const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-        part_of_even_psi_alpha_next_3_2 * one_plus_cosm1_theta_mid_3;
+    const float32 odd_psi_beta_next_3 = total_psi_d_next_3 * sinc_theta_mid_3 -
+        minus_odd_psi_q_next_3 * one_plus_cosm1_theta_mid_3;
     const float32 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
     const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
     const float32 odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32;
@@ -401,15 +401,14 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
-    const float32 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-        cos_theta_mid * P_turned_10 * 2.0f;
-    const float32 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-    const float32 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
+    const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
+    const float32 P_turn = sin_theta_mid * P_tilt;
+    const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float32 D_pred_0 = larger(P_pred_00, Q_0);
-    const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
+    const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
     const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
-    const float32 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
+    const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float32 D_0_times_L_20 = D_0 * L_20;
     const float32 D_1_times_L_21 = D_1 * L_21;
@@ -420,11 +419,11 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
     const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-    const float32 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+    const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-    const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+    const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
     const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
-    const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+    const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float32 P_turned_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
         D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
         + D_3_times_odd_psi_alpha_next_3;
@@ -434,25 +433,23 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
     const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
     const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-    const float32 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+    const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+    const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
     const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
     const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
         D_2_times_odd_theta_next_2;
-    const float32 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
-    const float32 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+    const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
+    const float32 L_pred_32 = LD_pred_32 / D_pred_2;
     const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
         D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-    const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-        part_of_L_pred_32 * L_pred_32, Q_3);
+    const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float32 part_of_psi_alpha_pred = psi_d_next + bend_psi_alpha_mean;
-    const float32 part_of_psi_alpha_pred_2 = psi_q_next + bend_psi_beta_mean;
-    const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
-        sin_theta_mid * part_of_psi_alpha_pred_2;
-    const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
-        cos_theta_mid * part_of_psi_alpha_pred_2;
+    const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
+    const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+    const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+    const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- sum of the pivots, for the guard */
@@ -546,56 +543,52 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 sin_theta_pred = sincos_theta_pred.sine;
     const float32 cos_theta_pred = sincos_theta_pred.cosine;
     const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
-    const float32 L_pred_30_times_sinc_theta_0 = L_pred_30 * sinc_theta_0;
-    const float32 part_of_even_psi_d_pred_0 = L_pred_30_times_sinc_theta_0 * D_pred_0;
+    const float32 sind_theta_0 = L_pred_30 * sinc_theta_0;
+    const float32 D_sind_theta_0 = sind_theta_0 * D_pred_0;
     const float32 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
     const float32 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
-        part_of_even_psi_d_pred_0 * 4.0f * odd_psi_beta_turned_0;
+        D_sind_theta_0 * 4.0f * odd_psi_beta_turned_0;
     const float32 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
     const float32 one_plus_cosm1_theta_0 = 1.0f + cosm1_theta_0;
     const float32 psi_beta_turned = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
     const float32 odd_psi_d_pred_0 = odd_psi_alpha_turned_0 * one_plus_cosm1_theta_0 +
-        L_pred_30_times_sinc_theta_0 * psi_beta_turned;
+        sind_theta_0 * psi_beta_turned;
     const float32 saliency_times_psi_d_pred = SALIENCY * psi_d_pred;
     const float32 i_salient_pred = saliency_times_psi_d_pred - INV_L_D_PSI_M;
     const float32 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
-    const float32 L_pred_31_times_sinc_theta_1 = L_pred_31 * sinc_theta_1;
-    const float32 part_of_even_psi_d_pred_1 = D_pred_1 * L_pred_31_times_sinc_theta_1;
-    const float32 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 +
-        cos_theta_pred * 4.0f * part_of_even_psi_d_pred_1;
+    const float32 sind_theta_1 = L_pred_31 * sinc_theta_1;
+    const float32 D_sind_theta_1 = D_pred_1 * sind_theta_1;
+    const float32 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * 4.0f * D_sind_theta_1;
     const float32 one_plus_cosm1_theta_1 = 1.0f + cosm1_theta_1;
-    const float32 odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 +
-        psi_beta_turned * L_pred_31_times_sinc_theta_1;
+    const float32 odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 + psi_beta_turned * sind_theta_1;
     const float32 even_i_salient_pred_1 = SALIENCY * even_psi_d_pred_1;
     const float32 even_i_salient_pred_2 = saliency_times_psi_d_pred * cosm1_theta_2;
     const float32 even_i_salient_pred_3 = saliency_times_psi_d_pred * cosm1_theta_3;
-    const float32 part_of_even_y_i_alpha_0 = i_salient_pred + even_i_salient_pred_0;
-    const float32 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * part_of_even_y_i_alpha_0;
-    const float32 part_of_even_y_i_alpha_1 = i_salient_pred + even_i_salient_pred_1;
-    const float32 even_y_i_alpha_1 = even_i_salient_pred_1 + cosm1_theta_1 * part_of_even_y_i_alpha_1;
-    const float32 part_of_even_y_i_alpha_2 = i_salient_pred + even_i_salient_pred_2;
-    const float32 even_y_i_alpha_2 = even_i_salient_pred_2 + cosm1_theta_2 * part_of_even_y_i_alpha_2;
-    const float32 part_of_even_y_i_alpha_3 = i_salient_pred + even_i_salient_pred_3;
-    const float32 even_y_i_alpha_3 = even_i_salient_pred_3 + cosm1_theta_3 * part_of_even_y_i_alpha_3;
+    const float32 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
+    const float32 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * total_i_salient_pred_0;
+    const float32 total_i_salient_pred_1 = i_salient_pred + even_i_salient_pred_1;
+    const float32 even_y_i_alpha_1 = even_i_salient_pred_1 + cosm1_theta_1 * total_i_salient_pred_1;
+    const float32 total_i_salient_pred_2 = i_salient_pred + even_i_salient_pred_2;
+    const float32 even_y_i_alpha_2 = even_i_salient_pred_2 + cosm1_theta_2 * total_i_salient_pred_2;
+    const float32 total_i_salient_pred_3 = i_salient_pred + even_i_salient_pred_3;
+    const float32 even_y_i_alpha_3 = even_i_salient_pred_3 + cosm1_theta_3 * total_i_salient_pred_3;
     const float32 odd_y_i_alpha_0 = INV_L_Q * odd_psi_alpha_turned_0 +
         one_plus_cosm1_theta_0 * SALIENCY * odd_psi_d_pred_0;
     const float32 odd_y_i_alpha_1 = INV_L_Q * sin_theta_pred +
         SALIENCY * one_plus_cosm1_theta_1 * odd_psi_d_pred_1;
-    const float32 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 +
-        L_pred_30_times_sinc_theta_0 * part_of_even_y_i_alpha_0;
-    const float32 odd_y_i_beta_1 = INV_L_Q * cos_theta_pred +
-        L_pred_31_times_sinc_theta_1 * part_of_even_y_i_alpha_1;
-    const float32 L_pred_32_times_sinc_theta_2 = L_pred_32 * sinc_theta_2;
-    const float32 odd_y_i_beta_2 = part_of_even_y_i_alpha_2 * L_pred_32_times_sinc_theta_2;
-    const float32 odd_y_i_beta_3 = part_of_even_y_i_alpha_3 * sinc_theta_3;
+    const float32 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sind_theta_0 * total_i_salient_pred_0;
+    const float32 odd_y_i_beta_1 = INV_L_Q * cos_theta_pred + sind_theta_1 * total_i_salient_pred_1;
+    const float32 sind_theta_2 = L_pred_32 * sinc_theta_2;
+    const float32 odd_y_i_beta_2 = total_i_salient_pred_2 * sind_theta_2;
+    const float32 odd_y_i_beta_3 = total_i_salient_pred_3 * sinc_theta_3;
 
     /* --- eq. 21 */
-    const float32 bend_y_i_beta_0 = odd_psi_d_pred_0 * part_of_even_psi_d_pred_0;
-    const float32 bend_y_i_beta_1 = part_of_even_psi_d_pred_1 * odd_psi_d_pred_1;
-    const float32 part_of_span_first_4 = psi_beta_turned * L_pred_32_times_sinc_theta_2;
-    const float32 bend_y_i_beta_2 = L_pred_32_times_sinc_theta_2 * part_of_span_first_4 * D_pred_2;
-    const float32 psi_beta_turned_x_sinc_theta_3 = psi_beta_turned * sinc_theta_3;
-    const float32 bend_y_i_beta_3 = sinc_theta_3 * psi_beta_turned_x_sinc_theta_3 * D_pred_3;
+    const float32 bend_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0;
+    const float32 bend_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1;
+    const float32 odd_psi_d_pred_2 = psi_beta_turned * sind_theta_2;
+    const float32 bend_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_2;
+    const float32 odd_psi_d_pred_3 = psi_beta_turned * sinc_theta_3;
+    const float32 bend_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_3;
     const float32 bend_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
         even_y_i_alpha_3;
     const float32 bend_y_i_beta_sum = bend_y_i_beta_0 + bend_y_i_beta_1 + bend_y_i_beta_2 + bend_y_i_beta_3;
@@ -612,10 +605,9 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 dev_y_i_beta_3 = bend_y_i_beta_3 - bend_y_i_beta_mean;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
-    const float32 part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 +
-        sin_theta_pred * sin_theta_pred * R_1;
+    const float32 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
     const float32 R_0_min_R_1 = smaller(R_0, R_1);
-    const float32 noise_00 = larger(part_of_noise_00 + 0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
+    const float32 noise_00 = larger(R_turned_00 + 0.25f * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
         dev_y_i_alpha_1 * dev_y_i_alpha_1 + dev_y_i_alpha_2 * dev_y_i_alpha_2 +
         dev_y_i_alpha_3 * dev_y_i_alpha_3), R_0_min_R_1);
     const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
@@ -628,116 +620,94 @@ static void ckf_measurement_update(const float32 x_pred[4], const float32 LD_pre
     const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
         INV_L_Q * psi_beta_turned - offset_y_i_beta;
     const float32 noise_10_per_noise_00 = noise_10 / noise_00;
-    const float32 part_of_span_first = (1.0f + cosm1_theta_3) * psi_beta_turned_x_sinc_theta_3;
-    const float32 saliency_x_part_of_span_first = SALIENCY * part_of_span_first;
-    const float32 part_of_span_first_2 = saliency_x_part_of_span_first * D_pred_3;
-    const float32 part_of_span_first_3 = larger(noise_00 +
-        saliency_x_part_of_span_first * part_of_span_first_2, noise_00);
-    const float32 part_of_span_first_5 = (1.0f + cosm1_theta_2) * part_of_span_first_4;
-    const float32 saliency_x_part_of_span_first_5 = SALIENCY * part_of_span_first_5;
-    const float32 part_of_span_first_6 = saliency_x_part_of_span_first_5 * D_pred_2;
-    const float32 part_of_span_first_7 = larger(part_of_span_first_3 +
-        saliency_x_part_of_span_first_5 * part_of_span_first_6, noise_00);
-    const float32 D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1;
-    const float32 part_of_span_first_8 = larger(part_of_span_first_7 +
-        odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1, noise_00);
-    const float32 odd_y_i_alpha_0_times_D_pred_0 = odd_y_i_alpha_0 * D_pred_0;
-    const float32 span_first = larger(part_of_span_first_8 + odd_y_i_alpha_0 * odd_y_i_alpha_0_times_D_pred_0,
-        noise_00);
+    const float32 part_of_span_first = (1.0f + cosm1_theta_3) * odd_psi_d_pred_3;
+    const float32 HL_03 = SALIENCY * part_of_span_first;
+    const float32 g_first_3 = HL_03 * D_pred_3;
+    const float32 span_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+    const float32 part_of_span_first_2 = (1.0f + cosm1_theta_2) * odd_psi_d_pred_2;
+    const float32 HL_02 = SALIENCY * part_of_span_first_2;
+    const float32 g_first_2 = HL_02 * D_pred_2;
+    const float32 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, noise_00);
+    const float32 g_first_1 = D_pred_1 * odd_y_i_alpha_1;
+    const float32 span_first_1 = larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+    const float32 g_first_0 = odd_y_i_alpha_0 * D_pred_0;
+    const float32 span_first = larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
     const float32 one_per_span_first = 1.0f / span_first;
-    const float32 part_of_psi_alpha_new = innovation_i_alpha * one_per_span_first;
-    const float32 part_of_span_second_3 = odd_y_i_beta_3 -
-        saliency_x_part_of_span_first * noise_10_per_noise_00;
-    const float32 part_of_span_second_4 = odd_y_i_beta_2 -
-        saliency_x_part_of_span_first_5 * noise_10_per_noise_00;
-    const float32 part_of_span_second_5 = part_of_span_first_2 * part_of_span_second_3 +
-        part_of_span_first_6 * part_of_span_second_4;
-    const float32 part_of_span_second_6 = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
-    const float32 part_of_span_second_7 = part_of_span_second_5 +
-        D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_6;
-    const float32 part_of_span_second_2 = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
+    const float32 share_first = innovation_i_alpha * one_per_span_first;
+    const float32 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
+    const float32 HL_12_apart = odd_y_i_beta_2 - HL_02 * noise_10_per_noise_00;
+    const float32 gathered_first_y2 = g_first_3 * HL_13_apart + g_first_2 * HL_12_apart;
+    const float32 HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
+    const float32 gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart;
+    const float32 HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
     const float32 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
-        part_of_psi_alpha_new * (part_of_span_second_7 +
-        odd_y_i_alpha_0_times_D_pred_0 * part_of_span_second_2);
-    const float32 part_of_span_second_11 = larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        share_first * (gathered_first_y1 + g_first_0 * HL_10_apart);
+    const float32 variance_second = larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
         dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
-        part_of_noise_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
-    const float32 part_of_span_second_12 = D_pred_3 / part_of_span_first_3;
-    const float32 part_of_span_second_13 = noise_00 * part_of_span_second_12;
-    const float32 part_of_span_second_14 = part_of_span_second_3 * part_of_span_second_13;
-    const float32 part_of_span_second_15 = larger(part_of_span_second_11 +
-        part_of_span_second_3 * part_of_span_second_14, part_of_span_second_11);
-    const float32 part_of_span_second_16 =
-        part_of_span_first * SALIENCY_SQ * part_of_span_first_5 * part_of_span_second_12;
-    const float32 part_of_span_second_17 = part_of_span_second_4 -
-        part_of_span_second_3 * part_of_span_second_16;
-    const float32 one_per_part_of_span_first_7 = 1.0f / part_of_span_first_7;
-    const float32 part_of_span_second_18 = part_of_span_first_3 * (D_pred_2 * one_per_part_of_span_first_7);
-    const float32 part_of_span_second_19 = part_of_span_second_17 * part_of_span_second_18;
-    const float32 part_of_span_second_20 = larger(part_of_span_second_15 +
-        part_of_span_second_17 * part_of_span_second_19, part_of_span_second_11);
-    const float32 part_of_span_second_21 = odd_y_i_alpha_1 * one_per_part_of_span_first_7;
-    const float32 part_of_span_second_22 = part_of_span_second_6 -
-        part_of_span_second_5 * part_of_span_second_21;
-    const float32 one_per_part_of_span_first_8 = 1.0f / part_of_span_first_8;
-    const float32 part_of_span_second_23 = part_of_span_first_7 * (D_pred_1 * one_per_part_of_span_first_8);
-    const float32 part_of_span_second_24 = part_of_span_second_23 * part_of_span_second_22;
-    const float32 part_of_span_second_25 = larger(part_of_span_second_20 +
-        part_of_span_second_22 * part_of_span_second_24, part_of_span_second_11);
-    const float32 part_of_span_second_8 = odd_y_i_alpha_0 * one_per_part_of_span_first_8;
-    const float32 part_of_span_second_9 = part_of_span_second_2 -
-        part_of_span_second_7 * part_of_span_second_8;
-    const float32 part_of_span_second = part_of_span_first_8 * (D_pred_0 * one_per_span_first);
-    const float32 part_of_span_second_10 = part_of_span_second * part_of_span_second_9;
-    const float32 span_second = larger(part_of_span_second_25 +
-        part_of_span_second_9 * part_of_span_second_10, part_of_span_second_11);
+        R_turned_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
+    const float32 D_pred_3_per_span_first_3 = D_pred_3 / span_first_3;
+    const float32 D_first_3 = noise_00 * D_pred_3_per_span_first_3;
+    const float32 g_second_3 = HL_13_apart * D_first_3;
+    const float32 span_second_3 = larger(variance_second + HL_13_apart * g_second_3, variance_second);
+    const float32 change_first_32 =
+        part_of_span_first * SALIENCY_SQ * part_of_span_first_2 * D_pred_3_per_span_first_3;
+    const float32 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
+    const float32 one_per_span_first_2 = 1.0f / span_first_2;
+    const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+    const float32 g_second_2 = f_second_2 * D_first_2;
+    const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, variance_second);
+    const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2;
+    const float32 f_second_1 = HL_11_apart - gathered_first_y2 * lambda_first_1;
+    const float32 one_per_span_first_1 = 1.0f / span_first_1;
+    const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+    const float32 g_second_1 = D_first_1 * f_second_1;
+    const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, variance_second);
+    const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1;
+    const float32 f_second_0 = HL_10_apart - gathered_first_y1 * lambda_first_0;
+    const float32 D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first);
+    const float32 g_second_0 = D_first_0 * f_second_0;
+    const float32 span_second = larger(span_second_1 + f_second_0 * g_second_0, variance_second);
     const float32 one_per_span_second = 1.0f / span_second;
-    const float32 part_of_psi_alpha_new_2 = innovation_after_first * one_per_span_second;
-    const float32 psi_alpha_new = odd_y_i_alpha_0_times_D_pred_0 * part_of_psi_alpha_new +
-        part_of_span_second_10 * part_of_psi_alpha_new_2 + psi_alpha_pred;
-    const float32 part_of_psi_beta_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_span_second_8;
-    const float32 psi_beta_new = part_of_psi_alpha_new * (D_pred_1_times_odd_y_i_alpha_1 +
-        L_pred_10 * odd_y_i_alpha_0_times_D_pred_0) + part_of_psi_alpha_new_2 * (part_of_span_second_24 +
-        part_of_span_second_10 * part_of_psi_beta_new) + psi_beta_pred;
-    const float32 part_of_omega_new = part_of_span_first_6 + D_pred_1_times_odd_y_i_alpha_1 * L_pred_21;
-    const float32 part_of_omega_new_2 = L_pred_21 - part_of_span_first_6 * part_of_span_second_21;
-    const float32 part_of_omega_new_3 = part_of_span_second_19 + part_of_span_second_24 * part_of_omega_new_2;
-    const float32 part_of_omega_new_4 = L_pred_20 - part_of_span_second_8 * part_of_omega_new;
-    const float32 omega_new = part_of_psi_alpha_new * (part_of_omega_new +
-        odd_y_i_alpha_0_times_D_pred_0 * L_pred_20) + part_of_psi_alpha_new_2 * (part_of_omega_new_3 +
-        part_of_span_second_10 * part_of_omega_new_4) + omega_pred;
-    const float32 part_of_theta_new = part_of_span_first_2 + L_pred_32 * part_of_span_first_6;
-    const float32 part_of_theta_new_2 = part_of_theta_new + L_pred_31 * D_pred_1_times_odd_y_i_alpha_1;
-    const float32 part_of_theta_new_3 = L_pred_32 - part_of_span_second_16;
-    const float32 part_of_theta_new_4 = part_of_span_second_14 + part_of_span_second_19 * part_of_theta_new_3;
-    const float32 part_of_theta_new_5 = L_pred_31 - part_of_span_second_21 * part_of_theta_new;
-    const float32 part_of_theta_new_6 = part_of_theta_new_4 + part_of_span_second_24 * part_of_theta_new_5;
-    const float32 part_of_theta_new_7 = L_pred_30 - part_of_span_second_8 * part_of_theta_new_2;
-    const float32 theta_new = wrap_angle(part_of_psi_alpha_new * (part_of_theta_new_2 +
-        L_pred_30 * odd_y_i_alpha_0_times_D_pred_0) + part_of_psi_alpha_new_2 * (part_of_theta_new_6 +
-        part_of_span_second_10 * part_of_theta_new_7) + theta_pred);
+    const float32 share_second = innovation_after_first * one_per_span_second;
+    const float32 psi_alpha_new = g_first_0 * share_first + g_second_0 * share_second + psi_alpha_pred;
+    const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
+    const float32 psi_beta_new = share_first * (g_first_1 + L_pred_10 * g_first_0) +
+        share_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred;
+    const float32 gathered_first_21 = g_first_2 + g_first_1 * L_pred_21;
+    const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+    const float32 gathered_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float32 L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21;
+    const float32 omega_new = share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
+        share_second * (gathered_second_21 + g_second_0 * L_first_20) + omega_pred;
+    const float32 gathered_first_32 = g_first_3 + L_pred_32 * g_first_2;
+    const float32 gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1;
+    const float32 L_first_32 = L_pred_32 - change_first_32;
+    const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
+    const float32 gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31;
+    const float32 L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31;
+    const float32 theta_new = wrap_angle(share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
+        share_second * (gathered_second_31 + g_second_0 * L_first_30) + theta_pred);
 
     /* --- eq. 26: L D L^T = P_new */
-    const float32 D_new_0 = part_of_span_second * part_of_span_second_25 * one_per_span_second;
-    const float32 one_per_part_of_span_second_25 = 1.0f / part_of_span_second_25;
-    const float32 part_of_L_new_10 = part_of_span_second_9 * one_per_part_of_span_second_25;
-    const float32 L_new_10 = part_of_psi_beta_new - part_of_span_second_24 * part_of_L_new_10;
-    const float32 D_new_1 = part_of_span_second_23 * part_of_span_second_20 * one_per_part_of_span_second_25;
-    const float32 L_new_20 = part_of_omega_new_4 - part_of_omega_new_3 * part_of_L_new_10;
-    const float32 one_per_part_of_span_second_20 = 1.0f / part_of_span_second_20;
-    const float32 part_of_L_new_21 = part_of_span_second_22 * one_per_part_of_span_second_20;
-    const float32 L_new_21 = part_of_omega_new_2 - part_of_span_second_19 * part_of_L_new_21;
-    const float32 D_new_2 = part_of_span_second_15 * part_of_span_second_18 * one_per_part_of_span_second_20;
-    const float32 L_new_30 = part_of_theta_new_7 - part_of_theta_new_6 * part_of_L_new_10;
-    const float32 L_new_31 = part_of_theta_new_5 - part_of_theta_new_4 * part_of_L_new_21;
-    const float32 one_per_part_of_span_second_15 = 1.0f / part_of_span_second_15;
-    const float32 L_new_32 = part_of_theta_new_3 -
-        part_of_span_second_14 * part_of_span_second_17 * one_per_part_of_span_second_15;
-    const float32 D_new_3 = part_of_span_second_11 * part_of_span_second_13 * one_per_part_of_span_second_15;
+    const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
+    const float32 one_per_span_second_1 = 1.0f / span_second_1;
+    const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+    const float32 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
+    const float32 D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1;
+    const float32 L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0;
+    const float32 one_per_span_second_2 = 1.0f / span_second_2;
+    const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+    const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
+    const float32 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
+    const float32 L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0;
+    const float32 L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1;
+    const float32 one_per_span_second_3 = 1.0f / span_second_3;
+    const float32 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3;
+    const float32 D_new_3 = variance_second * D_first_3 * one_per_span_second_3;
 
     /* --- normalised innovation squared */
-    const float32 nis = innovation_i_alpha * part_of_psi_alpha_new +
-        innovation_after_first * part_of_psi_alpha_new_2;
+    const float32 nis = innovation_i_alpha * share_first + innovation_after_first * share_second;
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;

@@ -33,7 +33,10 @@
 #define GAIN_TORQUE_SALIENCY 36.764706f /* GAIN_TORQUE * SALIENCY */
 #define GAIN_TORQUE_SALIENCY_BY2 18.382353f /* 0.5 * GAIN_TORQUE * SALIENCY */
 #define GAIN_OMEGA_HALF_T_POLE_PAIRS 1e-06f /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
+#define ONE_MINUS_RETURN 0.9998779f /* 1 - RETURN */
 #define GAIN_OMEGA_SQ 4.4444445e-05f /* GAIN_OMEGA * GAIN_OMEGA */
+#define INV_L_Q_PLUS_SALIENCY 27.777779f /* INV_L_Q + SALIENCY */
+#define INV_L_Q_PLUS_SALIENCY_SQ 771.6049f /* (INV_L_Q + SALIENCY) * (INV_L_Q + SALIENCY) */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -254,8 +257,8 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         const float32 D_1 = LD[2].of[lane];
 
         /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_z_theta_mid_0 = 1.0f + HALF_T_POLE_PAIRS * L_10;
-        const float32 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
+        const float32 one_and_L_10_scaled = 1.0f + HALF_T_POLE_PAIRS * L_10;
+        const float32 z_theta_mid_0 = D_0 * one_and_L_10_scaled * one_and_L_10_scaled;
         const float32 z_theta_mid_1 = D_1 * HALF_T_SQ_POLE_PAIRS_SQ;
         const float32 sinc_theta_mid_0 = (SINC_2 * z_theta_mid_0 + SINC_1) * z_theta_mid_0 + 1.0f;
         const float32 cosm1_theta_mid_0 = ((COSM1_3 * z_theta_mid_0 + COSM1_2) * z_theta_mid_0 +
@@ -340,21 +343,21 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
-        const float32 part_of_even_psi_d_mid_0 = D_0 * 7.0f;
-        const float32 part_of_even_psi_d_mid_0_2 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 part_of_even_psi_d_mid_0_3 = part_of_even_psi_d_mid_0 * part_of_even_psi_d_mid_0_2;
+        const float32 n_D_0 = D_0 * 7.0f;
+        const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 n_D_0_times_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
         const float32 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
-            part_of_even_psi_d_mid_0_3 * odd_psi_beta_turned_0;
+            n_D_0_times_sind_theta_mid_0 * odd_psi_beta_turned_0;
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
         const float32 odd_psi_alpha_turned_0 = cos_theta_mid * L_40 + sin_theta_mid * L_50;
         const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
         const float32 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-            part_of_even_psi_d_mid_0_2 * psi_q_mid;
+            sind_theta_mid_0 * psi_q_mid;
         const float32 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
-            part_of_even_psi_d_mid_0_3 * odd_psi_alpha_turned_0;
+            n_D_0_times_sind_theta_mid_0 * odd_psi_alpha_turned_0;
         const float32 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
-            psi_d_mid * part_of_even_psi_d_mid_0_2;
+            psi_d_mid * sind_theta_mid_0;
         const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
         const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
         const float32 gain_d_times_v_d = GAIN_D * v_d;
@@ -366,10 +369,9 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 loss_d_times_L_20 = LOSS_D * L_20;
         const float32 odd_psi_d_mid_0_minus_L_30 = odd_psi_d_mid_0 - L_30;
         const float32 even_psi_d_next_0 = part_of_even_psi_d_next_0 * even_psi_d_mid_0 +
-            gain_d_times_v_d * cosm1_theta_mid_0 -
-            part_of_even_psi_d_mid_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
+            gain_d_times_v_d * cosm1_theta_mid_0 - n_D_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
         const float32 gain_d_times_v_q = GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = odd_psi_d_mid_0 + part_of_even_psi_d_mid_0_2 * gain_d_times_v_q -
+        const float32 odd_psi_d_next_0 = odd_psi_d_mid_0 + sind_theta_mid_0 * gain_d_times_v_q -
             loss_d_times_stator_resistance * odd_psi_d_mid_0_minus_L_30 -
             loss_d_times_L_20 * (psi_d_mid_minus_magnet_flux + even_psi_d_mid_0);
         const float32 part_of_odd_psi_q_next_0 = 1.0f - stator_resistance * LOSS_Q;
@@ -379,11 +381,11 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             magnet_flux * omega_e_times_magnet_turn;
         const float32 L_20_times_loss_q = L_20 * LOSS_Q;
         const float32 even_psi_q_next_0 = part_of_odd_psi_q_next_0 * even_psi_q_mid_0 +
-            cosm1_theta_mid_0 * gain_q_times_v_q - part_of_even_psi_d_mid_0 * (odd_psi_q_mid_0 * L_20_times_loss_q
-            - odd_omega_e_0 * L_30 * MAGNET_TURN);
+            cosm1_theta_mid_0 * gain_q_times_v_q - n_D_0 * (odd_psi_q_mid_0 * L_20_times_loss_q -
+            odd_omega_e_0 * L_30 * MAGNET_TURN);
         const float32 v_d_times_gain_q = v_d * GAIN_Q;
         const float32 odd_psi_q_next_0 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_0 -
-            part_of_even_psi_d_mid_0_2 * v_d_times_gain_q - L_20_times_loss_q * (psi_q_mid + even_psi_q_mid_0) +
+            sind_theta_mid_0 * v_d_times_gain_q - L_20_times_loss_q * (psi_q_mid + even_psi_q_mid_0) +
             MAGNET_TURN * (magnet_flux * odd_omega_e_0 + omega_e * L_30);
         const float32 psi_d_between = 0.5f * (psi_d_mid + psi_d_next);
         const float32 psi_q_between = 0.5f * (psi_q_mid + psi_q_next);
@@ -392,50 +394,48 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
             psi_d_between * GAIN_TORQUE_SALIENCY;
         const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
-        const float32 part_of_even_torque_0_3 = psi_q_between + even_psi_q_between_0;
-        const float32 part_of_even_torque_0_4 = L_30 * GAIN_TORQUE_INV_L_D -
+        const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
+        const float32 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
         const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-            part_of_even_torque_0_2 * part_of_even_torque_0_3 +
-            part_of_even_psi_d_mid_0 * part_of_even_torque_0_4 * odd_psi_q_between_0;
-        const float32 part_of_even_psi_d_mid_1 = 7.0f * D_1;
-        const float32 part_of_even_psi_d_mid_1_2 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
-        const float32 part_of_even_psi_d_mid_1_3 = part_of_even_psi_d_mid_1 * part_of_even_psi_d_mid_1_2;
+            part_of_even_torque_0_2 * total_psi_q_between_0 +
+            n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+        const float32 n_D_1 = 7.0f * D_1;
+        const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
+        const float32 n_D_1_times_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
         const float32 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
         const float32 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
-            part_of_even_psi_d_mid_1_3 * odd_psi_beta_turned_1;
+            n_D_1_times_sind_theta_mid_1 * odd_psi_beta_turned_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
         const float32 odd_psi_alpha_turned_1 = cos_theta_mid * L_41 + sin_theta_mid * L_51;
         const float32 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
-            psi_q_mid * part_of_even_psi_d_mid_1_2;
+            psi_q_mid * sind_theta_mid_1;
         const float32 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
-            part_of_even_psi_d_mid_1_3 * odd_psi_alpha_turned_1;
+            n_D_1_times_sind_theta_mid_1 * odd_psi_alpha_turned_1;
         const float32 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
-            psi_d_mid * part_of_even_psi_d_mid_1_2;
+            psi_d_mid * sind_theta_mid_1;
         const float32 loss_d_times_L_21 = LOSS_D * L_21;
         const float32 odd_psi_d_mid_1_minus_L_31 = odd_psi_d_mid_1 - L_31;
         const float32 even_psi_d_next_1 = part_of_even_psi_d_next_0 * even_psi_d_mid_1 +
-            gain_d_times_v_d * cosm1_theta_mid_1 -
-            part_of_even_psi_d_mid_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
-        const float32 odd_psi_d_next_1 = odd_psi_d_mid_1 + part_of_even_psi_d_mid_1_2 * gain_d_times_v_q -
+            gain_d_times_v_d * cosm1_theta_mid_1 - n_D_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
+        const float32 odd_psi_d_next_1 = odd_psi_d_mid_1 + sind_theta_mid_1 * gain_d_times_v_q -
             loss_d_times_stator_resistance * odd_psi_d_mid_1_minus_L_31 -
             loss_d_times_L_21 * (psi_d_mid_minus_magnet_flux + even_psi_d_mid_1);
         const float32 loss_q_times_L_21 = LOSS_Q * L_21;
         const float32 even_psi_q_next_1 = part_of_odd_psi_q_next_0 * even_psi_q_mid_1 +
-            cosm1_theta_mid_1 * gain_q_times_v_q - part_of_even_psi_d_mid_1 * (odd_psi_q_mid_1 * loss_q_times_L_21
-            - MAGNET_TURN_POLE_PAIRS * L_31);
+            cosm1_theta_mid_1 * gain_q_times_v_q - n_D_1 * (odd_psi_q_mid_1 * loss_q_times_L_21 -
+            MAGNET_TURN_POLE_PAIRS * L_31);
         const float32 odd_psi_q_next_1 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_1 -
-            v_d_times_gain_q * part_of_even_psi_d_mid_1_2 - loss_q_times_L_21 * (psi_q_mid + even_psi_q_mid_1) +
+            v_d_times_gain_q * sind_theta_mid_1 - loss_q_times_L_21 * (psi_q_mid + even_psi_q_mid_1) +
             MAGNET_TURN * (POLE_PAIRS * magnet_flux + omega_e * L_31);
         const float32 even_psi_q_between_1 = 0.5f * (even_psi_q_mid_1 + even_psi_q_next_1);
         const float32 odd_psi_q_between_1 = 0.5f * (odd_psi_q_mid_1 + odd_psi_q_next_1);
         const float32 part_of_even_torque_1 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_1 + even_psi_d_next_1);
-        const float32 part_of_even_torque_1_2 = psi_q_between + even_psi_q_between_1;
-        const float32 part_of_even_torque_1_3 = L_31 * GAIN_TORQUE_INV_L_D -
+        const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
+        const float32 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
         const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
-            part_of_even_torque_1 * part_of_even_torque_1_2 +
-            part_of_even_psi_d_mid_1 * part_of_even_torque_1_3 * odd_psi_q_between_1;
+            part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
         const float32 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
         const float32 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
@@ -444,20 +444,20 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
             omega_e_times_magnet_turn * L_32;
         const float32 odd_psi_q_between_2 = 0.5f * (odd_psi_q_mid_2 + odd_psi_q_next_2);
-        const float32 part_of_bend_psi_alpha_sum = 7.0f * D_2;
-        const float32 part_of_bend_psi_alpha_sum_2 =
-            LOSS_D * part_of_bend_psi_alpha_sum * odd_psi_d_mid_2_minus_L_32;
-        const float32 part_of_even_torque_2 = GAIN_TORQUE_SALIENCY_BY2 * part_of_bend_psi_alpha_sum_2;
-        const float32 part_of_bend_psi_beta_sum = LOSS_Q * part_of_bend_psi_alpha_sum * odd_psi_q_mid_2;
-        const float32 part_of_even_torque_2_2 = part_of_bend_psi_beta_sum * 0.5f;
-        const float32 part_of_even_torque_2_3 = psi_q_between - part_of_even_torque_2_2;
-        const float32 part_of_even_torque_2_4 = L_32 * GAIN_TORQUE_INV_L_D -
+        const float32 n_D_2 = 7.0f * D_2;
+        const float32 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
+        const float32 minus_even_psi_d_next_2_scaled = GAIN_TORQUE_SALIENCY_BY2 * minus_even_psi_d_next_2;
+        const float32 minus_even_psi_q_next_2 = LOSS_Q * n_D_2 * odd_psi_q_mid_2;
+        const float32 minus_even_psi_q_between_2 = minus_even_psi_q_next_2 * 0.5f;
+        const float32 total_psi_q_between_2 = psi_q_between - minus_even_psi_q_between_2;
+        const float32 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
-        const float32 even_torque_2 = part_of_even_torque_2 * part_of_even_torque_2_3 -
-            part_of_even_torque_0 * part_of_even_torque_2_2 +
-            part_of_bend_psi_alpha_sum * part_of_even_torque_2_4 * odd_psi_q_between_2;
-        const float32 odd_torque_2 = odd_psi_q_between_2 * (part_of_even_torque_0 + part_of_even_torque_2) +
-            part_of_even_torque_2_3 * part_of_even_torque_2_4;
+        const float32 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
+            part_of_even_torque_0 * minus_even_psi_q_between_2 +
+            n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+        const float32 odd_torque_2 =
+            odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+            total_psi_q_between_2 * part_of_even_torque_2;
         const float32 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
         const float32 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
         const float32 odd_psi_d_next_3 = part_of_even_psi_d_next_0 * odd_psi_d_mid_3 +
@@ -473,51 +473,51 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4;
         const float32 odd_psi_q_next_4 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_4;
         const float32 odd_psi_q_between_4 = 0.5f * (odd_psi_q_mid_4 + odd_psi_q_next_4);
-        const float32 part_of_bend_omega_sum = odd_psi_d_mid_4 + odd_psi_d_next_4;
-        const float32 part_of_odd_torque_4 = psi_q_between * 18.382353f;
+        const float32 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
+        const float32 psi_q_between_scaled = psi_q_between * 18.382353f;
         const float32 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
-            part_of_bend_omega_sum * part_of_odd_torque_4;
+            odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
         const float32 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
         const float32 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
         const float32 odd_psi_q_between_5 = 0.5f * (cos_theta_mid + odd_psi_q_next_5);
-        const float32 part_of_bend_omega_sum_3 = sin_theta_mid + odd_psi_d_next_5;
+        const float32 part_of_bend_omega_sum = sin_theta_mid + odd_psi_d_next_5;
         const float32 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
-            part_of_bend_omega_sum_3 * part_of_odd_torque_4;
-        const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
-        const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_3 * odd_psi_q_next_0;
-        const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
-        const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_3 * odd_psi_q_next_1;
-        const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_3 * odd_psi_d_next_0 + even_psi_q_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
-        const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_3 * odd_psi_d_next_1 + even_psi_q_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
+            part_of_bend_omega_sum * psi_q_between_scaled;
+        const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+        const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
+            n_D_0_times_sind_theta_mid_0 * odd_psi_q_next_0;
+        const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+        const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
+            n_D_1_times_sind_theta_mid_1 * odd_psi_q_next_1;
+        const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+        const float32 even_psi_beta_next_0 = n_D_0_times_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
+            cosm1_theta_mid_0 * total_psi_q_next_0;
+        const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+        const float32 even_psi_beta_next_1 = n_D_1_times_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
+            cosm1_theta_mid_1 * total_psi_q_next_1;
         const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
-            part_of_even_psi_d_mid_0_2 * part_of_even_psi_beta_next_0;
+            sind_theta_mid_0 * total_psi_q_next_0;
         const float32 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
-            part_of_even_psi_d_mid_1_2 * part_of_even_psi_beta_next_1;
-        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * part_of_even_psi_alpha_next_0 +
+            sind_theta_mid_1 * total_psi_q_next_1;
+        const float32 odd_psi_beta_next_0 = sind_theta_mid_0 * total_psi_d_next_0 +
             one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
-        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * part_of_even_psi_alpha_next_1 +
+        const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
         const float32 odd_omega_next_0 =
             GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-            GAIN_OMEGA * (part_of_even_torque_0_3 * part_of_even_torque_0_4 - L_60) + L_10;
+            GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10;
         const float32 odd_omega_next_1 = 1.0f +
             GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
-            GAIN_OMEGA * (part_of_even_torque_1_2 * part_of_even_torque_1_3 - L_61);
+            GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
         const float32 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
         const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
         const float32 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);
         const float32 odd_omega_next_5 = GAIN_OMEGA * (odd_torque_5 - L_65);
-        const float32 odd_magnet_flux_next_0 = L_30 * 0.9998779f;
-        const float32 odd_magnet_flux_next_1 = L_31 * 0.9998779f;
-        const float32 odd_magnet_flux_next_2 = L_32 * 0.9998779f;
-        const float32 odd_stator_resistance_next_0 = L_20 * 0.9998779f;
-        const float32 odd_stator_resistance_next_1 = L_21 * 0.9998779f;
+        const float32 odd_magnet_flux_next_0 = L_30 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_1 = L_31 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_2 = L_32 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_0 = L_20 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_1 = L_21 * ONE_MINUS_RETURN;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
         const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
@@ -528,11 +528,10 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 D_5_times_odd_omega_next_5 = D_5 * odd_omega_next_5;
         const float32 gain_omega_times_D_6 = GAIN_OMEGA * D_6;
         const float32 bend_omega_3 = 7.0f * odd_psi_q_between_3 * part_of_bend_omega_3 * D_3;
-        const float32 part_of_bend_omega_sum_2 = 128.67647f * odd_psi_q_between_4 * part_of_bend_omega_sum * D_4;
-        const float32 part_of_bend_omega_sum_4 =
-            128.67647f * odd_psi_q_between_5 * part_of_bend_omega_sum_3 * D_5;
+        const float32 minus_even_torque_4 = 128.67647f * odd_psi_q_between_4 * odd_psi_d_mid_plus_next_4 * D_4;
+        const float32 minus_even_torque_5 = 128.67647f * odd_psi_q_between_5 * part_of_bend_omega_sum * D_5;
         const float32 bend_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + bend_omega_3 -
-            part_of_bend_omega_sum_2 - part_of_bend_omega_sum_4;
+            minus_even_torque_4 - minus_even_torque_5;
         const float32 bend_omega_mean = 0.14285715f * bend_omega_sum;
         const float32 part_of_P_pred_32 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
             odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
@@ -540,8 +539,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_omega_next_5 * D_5_times_odd_omega_next_5 + GAIN_OMEGA * gain_omega_times_D_6 +
             GAIN_OMEGA_SQ * (0.14285715f * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
             even_torque_2 * even_torque_2 + bend_omega_3 * bend_omega_3 +
-            part_of_bend_omega_sum_2 * part_of_bend_omega_sum_2 +
-            part_of_bend_omega_sum_4 * part_of_bend_omega_sum_4) - bend_omega_mean * bend_omega_mean);
+            minus_even_torque_4 * minus_even_torque_4 + minus_even_torque_5 * minus_even_torque_5) -
+            bend_omega_mean * bend_omega_mean);
         const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_0_times_odd_omega_next_0 +
             HALF_T_POLE_PAIRS * D_1_times_odd_omega_next_1;
         const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
@@ -554,62 +553,64 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 D_pred_1 = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
         const float32 part_of_P_pred_62 = D_0 * odd_stator_resistance_next_0;
         const float32 part_of_P_pred_62_2 = D_1 * odd_stator_resistance_next_1;
-        const float32 part_of_P_pred_62_3 = D_2 * 0.9998779f;
+        const float32 D_2_times_one_minus_return = D_2 * ONE_MINUS_RETURN;
         const float32 P_pred_62 = odd_omega_next_0 * part_of_P_pred_62 + odd_omega_next_1 * part_of_P_pred_62_2 +
-            odd_omega_next_2 * part_of_P_pred_62_3;
+            odd_omega_next_2 * D_2_times_one_minus_return;
         const float32 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + part_of_P_pred_62_2) +
             odd_theta_mid_0 * part_of_P_pred_62;
         const float32 L_pred_20 = one_per_D_pred_0 * P_pred_63;
-        const float32 part_of_L_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
+        const float32 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
         const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
         const float32 P_pred_66 = odd_stator_resistance_next_0 * part_of_P_pred_62 +
-            odd_stator_resistance_next_1 * part_of_P_pred_62_2 + 0.9998779f * part_of_P_pred_62_3 + Q_6;
-        const float32 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_6);
+            odd_stator_resistance_next_1 * part_of_P_pred_62_2 + ONE_MINUS_RETURN * D_2_times_one_minus_return +
+            Q_6;
+        const float32 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6);
         const float32 D_0_x_odd_magnet_flux_next_0 = D_0 * odd_magnet_flux_next_0;
         const float32 D_1_x_odd_magnet_flux_next_1 = D_1 * odd_magnet_flux_next_1;
         const float32 D_2_x_odd_magnet_flux_next_2 = D_2 * odd_magnet_flux_next_2;
-        const float32 part_of_P_pred_52 = D_3 * 0.9998779f;
+        const float32 D_3_times_one_minus_return = D_3 * ONE_MINUS_RETURN;
         const float32 P_pred_52 = odd_omega_next_0 * D_0_x_odd_magnet_flux_next_0 +
             odd_omega_next_1 * D_1_x_odd_magnet_flux_next_1 + odd_omega_next_2 * D_2_x_odd_magnet_flux_next_2 +
-            odd_omega_next_3 * part_of_P_pred_52;
+            odd_omega_next_3 * D_3_times_one_minus_return;
         const float32 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_1_x_odd_magnet_flux_next_1) +
             odd_theta_mid_0 * D_0_x_odd_magnet_flux_next_0;
         const float32 L_pred_30 = one_per_D_pred_0 * P_pred_53;
-        const float32 part_of_L_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
-        const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+        const float32 LD_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
+        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
         const float32 P_pred_65 = part_of_P_pred_62 * odd_magnet_flux_next_0 +
-            part_of_P_pred_62_2 * odd_magnet_flux_next_1 + part_of_P_pred_62_3 * odd_magnet_flux_next_2;
-        const float32 part_of_L_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * part_of_L_pred_31;
+            part_of_P_pred_62_2 * odd_magnet_flux_next_1 + D_2_times_one_minus_return * odd_magnet_flux_next_2;
+        const float32 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
         const float32 one_per_D_pred_2 = 1.0f / D_pred_2;
-        const float32 L_pred_32 = part_of_L_pred_32 * one_per_D_pred_2;
+        const float32 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
         const float32 P_pred_55 = odd_magnet_flux_next_0 * D_0_x_odd_magnet_flux_next_0 +
             odd_magnet_flux_next_1 * D_1_x_odd_magnet_flux_next_1 +
-            odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + 0.9998779f * part_of_P_pred_52 + Q_5;
-        const float32 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-            part_of_L_pred_32 * L_pred_32, Q_5);
+            odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + ONE_MINUS_RETURN * D_3_times_one_minus_return
+            + Q_5;
+        const float32 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
+            LD_pred_32 * L_pred_32, Q_5);
         const float32 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
-            part_of_bend_psi_alpha_sum_2;
+            minus_even_psi_d_next_2;
         const float32 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.14285715f;
         const float32 P_turned_20 = D_0_times_odd_omega_next_0 * odd_psi_alpha_next_0 +
             D_1_times_odd_omega_next_1 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_2_times_odd_omega_next_2 +
             odd_psi_d_next_3 * D_3_times_odd_omega_next_3 + odd_psi_d_next_4 * D_4_times_odd_omega_next_4 +
             odd_psi_d_next_5 * D_5_times_odd_omega_next_5 +
             GAIN_OMEGA * (0.14285715f * (even_psi_alpha_next_0 * even_torque_0 +
-            even_psi_alpha_next_1 * even_torque_1 - part_of_bend_psi_alpha_sum_2 * even_torque_2) -
+            even_psi_alpha_next_1 * even_torque_1 - minus_even_psi_d_next_2 * even_torque_2) -
             bend_psi_alpha_mean * bend_omega_mean);
         const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
         const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
         const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_1_times_odd_psi_alpha_next_1) +
             odd_theta_mid_0 * D_0_times_odd_psi_alpha_next_0;
-        const float32 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - part_of_bend_psi_beta_sum;
+        const float32 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
         const float32 bend_psi_beta_mean = 0.14285715f * bend_psi_beta_sum;
         const float32 P_turned_21 = D_0_times_odd_omega_next_0 * odd_psi_beta_next_0 +
             D_1_times_odd_omega_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_omega_next_2 +
             odd_psi_q_next_3 * D_3_times_odd_omega_next_3 + odd_psi_q_next_4 * D_4_times_odd_omega_next_4 +
             odd_psi_q_next_5 * D_5_times_odd_omega_next_5 +
             GAIN_OMEGA * (0.14285715f * (even_psi_beta_next_0 * even_torque_0 +
-            even_psi_beta_next_1 * even_torque_1 - part_of_bend_psi_beta_sum * even_torque_2) -
+            even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
             bend_psi_beta_mean * bend_omega_mean);
         const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
         const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
@@ -618,33 +619,32 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
         const float32 L_pred_40 = one_per_D_pred_0 * P_pred_30;
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-        const float32 part_of_L_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
-        const float32 L_pred_41 = one_per_D_pred_1 * part_of_L_pred_41;
+        const float32 LD_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
+        const float32 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
         const float32 P_turned_60 = part_of_P_pred_62 * odd_psi_alpha_next_0 +
-            part_of_P_pred_62_2 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * part_of_P_pred_62_3;
+            part_of_P_pred_62_2 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_2_times_one_minus_return;
         const float32 P_turned_61 = part_of_P_pred_62 * odd_psi_beta_next_0 +
-            part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * part_of_P_pred_62_3;
+            part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_one_minus_return;
         const float32 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
-        const float32 part_of_L_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_41;
-        const float32 L_pred_42 = one_per_D_pred_2 * part_of_L_pred_42;
+        const float32 LD_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_41;
+        const float32 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
         const float32 P_turned_50 = D_0_x_odd_magnet_flux_next_0 * odd_psi_alpha_next_0 +
             D_1_x_odd_magnet_flux_next_1 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_2_x_odd_magnet_flux_next_2
-            + odd_psi_d_next_3 * part_of_P_pred_52;
+            + odd_psi_d_next_3 * D_3_times_one_minus_return;
         const float32 P_turned_51 = D_0_x_odd_magnet_flux_next_0 * odd_psi_beta_next_0 +
             D_1_x_odd_magnet_flux_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_x_odd_magnet_flux_next_2 +
-            odd_psi_q_next_3 * part_of_P_pred_52;
+            odd_psi_q_next_3 * D_3_times_one_minus_return;
         const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
-        const float32 part_of_L_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * part_of_L_pred_41 -
-            L_pred_32 * part_of_L_pred_42;
+        const float32 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
+            L_pred_32 * LD_pred_42;
         const float32 one_per_D_pred_3 = 1.0f / D_pred_3;
-        const float32 L_pred_43 = part_of_L_pred_43 * one_per_D_pred_3;
+        const float32 L_pred_43 = LD_pred_43 * one_per_D_pred_3;
         const float32 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
             odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 + D_2 * odd_psi_d_next_2 * odd_psi_d_next_2 +
             odd_psi_d_next_3 * odd_psi_d_next_3 * D_3 + odd_psi_d_next_4 * odd_psi_d_next_4 * D_4 +
             odd_psi_d_next_5 * odd_psi_d_next_5 * D_5 +
             0.14285715f * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
-            even_psi_alpha_next_1 * even_psi_alpha_next_1 +
-            part_of_bend_psi_alpha_sum_2 * part_of_bend_psi_alpha_sum_2) -
+            even_psi_alpha_next_1 * even_psi_alpha_next_1 + minus_even_psi_d_next_2 * minus_even_psi_d_next_2) -
             bend_psi_alpha_mean * bend_psi_alpha_mean;
         const float32 D_2_times_odd_psi_q_next_2 = D_2 * odd_psi_q_next_2;
         const float32 odd_psi_q_next_3_times_D_3 = odd_psi_q_next_3 * D_3;
@@ -655,41 +655,40 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_psi_q_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_q_next_4 * odd_psi_q_next_4_times_D_4 +
             odd_psi_q_next_5 * odd_psi_q_next_5_times_D_5 +
             0.14285715f * (even_psi_beta_next_0 * even_psi_beta_next_0 +
-            even_psi_beta_next_1 * even_psi_beta_next_1 + part_of_bend_psi_beta_sum * part_of_bend_psi_beta_sum) -
+            even_psi_beta_next_1 * even_psi_beta_next_1 + minus_even_psi_q_next_2 * minus_even_psi_q_next_2) -
             bend_psi_beta_mean * bend_psi_beta_mean;
         const float32 P_turned_10 = odd_psi_alpha_next_0 * D_0_times_odd_psi_beta_next_0 +
             odd_psi_alpha_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_d_next_2 * D_2_times_odd_psi_q_next_2 +
             odd_psi_d_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_d_next_4 * odd_psi_q_next_4_times_D_4 +
             odd_psi_d_next_5 * odd_psi_q_next_5_times_D_5 +
             0.14285715f * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
-            even_psi_alpha_next_1 * even_psi_beta_next_1 +
-            part_of_bend_psi_alpha_sum_2 * part_of_bend_psi_beta_sum) - bend_psi_alpha_mean * bend_psi_beta_mean;
-        const float32 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-            cos_theta_mid * P_turned_10 * 2.0f;
-        const float32 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-        const float32 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
-        const float32 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
-            part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_0);
+            even_psi_alpha_next_1 * even_psi_beta_next_1 + minus_even_psi_d_next_2 * minus_even_psi_q_next_2) -
+            bend_psi_alpha_mean * bend_psi_beta_mean;
+        const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
+        const float32 P_turn = sin_theta_mid * P_tilt;
+        const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
+        const float32 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
+            LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
         const float32 L_pred_50 = one_per_D_pred_0 * P_pred_31;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-        const float32 part_of_L_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
-        const float32 L_pred_51 = one_per_D_pred_1 * part_of_L_pred_51;
+        const float32 LD_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
+        const float32 L_pred_51 = one_per_D_pred_1 * LD_pred_51;
         const float32 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
-        const float32 part_of_L_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * part_of_L_pred_51;
-        const float32 L_pred_52 = one_per_D_pred_2 * part_of_L_pred_52;
+        const float32 LD_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_51;
+        const float32 L_pred_52 = one_per_D_pred_2 * LD_pred_52;
         const float32 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
-        const float32 part_of_L_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * part_of_L_pred_51 -
-            L_pred_32 * part_of_L_pred_52;
-        const float32 L_pred_53 = one_per_D_pred_3 * part_of_L_pred_53;
-        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
-        const float32 part_of_L_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * part_of_L_pred_51 -
-            L_pred_42 * part_of_L_pred_52 - L_pred_43 * part_of_L_pred_53;
+        const float32 LD_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * LD_pred_51 -
+            L_pred_32 * LD_pred_52;
+        const float32 L_pred_53 = one_per_D_pred_3 * LD_pred_53;
+        const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
+        const float32 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
+            L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
         const float32 one_per_D_pred_4 = 1.0f / D_pred_4;
-        const float32 L_pred_54 = part_of_L_pred_54 * one_per_D_pred_4;
-        const float32 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
-        const float32 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - part_of_L_pred_51 * L_pred_51 -
-            part_of_L_pred_52 * L_pred_52 - part_of_L_pred_53 * L_pred_53 - part_of_L_pred_54 * L_pred_54, Q_1);
+        const float32 L_pred_54 = LD_pred_54 * one_per_D_pred_4;
+        const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
+        const float32 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
+            LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
         const float32 D_0_times_L_60 = D_0 * L_60;
         const float32 D_1_times_L_61 = D_1 * L_61;
         const float32 D_2_times_L_62 = D_2 * L_62;
@@ -702,17 +701,17 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_1_times_L_61) +
             odd_theta_mid_0 * D_0_times_L_60;
         const float32 L_pred_60 = one_per_D_pred_0 * P_pred_43;
-        const float32 part_of_L_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
-        const float32 L_pred_61 = one_per_D_pred_1 * part_of_L_pred_61;
+        const float32 LD_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
+        const float32 L_pred_61 = one_per_D_pred_1 * LD_pred_61;
         const float32 P_pred_64 = L_60 * part_of_P_pred_62 + L_61 * part_of_P_pred_62_2 +
-            L_62 * part_of_P_pred_62_3;
-        const float32 part_of_L_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * part_of_L_pred_61;
-        const float32 L_pred_62 = one_per_D_pred_2 * part_of_L_pred_62;
+            L_62 * D_2_times_one_minus_return;
+        const float32 LD_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_61;
+        const float32 L_pred_62 = one_per_D_pred_2 * LD_pred_62;
         const float32 P_pred_54 = L_60 * D_0_x_odd_magnet_flux_next_0 + L_61 * D_1_x_odd_magnet_flux_next_1 +
-            L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * part_of_P_pred_52;
-        const float32 part_of_L_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * part_of_L_pred_61 -
-            L_pred_32 * part_of_L_pred_62;
-        const float32 L_pred_63 = one_per_D_pred_3 * part_of_L_pred_63;
+            L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * D_3_times_one_minus_return;
+        const float32 LD_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_61 -
+            L_pred_32 * LD_pred_62;
+        const float32 L_pred_63 = one_per_D_pred_3 * LD_pred_63;
         const float32 P_turned_40 = odd_psi_alpha_next_0 * D_0_times_L_60 + odd_psi_alpha_next_1 * D_1_times_L_61
             + odd_psi_d_next_2 * D_2_times_L_62 + odd_psi_d_next_3 * D_3_times_L_63 +
             odd_psi_d_next_4 * D_4_times_L_64 + odd_psi_d_next_5 * D_5_times_L_65;
@@ -720,35 +719,33 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_psi_q_next_2 * D_2_times_L_62 + odd_psi_q_next_3 * D_3_times_L_63 +
             odd_psi_q_next_4 * D_4_times_L_64 + odd_psi_q_next_5 * D_5_times_L_65;
         const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
-        const float32 part_of_L_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * part_of_L_pred_61 -
-            L_pred_42 * part_of_L_pred_62 - L_pred_43 * part_of_L_pred_63;
-        const float32 L_pred_64 = one_per_D_pred_4 * part_of_L_pred_64;
+        const float32 LD_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * LD_pred_61 -
+            L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
+        const float32 L_pred_64 = one_per_D_pred_4 * LD_pred_64;
         const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
-        const float32 part_of_L_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * part_of_L_pred_61 -
-            L_pred_52 * part_of_L_pred_62 - L_pred_53 * part_of_L_pred_63 - L_pred_54 * part_of_L_pred_64;
-        const float32 L_pred_65 = part_of_L_pred_65 / D_pred_5;
+        const float32 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
+            L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
+        const float32 L_pred_65 = LD_pred_65 / D_pred_5;
         const float32 P_pred_44 = L_60 * D_0_times_L_60 + L_61 * D_1_times_L_61 + L_62 * D_2_times_L_62 +
             L_63 * D_3_times_L_63 + L_64 * D_4_times_L_64 + L_65 * D_5_times_L_65 + D_6 + Q_4;
-        const float32 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - part_of_L_pred_61 * L_pred_61 -
-            part_of_L_pred_62 * L_pred_62 - part_of_L_pred_63 * L_pred_63 - part_of_L_pred_64 * L_pred_64 -
-            part_of_L_pred_65 * L_pred_65, Q_4);
+        const float32 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
+            LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
+            Q_4);
 
         /* --- eq. 16: x_pred = mean X_i' */
         const float32 offset_omega = GAIN_OMEGA * bend_omega_mean;
         const float32 offset_theta = bend_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
-        const float32 part_of_psi_alpha_pred = psi_d_next + bend_psi_alpha_mean;
-        const float32 part_of_psi_alpha_pred_2 = psi_q_next + bend_psi_beta_mean;
-        const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
-            sin_theta_mid * part_of_psi_alpha_pred_2;
-        const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
-            cos_theta_mid * part_of_psi_alpha_pred_2;
-        const float32 part_of_omega_pred =
+        const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
+        const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+        const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+        const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
+        const float32 omega_of_x =
             (magnet_flux * 125.0f - 36.764706f * psi_d_between) * GAIN_OMEGA * psi_q_between -
             GAIN_OMEGA * load_torque + omega;
-        const float32 omega_pred = part_of_omega_pred + offset_omega;
-        const float32 theta_pred = theta_mid + part_of_omega_pred * 0.00015f + offset_theta;
-        const float32 magnet_flux_pred = magnet_flux * 0.9998779f + 6.652832e-05f;
-        const float32 stator_resistance_pred = stator_resistance * 0.9998779f + 0.0004394531f;
+        const float32 omega_pred = omega_of_x + offset_omega;
+        const float32 theta_pred = theta_mid + omega_of_x * 0.00015f + offset_theta;
+        const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + 6.652832e-05f;
+        const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + 0.0004394531f;
 
         /* --- sum of the pivots, for the guard */
         const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4 + D_pred_5 + D_pred_6;
@@ -867,10 +864,10 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 sin_theta_pred = sincos_theta_pred.sine;
         const float32 cos_theta_pred = sincos_theta_pred.cosine;
         const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
-        const float32 D_pred_0_times_sinc_theta_0 = D_pred_0 * sinc_theta_0;
+        const float32 D_sind_theta_0 = D_pred_0 * sinc_theta_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_50 - sin_theta_pred * L_pred_40;
         const float32 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
-            D_pred_0_times_sinc_theta_0 * 7.0f * odd_psi_beta_turned_0;
+            D_sind_theta_0 * 7.0f * odd_psi_beta_turned_0;
         const float32 odd_psi_alpha_turned_0 = cos_theta_pred * L_pred_40 + sin_theta_pred * L_pred_50;
         const float32 one_plus_cosm1_theta_0 = 1.0f + cosm1_theta_0;
         const float32 psi_beta_turned = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
@@ -887,14 +884,14 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 odd_psi_beta_turned_3 = cos_theta_pred * L_pred_53 - sin_theta_pred * L_pred_43;
         const float32 odd_psi_d_pred_4 = cos_theta_pred + sin_theta_pred * L_pred_54;
         const float32 odd_psi_beta_turned_4 = cos_theta_pred * L_pred_54 - sin_theta_pred;
-        const float32 part_of_even_y_i_alpha_0 = i_salient_pred + even_i_salient_pred_0;
-        const float32 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * part_of_even_y_i_alpha_0;
+        const float32 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
+        const float32 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * total_i_salient_pred_0;
         const float32 odd_y_i_alpha_0 = INV_L_Q * odd_psi_alpha_turned_0 +
             one_plus_cosm1_theta_0 * odd_i_salient_pred_0;
-        const float32 odd_y_i_alpha_1 = 27.777779f * odd_psi_d_pred_1 - INV_L_D * L_pred_31;
-        const float32 odd_y_i_alpha_2 = 27.777779f * odd_psi_d_pred_2 - INV_L_D * L_pred_32;
-        const float32 odd_y_i_alpha_3 = 27.777779f * odd_psi_d_pred_3 - INV_L_D;
-        const float32 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sinc_theta_0 * part_of_even_y_i_alpha_0;
+        const float32 odd_y_i_alpha_1 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1 - INV_L_D * L_pred_31;
+        const float32 odd_y_i_alpha_2 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2 - INV_L_D * L_pred_32;
+        const float32 odd_y_i_alpha_3 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_3 - INV_L_D;
+        const float32 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sinc_theta_0 * total_i_salient_pred_0;
         const float32 odd_y_i_beta_1 = INV_L_Q * odd_psi_beta_turned_1;
         const float32 odd_y_i_beta_2 = INV_L_Q * odd_psi_beta_turned_2;
         const float32 odd_y_i_beta_3 = INV_L_Q * odd_psi_beta_turned_3;
@@ -903,13 +900,12 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
 
         /* --- eq. 21 */
         const float32 bend_y_i_alpha_mean = even_y_i_alpha_0 * 0.14285715f;
-        const float32 bend_y_i_beta_mean = D_pred_0_times_sinc_theta_0 * odd_i_salient_pred_0;
+        const float32 bend_y_i_beta_mean = D_sind_theta_0 * odd_i_salient_pred_0;
 
         /* --- eq. 22: R, and what the bend of h adds to it */
-        const float32 part_of_noise_00 = cos_theta_pred * cos_theta_pred * R_0 +
-            sin_theta_pred * sin_theta_pred * R_1;
+        const float32 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
         const float32 R_0_min_R_1 = smaller(R_0, R_1);
-        const float32 noise_00 = larger(part_of_noise_00 + even_y_i_alpha_0 * even_y_i_alpha_0 * 0.12244898f,
+        const float32 noise_00 = larger(R_turned_00 + even_y_i_alpha_0 * even_y_i_alpha_0 * 0.12244898f,
             R_0_min_R_1);
         const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             bend_y_i_beta_mean * even_y_i_alpha_0 * 0.85714287f;
@@ -920,240 +916,174 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
             INV_L_Q * psi_beta_turned - bend_y_i_beta_mean;
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
-        const float32 part_of_span_first = 27.777779f * sin_theta_pred;
-        const float32 part_of_span_first_x_D_pred_5 = part_of_span_first * D_pred_5;
-        const float32 part_of_span_first_2 = larger(noise_00 + part_of_span_first * part_of_span_first_x_D_pred_5,
-            noise_00);
-        const float32 part_of_psi_alpha_new = 27.777779f * odd_psi_d_pred_4;
-        const float32 part_of_psi_alpha_new_2 = D_pred_4 * part_of_psi_alpha_new;
-        const float32 part_of_span_first_3 = larger(part_of_span_first_2 +
-            part_of_psi_alpha_new * part_of_psi_alpha_new_2, noise_00);
-        const float32 D_pred_3_times_odd_y_i_alpha_3 = D_pred_3 * odd_y_i_alpha_3;
-        const float32 part_of_span_first_4 = larger(part_of_span_first_3 +
-            odd_y_i_alpha_3 * D_pred_3_times_odd_y_i_alpha_3, noise_00);
-        const float32 D_pred_2_times_odd_y_i_alpha_2 = D_pred_2 * odd_y_i_alpha_2;
-        const float32 part_of_span_first_5 = larger(part_of_span_first_4 +
-            odd_y_i_alpha_2 * D_pred_2_times_odd_y_i_alpha_2, noise_00);
-        const float32 D_pred_1_times_odd_y_i_alpha_1 = D_pred_1 * odd_y_i_alpha_1;
-        const float32 part_of_span_first_6 = larger(part_of_span_first_5 +
-            odd_y_i_alpha_1 * D_pred_1_times_odd_y_i_alpha_1, noise_00);
-        const float32 D_pred_0_times_odd_y_i_alpha_0 = D_pred_0 * odd_y_i_alpha_0;
-        const float32 span_first = larger(part_of_span_first_6 + odd_y_i_alpha_0 * D_pred_0_times_odd_y_i_alpha_0,
-            noise_00);
+        const float32 HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
+        const float32 g_first_5 = HL_05 * D_pred_5;
+        const float32 span_first_5 = larger(noise_00 + HL_05 * g_first_5, noise_00);
+        const float32 HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4;
+        const float32 g_first_4 = D_pred_4 * HL_04;
+        const float32 span_first_4 = larger(span_first_5 + HL_04 * g_first_4, noise_00);
+        const float32 g_first_3 = D_pred_3 * odd_y_i_alpha_3;
+        const float32 span_first_3 = larger(span_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
+        const float32 g_first_2 = D_pred_2 * odd_y_i_alpha_2;
+        const float32 span_first_2 = larger(span_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
+        const float32 g_first_1 = D_pred_1 * odd_y_i_alpha_1;
+        const float32 span_first_1 = larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+        const float32 g_first_0 = D_pred_0 * odd_y_i_alpha_0;
+        const float32 span_first = larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
         const float32 one_per_span_first = 1.0f / span_first;
-        const float32 part_of_psi_alpha_new_6 = innovation_i_alpha * one_per_span_first;
-        const float32 part_of_psi_alpha_new_9 = odd_y_i_beta_5 - part_of_span_first * noise_10_per_noise_00;
-        const float32 part_of_psi_alpha_new_8 = odd_y_i_beta_4 - part_of_psi_alpha_new * noise_10_per_noise_00;
-        const float32 part_of_psi_alpha_new_18 = part_of_span_first_x_D_pred_5 * part_of_psi_alpha_new_9 +
-            part_of_psi_alpha_new_2 * part_of_psi_alpha_new_8;
-        const float32 part_of_psi_alpha_new_17 = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00;
-        const float32 part_of_psi_alpha_new_26 = part_of_psi_alpha_new_18 +
-            D_pred_3_times_odd_y_i_alpha_3 * part_of_psi_alpha_new_17;
-        const float32 part_of_psi_alpha_new_25 = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00;
-        const float32 part_of_psi_alpha_new_34 = part_of_psi_alpha_new_26 +
-            D_pred_2_times_odd_y_i_alpha_2 * part_of_psi_alpha_new_25;
-        const float32 part_of_psi_alpha_new_33 = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
-        const float32 part_of_psi_alpha_new_42 = part_of_psi_alpha_new_34 +
-            D_pred_1_times_odd_y_i_alpha_1 * part_of_psi_alpha_new_33;
-        const float32 part_of_psi_alpha_new_41 = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
+        const float32 share_first = innovation_i_alpha * one_per_span_first;
+        const float32 HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00;
+        const float32 HL_14_apart = odd_y_i_beta_4 - HL_04 * noise_10_per_noise_00;
+        const float32 gathered_first_y4 = g_first_5 * HL_15_apart + g_first_4 * HL_14_apart;
+        const float32 HL_13_apart = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00;
+        const float32 gathered_first_y3 = gathered_first_y4 + g_first_3 * HL_13_apart;
+        const float32 HL_12_apart = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00;
+        const float32 gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12_apart;
+        const float32 HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
+        const float32 gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart;
+        const float32 HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
         const float32 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
-            part_of_psi_alpha_new_6 * (part_of_psi_alpha_new_42 +
-            D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_41);
-        const float32 part_of_span_second = larger(bend_y_i_beta_mean * bend_y_i_beta_mean * 6.0f -
-            part_of_noise_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
-        const float32 part_of_psi_alpha_new_10 = D_pred_5 / part_of_span_first_2;
-        const float32 part_of_span_second_2 = noise_00 * part_of_psi_alpha_new_10;
-        const float32 part_of_span_second_3 = part_of_psi_alpha_new_9 * part_of_span_second_2;
-        const float32 part_of_span_second_4 = larger(part_of_span_second +
-            part_of_psi_alpha_new_9 * part_of_span_second_3, part_of_span_second);
-        const float32 part_of_psi_alpha_new_11 =
-            771.6049f * sin_theta_pred * odd_psi_d_pred_4 * part_of_psi_alpha_new_10;
-        const float32 part_of_psi_alpha_new_12 = part_of_psi_alpha_new_8 -
-            part_of_psi_alpha_new_9 * part_of_psi_alpha_new_11;
-        const float32 one_per_part_of_span_first_3 = 1.0f / part_of_span_first_3;
-        const float32 part_of_psi_alpha_new_7 = part_of_span_first_2 * (D_pred_4 * one_per_part_of_span_first_3);
-        const float32 part_of_psi_alpha_new_13 = part_of_psi_alpha_new_7 * part_of_psi_alpha_new_12;
-        const float32 part_of_span_second_5 = larger(part_of_span_second_4 +
-            part_of_psi_alpha_new_12 * part_of_psi_alpha_new_13, part_of_span_second);
-        const float32 part_of_psi_alpha_new_14 = odd_y_i_alpha_3 * one_per_part_of_span_first_3;
-        const float32 part_of_psi_alpha_new_19 = part_of_psi_alpha_new_17 -
-            part_of_psi_alpha_new_14 * part_of_psi_alpha_new_18;
-        const float32 one_per_part_of_span_first_4 = 1.0f / part_of_span_first_4;
-        const float32 part_of_psi_alpha_new_16 = part_of_span_first_3 * (D_pred_3 * one_per_part_of_span_first_4);
-        const float32 part_of_psi_alpha_new_20 = part_of_psi_alpha_new_16 * part_of_psi_alpha_new_19;
-        const float32 part_of_span_second_6 = larger(part_of_span_second_5 +
-            part_of_psi_alpha_new_19 * part_of_psi_alpha_new_20, part_of_span_second);
-        const float32 part_of_psi_alpha_new_22 = odd_y_i_alpha_2 * one_per_part_of_span_first_4;
-        const float32 part_of_psi_alpha_new_27 = part_of_psi_alpha_new_25 -
-            part_of_psi_alpha_new_22 * part_of_psi_alpha_new_26;
-        const float32 one_per_part_of_span_first_5 = 1.0f / part_of_span_first_5;
-        const float32 part_of_psi_alpha_new_24 = part_of_span_first_4 * (D_pred_2 * one_per_part_of_span_first_5);
-        const float32 part_of_psi_alpha_new_28 = part_of_psi_alpha_new_24 * part_of_psi_alpha_new_27;
-        const float32 part_of_span_second_7 = larger(part_of_span_second_6 +
-            part_of_psi_alpha_new_27 * part_of_psi_alpha_new_28, part_of_span_second);
-        const float32 part_of_psi_alpha_new_30 = odd_y_i_alpha_1 * one_per_part_of_span_first_5;
-        const float32 part_of_psi_alpha_new_35 = part_of_psi_alpha_new_33 -
-            part_of_psi_alpha_new_30 * part_of_psi_alpha_new_34;
-        const float32 one_per_part_of_span_first_6 = 1.0f / part_of_span_first_6;
-        const float32 part_of_psi_alpha_new_32 = part_of_span_first_5 * (D_pred_1 * one_per_part_of_span_first_6);
-        const float32 part_of_psi_alpha_new_36 = part_of_psi_alpha_new_32 * part_of_psi_alpha_new_35;
-        const float32 part_of_span_second_8 = larger(part_of_span_second_7 +
-            part_of_psi_alpha_new_35 * part_of_psi_alpha_new_36, part_of_span_second);
-        const float32 part_of_psi_alpha_new_38 = odd_y_i_alpha_0 * one_per_part_of_span_first_6;
-        const float32 part_of_psi_alpha_new_43 = part_of_psi_alpha_new_41 -
-            part_of_psi_alpha_new_38 * part_of_psi_alpha_new_42;
-        const float32 part_of_psi_alpha_new_40 = part_of_span_first_6 * (D_pred_0 * one_per_span_first);
-        const float32 part_of_psi_alpha_new_44 = part_of_psi_alpha_new_40 * part_of_psi_alpha_new_43;
-        const float32 span_second = larger(part_of_span_second_8 +
-            part_of_psi_alpha_new_43 * part_of_psi_alpha_new_44, part_of_span_second);
-        const float32 part_of_psi_alpha_new_3 = part_of_psi_alpha_new_2 +
-            L_pred_43 * D_pred_3_times_odd_y_i_alpha_3;
-        const float32 part_of_psi_alpha_new_4 = part_of_psi_alpha_new_3 +
-            L_pred_42 * D_pred_2_times_odd_y_i_alpha_2;
-        const float32 part_of_psi_alpha_new_5 = part_of_psi_alpha_new_4 +
-            L_pred_41 * D_pred_1_times_odd_y_i_alpha_1;
-        const float32 part_of_psi_alpha_new_15 = L_pred_43 - part_of_psi_alpha_new_2 * part_of_psi_alpha_new_14;
-        const float32 part_of_psi_alpha_new_21 = part_of_psi_alpha_new_13 +
-            part_of_psi_alpha_new_15 * part_of_psi_alpha_new_20;
-        const float32 part_of_psi_alpha_new_23 = L_pred_42 - part_of_psi_alpha_new_3 * part_of_psi_alpha_new_22;
-        const float32 part_of_psi_alpha_new_29 = part_of_psi_alpha_new_21 +
-            part_of_psi_alpha_new_23 * part_of_psi_alpha_new_28;
-        const float32 part_of_psi_alpha_new_31 = L_pred_41 - part_of_psi_alpha_new_4 * part_of_psi_alpha_new_30;
-        const float32 part_of_psi_alpha_new_37 = part_of_psi_alpha_new_29 +
-            part_of_psi_alpha_new_31 * part_of_psi_alpha_new_36;
-        const float32 part_of_psi_alpha_new_39 = L_pred_40 - part_of_psi_alpha_new_5 * part_of_psi_alpha_new_38;
+            share_first * (gathered_first_y1 + g_first_0 * HL_10_apart);
+        const float32 variance_second = larger(bend_y_i_beta_mean * bend_y_i_beta_mean * 6.0f - R_turned_00 -
+            noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
+        const float32 D_pred_5_per_span_first_5 = D_pred_5 / span_first_5;
+        const float32 D_first_5 = noise_00 * D_pred_5_per_span_first_5;
+        const float32 g_second_5 = HL_15_apart * D_first_5;
+        const float32 span_second_5 = larger(variance_second + HL_15_apart * g_second_5, variance_second);
+        const float32 change_first_54 =
+            INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_5_per_span_first_5;
+        const float32 f_second_4 = HL_14_apart - HL_15_apart * change_first_54;
+        const float32 one_per_span_first_4 = 1.0f / span_first_4;
+        const float32 D_first_4 = span_first_5 * (D_pred_4 * one_per_span_first_4);
+        const float32 g_second_4 = D_first_4 * f_second_4;
+        const float32 span_second_4 = larger(span_second_5 + f_second_4 * g_second_4, variance_second);
+        const float32 lambda_first_3 = odd_y_i_alpha_3 * one_per_span_first_4;
+        const float32 f_second_3 = HL_13_apart - lambda_first_3 * gathered_first_y4;
+        const float32 one_per_span_first_3 = 1.0f / span_first_3;
+        const float32 D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3);
+        const float32 g_second_3 = D_first_3 * f_second_3;
+        const float32 span_second_3 = larger(span_second_4 + f_second_3 * g_second_3, variance_second);
+        const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_span_first_3;
+        const float32 f_second_2 = HL_12_apart - lambda_first_2 * gathered_first_y3;
+        const float32 one_per_span_first_2 = 1.0f / span_first_2;
+        const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+        const float32 g_second_2 = D_first_2 * f_second_2;
+        const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, variance_second);
+        const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2;
+        const float32 f_second_1 = HL_11_apart - lambda_first_1 * gathered_first_y2;
+        const float32 one_per_span_first_1 = 1.0f / span_first_1;
+        const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+        const float32 g_second_1 = D_first_1 * f_second_1;
+        const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, variance_second);
+        const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1;
+        const float32 f_second_0 = HL_10_apart - lambda_first_0 * gathered_first_y1;
+        const float32 D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first);
+        const float32 g_second_0 = D_first_0 * f_second_0;
+        const float32 span_second = larger(span_second_1 + f_second_0 * g_second_0, variance_second);
+        const float32 gathered_first_43 = g_first_4 + L_pred_43 * g_first_3;
+        const float32 gathered_first_42 = gathered_first_43 + L_pred_42 * g_first_2;
+        const float32 gathered_first_41 = gathered_first_42 + L_pred_41 * g_first_1;
+        const float32 L_first_43 = L_pred_43 - g_first_4 * lambda_first_3;
+        const float32 gathered_second_43 = g_second_4 + L_first_43 * g_second_3;
+        const float32 L_first_42 = L_pred_42 - gathered_first_43 * lambda_first_2;
+        const float32 gathered_second_42 = gathered_second_43 + L_first_42 * g_second_2;
+        const float32 L_first_41 = L_pred_41 - gathered_first_42 * lambda_first_1;
+        const float32 gathered_second_41 = gathered_second_42 + L_first_41 * g_second_1;
+        const float32 L_first_40 = L_pred_40 - gathered_first_41 * lambda_first_0;
         const float32 one_per_span_second = 1.0f / span_second;
-        const float32 part_of_psi_alpha_new_45 = innovation_after_first * one_per_span_second;
-        const float32 psi_alpha_new = (part_of_psi_alpha_new_5 +
-            L_pred_40 * D_pred_0_times_odd_y_i_alpha_0) * part_of_psi_alpha_new_6 + (part_of_psi_alpha_new_37 +
-            part_of_psi_alpha_new_39 * part_of_psi_alpha_new_44) * part_of_psi_alpha_new_45 + psi_alpha_pred;
-        const float32 part_of_psi_beta_new = part_of_span_first_x_D_pred_5 + L_pred_54 * part_of_psi_alpha_new_2;
-        const float32 part_of_psi_beta_new_2 = part_of_psi_beta_new + L_pred_53 * D_pred_3_times_odd_y_i_alpha_3;
-        const float32 part_of_psi_beta_new_3 = part_of_psi_beta_new_2 +
-            L_pred_52 * D_pred_2_times_odd_y_i_alpha_2;
-        const float32 part_of_psi_beta_new_4 = part_of_psi_beta_new_3 +
-            L_pred_51 * D_pred_1_times_odd_y_i_alpha_1;
-        const float32 part_of_psi_beta_new_5 = L_pred_54 - part_of_psi_alpha_new_11;
-        const float32 part_of_psi_beta_new_6 = part_of_span_second_3 +
-            part_of_psi_alpha_new_13 * part_of_psi_beta_new_5;
-        const float32 part_of_psi_beta_new_7 = L_pred_53 - part_of_psi_alpha_new_14 * part_of_psi_beta_new;
-        const float32 part_of_psi_beta_new_8 = part_of_psi_beta_new_6 +
-            part_of_psi_alpha_new_20 * part_of_psi_beta_new_7;
-        const float32 part_of_psi_beta_new_9 = L_pred_52 - part_of_psi_alpha_new_22 * part_of_psi_beta_new_2;
-        const float32 part_of_psi_beta_new_10 = part_of_psi_beta_new_8 +
-            part_of_psi_alpha_new_28 * part_of_psi_beta_new_9;
-        const float32 part_of_psi_beta_new_11 = L_pred_51 - part_of_psi_alpha_new_30 * part_of_psi_beta_new_3;
-        const float32 part_of_psi_beta_new_12 = part_of_psi_beta_new_10 +
-            part_of_psi_alpha_new_36 * part_of_psi_beta_new_11;
-        const float32 part_of_psi_beta_new_13 = L_pred_50 - part_of_psi_alpha_new_38 * part_of_psi_beta_new_4;
-        const float32 psi_beta_new = part_of_psi_alpha_new_6 * (part_of_psi_beta_new_4 +
-            L_pred_50 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_45 * (part_of_psi_beta_new_12 +
-            part_of_psi_alpha_new_44 * part_of_psi_beta_new_13) + psi_beta_pred;
-        const float32 part_of_omega_new = L_pred_10 - D_pred_1_times_odd_y_i_alpha_1 * part_of_psi_alpha_new_38;
-        const float32 omega_new = part_of_psi_alpha_new_6 * (D_pred_1_times_odd_y_i_alpha_1 +
-            D_pred_0_times_odd_y_i_alpha_0 * L_pred_10) + part_of_psi_alpha_new_45 * (part_of_psi_alpha_new_36 +
-            part_of_psi_alpha_new_44 * part_of_omega_new) + omega_pred;
-        const float32 theta_new = wrap_angle(D_pred_0_times_odd_y_i_alpha_0 * part_of_psi_alpha_new_6 +
-            part_of_psi_alpha_new_44 * part_of_psi_alpha_new_45 + theta_pred);
-        const float32 part_of_load_torque_new = part_of_span_first_x_D_pred_5 * L_pred_65 +
-            part_of_psi_alpha_new_2 * L_pred_64;
-        const float32 part_of_load_torque_new_2 = part_of_load_torque_new +
-            D_pred_3_times_odd_y_i_alpha_3 * L_pred_63;
-        const float32 part_of_load_torque_new_3 = part_of_load_torque_new_2 +
-            D_pred_2_times_odd_y_i_alpha_2 * L_pred_62;
-        const float32 part_of_load_torque_new_4 = part_of_load_torque_new_3 +
-            D_pred_1_times_odd_y_i_alpha_1 * L_pred_61;
-        const float32 part_of_load_torque_new_5 = L_pred_64 - part_of_psi_alpha_new_11 * L_pred_65;
-        const float32 part_of_load_torque_new_6 = part_of_span_second_3 * L_pred_65 +
-            part_of_psi_alpha_new_13 * part_of_load_torque_new_5;
-        const float32 part_of_load_torque_new_7 = L_pred_63 - part_of_psi_alpha_new_14 * part_of_load_torque_new;
-        const float32 part_of_load_torque_new_8 = part_of_load_torque_new_6 +
-            part_of_psi_alpha_new_20 * part_of_load_torque_new_7;
-        const float32 part_of_load_torque_new_9 = L_pred_62 -
-            part_of_psi_alpha_new_22 * part_of_load_torque_new_2;
-        const float32 part_of_load_torque_new_10 = part_of_load_torque_new_8 +
-            part_of_psi_alpha_new_28 * part_of_load_torque_new_9;
-        const float32 part_of_load_torque_new_11 = L_pred_61 -
-            part_of_psi_alpha_new_30 * part_of_load_torque_new_3;
-        const float32 part_of_load_torque_new_12 = part_of_load_torque_new_10 +
-            part_of_psi_alpha_new_36 * part_of_load_torque_new_11;
-        const float32 part_of_load_torque_new_13 = L_pred_60 -
-            part_of_psi_alpha_new_38 * part_of_load_torque_new_4;
-        const float32 load_torque_new = part_of_psi_alpha_new_6 * (part_of_load_torque_new_4 +
-            D_pred_0_times_odd_y_i_alpha_0 * L_pred_60) + part_of_psi_alpha_new_45 * (part_of_load_torque_new_12 +
-            part_of_psi_alpha_new_44 * part_of_load_torque_new_13) + load_torque_pred;
-        const float32 part_of_magnet_flux_new = D_pred_3_times_odd_y_i_alpha_3 +
-            L_pred_32 * D_pred_2_times_odd_y_i_alpha_2;
-        const float32 part_of_magnet_flux_new_2 = part_of_magnet_flux_new +
-            L_pred_31 * D_pred_1_times_odd_y_i_alpha_1;
-        const float32 part_of_magnet_flux_new_3 = L_pred_32 -
-            D_pred_3_times_odd_y_i_alpha_3 * part_of_psi_alpha_new_22;
-        const float32 part_of_magnet_flux_new_4 = part_of_psi_alpha_new_20 +
-            part_of_psi_alpha_new_28 * part_of_magnet_flux_new_3;
-        const float32 part_of_magnet_flux_new_5 = L_pred_31 - part_of_psi_alpha_new_30 * part_of_magnet_flux_new;
-        const float32 part_of_magnet_flux_new_6 = part_of_magnet_flux_new_4 +
-            part_of_psi_alpha_new_36 * part_of_magnet_flux_new_5;
-        const float32 part_of_magnet_flux_new_7 = L_pred_30 -
-            part_of_psi_alpha_new_38 * part_of_magnet_flux_new_2;
-        const float32 magnet_flux_new = part_of_psi_alpha_new_6 * (part_of_magnet_flux_new_2 +
-            L_pred_30 * D_pred_0_times_odd_y_i_alpha_0) + part_of_psi_alpha_new_45 * (part_of_magnet_flux_new_6 +
-            part_of_psi_alpha_new_44 * part_of_magnet_flux_new_7) + magnet_flux_pred;
-        const float32 part_of_stator_resistance_new = D_pred_2_times_odd_y_i_alpha_2 +
-            D_pred_1_times_odd_y_i_alpha_1 * L_pred_21;
-        const float32 part_of_stator_resistance_new_2 = L_pred_21 -
-            D_pred_2_times_odd_y_i_alpha_2 * part_of_psi_alpha_new_30;
-        const float32 part_of_stator_resistance_new_3 = part_of_psi_alpha_new_28 +
-            part_of_psi_alpha_new_36 * part_of_stator_resistance_new_2;
-        const float32 part_of_stator_resistance_new_4 = L_pred_20 -
-            part_of_psi_alpha_new_38 * part_of_stator_resistance_new;
-        const float32 stator_resistance_new = part_of_psi_alpha_new_6 * (part_of_stator_resistance_new +
-            D_pred_0_times_odd_y_i_alpha_0 * L_pred_20) +
-            part_of_psi_alpha_new_45 * (part_of_stator_resistance_new_3 +
-            part_of_psi_alpha_new_44 * part_of_stator_resistance_new_4) + stator_resistance_pred;
+        const float32 share_second = innovation_after_first * one_per_span_second;
+        const float32 psi_alpha_new = (gathered_first_41 + L_pred_40 * g_first_0) * share_first +
+            (gathered_second_41 + L_first_40 * g_second_0) * share_second + psi_alpha_pred;
+        const float32 gathered_first_54 = g_first_5 + L_pred_54 * g_first_4;
+        const float32 gathered_first_53 = gathered_first_54 + L_pred_53 * g_first_3;
+        const float32 gathered_first_52 = gathered_first_53 + L_pred_52 * g_first_2;
+        const float32 gathered_first_51 = gathered_first_52 + L_pred_51 * g_first_1;
+        const float32 L_first_54 = L_pred_54 - change_first_54;
+        const float32 gathered_second_54 = g_second_5 + g_second_4 * L_first_54;
+        const float32 L_first_53 = L_pred_53 - lambda_first_3 * gathered_first_54;
+        const float32 gathered_second_53 = gathered_second_54 + g_second_3 * L_first_53;
+        const float32 L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53;
+        const float32 gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52;
+        const float32 L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52;
+        const float32 gathered_second_51 = gathered_second_52 + g_second_1 * L_first_51;
+        const float32 L_first_50 = L_pred_50 - lambda_first_0 * gathered_first_51;
+        const float32 psi_beta_new = share_first * (gathered_first_51 + L_pred_50 * g_first_0) +
+            share_second * (gathered_second_51 + g_second_0 * L_first_50) + psi_beta_pred;
+        const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
+        const float32 omega_new = share_first * (g_first_1 + g_first_0 * L_pred_10) +
+            share_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
+        const float32 theta_new = wrap_angle(g_first_0 * share_first + g_second_0 * share_second + theta_pred);
+        const float32 gathered_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64;
+        const float32 gathered_first_63 = gathered_first_64 + g_first_3 * L_pred_63;
+        const float32 gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62;
+        const float32 gathered_first_61 = gathered_first_62 + g_first_1 * L_pred_61;
+        const float32 L_first_64 = L_pred_64 - change_first_54 * L_pred_65;
+        const float32 gathered_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64;
+        const float32 L_first_63 = L_pred_63 - lambda_first_3 * gathered_first_64;
+        const float32 gathered_second_63 = gathered_second_64 + g_second_3 * L_first_63;
+        const float32 L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63;
+        const float32 gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62;
+        const float32 L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62;
+        const float32 gathered_second_61 = gathered_second_62 + g_second_1 * L_first_61;
+        const float32 L_first_60 = L_pred_60 - lambda_first_0 * gathered_first_61;
+        const float32 load_torque_new = share_first * (gathered_first_61 + g_first_0 * L_pred_60) +
+            share_second * (gathered_second_61 + g_second_0 * L_first_60) + load_torque_pred;
+        const float32 gathered_first_32 = g_first_3 + L_pred_32 * g_first_2;
+        const float32 gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1;
+        const float32 L_first_32 = L_pred_32 - g_first_3 * lambda_first_2;
+        const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
+        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
+        const float32 gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31;
+        const float32 L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31;
+        const float32 magnet_flux_new = share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
+            share_second * (gathered_second_31 + g_second_0 * L_first_30) + magnet_flux_pred;
+        const float32 gathered_first_21 = g_first_2 + g_first_1 * L_pred_21;
+        const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+        const float32 gathered_second_21 = g_second_2 + g_second_1 * L_first_21;
+        const float32 L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21;
+        const float32 stator_resistance_new = share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
+            share_second * (gathered_second_21 + g_second_0 * L_first_20) + stator_resistance_pred;
 
         /* --- eq. 26: L D L^T = P_new */
-        const float32 D_new_0 = part_of_psi_alpha_new_40 * part_of_span_second_8 * one_per_span_second;
-        const float32 one_per_part_of_span_second_8 = 1.0f / part_of_span_second_8;
-        const float32 part_of_L_new_10 = part_of_psi_alpha_new_43 * one_per_part_of_span_second_8;
-        const float32 L_new_10 = part_of_omega_new - part_of_psi_alpha_new_36 * part_of_L_new_10;
-        const float32 D_new_1 = part_of_psi_alpha_new_32 * part_of_span_second_7 * one_per_part_of_span_second_8;
-        const float32 L_new_20 = part_of_stator_resistance_new_4 -
-            part_of_stator_resistance_new_3 * part_of_L_new_10;
-        const float32 one_per_part_of_span_second_7 = 1.0f / part_of_span_second_7;
-        const float32 part_of_L_new_21 = part_of_psi_alpha_new_35 * one_per_part_of_span_second_7;
-        const float32 L_new_21 = part_of_stator_resistance_new_2 - part_of_psi_alpha_new_28 * part_of_L_new_21;
-        const float32 D_new_2 = part_of_psi_alpha_new_24 * part_of_span_second_6 * one_per_part_of_span_second_7;
-        const float32 L_new_30 = part_of_magnet_flux_new_7 - part_of_magnet_flux_new_6 * part_of_L_new_10;
-        const float32 L_new_31 = part_of_magnet_flux_new_5 - part_of_magnet_flux_new_4 * part_of_L_new_21;
-        const float32 one_per_part_of_span_second_6 = 1.0f / part_of_span_second_6;
-        const float32 part_of_L_new_32 = part_of_psi_alpha_new_27 * one_per_part_of_span_second_6;
-        const float32 L_new_32 = part_of_magnet_flux_new_3 - part_of_psi_alpha_new_20 * part_of_L_new_32;
-        const float32 D_new_3 = part_of_psi_alpha_new_16 * part_of_span_second_5 * one_per_part_of_span_second_6;
-        const float32 L_new_40 = part_of_psi_alpha_new_39 - part_of_psi_alpha_new_37 * part_of_L_new_10;
-        const float32 L_new_41 = part_of_psi_alpha_new_31 - part_of_psi_alpha_new_29 * part_of_L_new_21;
-        const float32 L_new_42 = part_of_psi_alpha_new_23 - part_of_psi_alpha_new_21 * part_of_L_new_32;
-        const float32 one_per_part_of_span_second_5 = 1.0f / part_of_span_second_5;
-        const float32 part_of_L_new_43 = part_of_psi_alpha_new_19 * one_per_part_of_span_second_5;
-        const float32 L_new_43 = part_of_psi_alpha_new_15 - part_of_psi_alpha_new_13 * part_of_L_new_43;
-        const float32 D_new_4 = part_of_psi_alpha_new_7 * part_of_span_second_4 * one_per_part_of_span_second_5;
-        const float32 L_new_50 = part_of_psi_beta_new_13 - part_of_psi_beta_new_12 * part_of_L_new_10;
-        const float32 L_new_51 = part_of_psi_beta_new_11 - part_of_psi_beta_new_10 * part_of_L_new_21;
-        const float32 L_new_52 = part_of_psi_beta_new_9 - part_of_psi_beta_new_8 * part_of_L_new_32;
-        const float32 L_new_53 = part_of_psi_beta_new_7 - part_of_psi_beta_new_6 * part_of_L_new_43;
-        const float32 one_per_part_of_span_second_4 = 1.0f / part_of_span_second_4;
-        const float32 part_of_L_new_54 =
-            part_of_span_second_3 * part_of_psi_alpha_new_12 * one_per_part_of_span_second_4;
-        const float32 L_new_54 = part_of_psi_beta_new_5 - part_of_L_new_54;
-        const float32 D_new_5 = part_of_span_second_2 * part_of_span_second * one_per_part_of_span_second_4;
-        const float32 L_new_60 = part_of_load_torque_new_13 - part_of_load_torque_new_12 * part_of_L_new_10;
-        const float32 L_new_61 = part_of_load_torque_new_11 - part_of_load_torque_new_10 * part_of_L_new_21;
-        const float32 L_new_62 = part_of_load_torque_new_9 - part_of_load_torque_new_8 * part_of_L_new_32;
-        const float32 L_new_63 = part_of_load_torque_new_7 - part_of_load_torque_new_6 * part_of_L_new_43;
-        const float32 L_new_64 = part_of_load_torque_new_5 - L_pred_65 * part_of_L_new_54;
+        const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
+        const float32 one_per_span_second_1 = 1.0f / span_second_1;
+        const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+        const float32 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
+        const float32 D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1;
+        const float32 L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0;
+        const float32 one_per_span_second_2 = 1.0f / span_second_2;
+        const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+        const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
+        const float32 D_new_2 = D_first_2 * span_second_3 * one_per_span_second_2;
+        const float32 L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0;
+        const float32 L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1;
+        const float32 one_per_span_second_3 = 1.0f / span_second_3;
+        const float32 lambda_second_2 = f_second_2 * one_per_span_second_3;
+        const float32 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
+        const float32 D_new_3 = D_first_3 * span_second_4 * one_per_span_second_3;
+        const float32 L_new_40 = L_first_40 - gathered_second_41 * lambda_second_0;
+        const float32 L_new_41 = L_first_41 - gathered_second_42 * lambda_second_1;
+        const float32 L_new_42 = L_first_42 - gathered_second_43 * lambda_second_2;
+        const float32 one_per_span_second_4 = 1.0f / span_second_4;
+        const float32 lambda_second_3 = f_second_3 * one_per_span_second_4;
+        const float32 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
+        const float32 D_new_4 = D_first_4 * span_second_5 * one_per_span_second_4;
+        const float32 L_new_50 = L_first_50 - gathered_second_51 * lambda_second_0;
+        const float32 L_new_51 = L_first_51 - gathered_second_52 * lambda_second_1;
+        const float32 L_new_52 = L_first_52 - gathered_second_53 * lambda_second_2;
+        const float32 L_new_53 = L_first_53 - gathered_second_54 * lambda_second_3;
+        const float32 one_per_span_second_5 = 1.0f / span_second_5;
+        const float32 change_second_54 = g_second_5 * f_second_4 * one_per_span_second_5;
+        const float32 L_new_54 = L_first_54 - change_second_54;
+        const float32 D_new_5 = D_first_5 * variance_second * one_per_span_second_5;
+        const float32 L_new_60 = L_first_60 - gathered_second_61 * lambda_second_0;
+        const float32 L_new_61 = L_first_61 - gathered_second_62 * lambda_second_1;
+        const float32 L_new_62 = L_first_62 - gathered_second_63 * lambda_second_2;
+        const float32 L_new_63 = L_first_63 - gathered_second_64 * lambda_second_3;
+        const float32 L_new_64 = L_first_64 - L_pred_65 * change_second_54;
 
         /* --- normalised innovation squared */
-        const float32 nis = innovation_i_alpha * part_of_psi_alpha_new_6 +
-            innovation_after_first * part_of_psi_alpha_new_45;
+        const float32 nis = innovation_i_alpha * share_first + innovation_after_first * share_second;
 
         x_out[0].of[lane] = psi_alpha_new;
         x_out[1].of[lane] = psi_beta_new;

@@ -20,7 +20,11 @@
 #define GAIN_D 9.950166e-05f /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define GAIN_Q 9.9647885e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define HALF_T_POLE_PAIRS 0.00015f /* HALF_T * POLE_PAIRS */
+#define ONE_MINUS_LOSS_D 0.99004984f /* 1 - LOSS_D */
+#define ONE_MINUS_LOSS_D_X4 3.9601994f /* 4 * (1 - LOSS_D) */
+#define ONE_MINUS_LOSS_Q 0.99296606f /* 1 - LOSS_Q */
 #define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017e-10f /* MAGNET_TURN * POLE_PAIRS * PSI_M */
+#define ONE_MINUS_LOSS_Q_X4 3.9718642f /* 4 * (1 - LOSS_Q) */
 #define ADVANCE_POLE_PAIRS 0.0003f /* ADVANCE * POLE_PAIRS */
 #define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
 
@@ -297,10 +301,10 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         const float32 D_3 = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_z_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-        const float32 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
-        const float32 part_of_z_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-        const float32 z_theta_mid_1 = D_1 * part_of_z_theta_mid_1 * part_of_z_theta_mid_1;
+        const float32 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
+        const float32 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
+        const float32 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
+        const float32 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
         const float32 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
         const float32 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
         const float32 sinc_theta_mid_0 = (SINC_2 * z_theta_mid_0 + SINC_1) * z_theta_mid_0 + 1.0f;
@@ -378,98 +382,94 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
         const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
         const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
-        const float32 part_of_psi_d_next = 0.99004984f * psi_d_mid + GAIN_D * v_d;
-        const float32 psi_d_next = part_of_psi_d_next + 0.005422841f;
-        const float32 part_of_even_psi_d_next_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 D_0_x_part_of_even_psi_d_next_0 = D_0 * part_of_even_psi_d_next_0;
+        const float32 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
+        const float32 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422841f;
+        const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 D_sind_theta_mid_0 = D_0 * sind_theta_mid_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
-        const float32 even_psi_d_next_0 = part_of_psi_d_next * cosm1_theta_mid_0 +
-            3.9601994f * D_0_x_part_of_even_psi_d_next_0 * odd_psi_beta_turned_0;
+        const float32 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
+            ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
         const float32 odd_psi_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
-        const float32 part_of_odd_psi_d_next_0 = 0.99004984f * psi_q_mid + GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = 0.99004984f * one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-            part_of_even_psi_d_next_0 * part_of_odd_psi_d_next_0;
-        const float32 part_of_psi_q_next = 0.99296606f * psi_q_mid + GAIN_Q * v_q;
-        const float32 psi_q_next = part_of_psi_q_next + omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
-        const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * part_of_psi_q_next -
-            3.9718642f * D_0_x_part_of_even_psi_d_next_0 * odd_psi_alpha_turned_0;
-        const float32 part_of_odd_psi_q_next_0 = psi_d_mid * 0.99296606f + v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * 0.99296606f * one_plus_cosm1_theta_mid_0 -
-            part_of_even_psi_d_next_0 * part_of_odd_psi_q_next_0 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
+        const float32 psi_q_mid_scaled_and_v_q_scal_2 = ONE_MINUS_LOSS_D * psi_q_mid + GAIN_D * v_q;
+        const float32 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
+            sind_theta_mid_0 * psi_q_mid_scaled_and_v_q_scal_2;
+        const float32 psi_q_mid_scaled_and_v_q_scaled = ONE_MINUS_LOSS_Q * psi_q_mid + GAIN_Q * v_q;
+        const float32 psi_q_next = psi_q_mid_scaled_and_v_q_scaled + omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
+        const float32 even_psi_q_next_0 = cosm1_theta_mid_0 * psi_q_mid_scaled_and_v_q_scaled -
+            ONE_MINUS_LOSS_Q_X4 * D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
+        const float32 psi_d_mid_scaled_and_v_d_scal_2 = psi_d_mid * ONE_MINUS_LOSS_Q + v_d * GAIN_Q;
+        const float32 odd_psi_q_next_0 = odd_psi_beta_turned_0 * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_0 -
+            sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
         const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-        const float32 part_of_even_psi_d_next_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 D_1_x_part_of_even_psi_d_next_1 = D_1 * part_of_even_psi_d_next_1;
-        const float32 even_psi_d_next_1 = part_of_psi_d_next * cosm1_theta_mid_1 +
-            3.9601994f * cos_theta_mid * D_1_x_part_of_even_psi_d_next_1;
+        const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+        const float32 D_sind_theta_mid_1 = D_1 * sind_theta_mid_1;
+        const float32 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
+            ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
-        const float32 odd_psi_d_next_1 = 0.99004984f * sin_theta_mid * one_plus_cosm1_theta_mid_1 +
-            part_of_even_psi_d_next_1 * part_of_odd_psi_d_next_0;
-        const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * part_of_psi_q_next -
-            3.9718642f * sin_theta_mid * D_1_x_part_of_even_psi_d_next_1;
-        const float32 odd_psi_q_next_1 = cos_theta_mid * 0.99296606f * one_plus_cosm1_theta_mid_1 -
-            part_of_odd_psi_q_next_0 * part_of_even_psi_d_next_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
+        const float32 odd_psi_d_next_1 = ONE_MINUS_LOSS_D * sin_theta_mid * one_plus_cosm1_theta_mid_1 +
+            sind_theta_mid_1 * psi_q_mid_scaled_and_v_q_scal_2;
+        const float32 even_psi_q_next_1 = cosm1_theta_mid_1 * psi_q_mid_scaled_and_v_q_scaled -
+            ONE_MINUS_LOSS_Q_X4 * sin_theta_mid * D_sind_theta_mid_1;
+        const float32 odd_psi_q_next_1 = cos_theta_mid * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_1 -
+            psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
         const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
-        const float32 even_psi_d_next_2 = part_of_psi_d_next * cosm1_theta_mid_2;
-        const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * part_of_psi_q_next;
-        const float32 part_of_even_psi_alpha_next_2_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+        const float32 even_psi_d_next_2 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_2;
+        const float32 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_mid_scaled_and_v_q_scaled;
+        const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 odd_psi_q_next_2 = MAGNET_TURN_POLE_PAIRS_PSI_M -
-            part_of_odd_psi_q_next_0 * part_of_even_psi_alpha_next_2_2;
-        const float32 even_psi_d_next_3 = part_of_psi_d_next * cosm1_theta_mid_3;
-        const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * part_of_psi_q_next;
-        const float32 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
-        const float32 part_of_even_psi_alpha_next_0_2 = 4.0f * D_0_x_part_of_even_psi_d_next_0;
-        const float32 even_psi_alpha_next_0 = even_psi_d_next_0 +
-            cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 -
-            part_of_even_psi_alpha_next_0_2 * odd_psi_q_next_0;
-        const float32 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
-        const float32 part_of_even_psi_alpha_next_1_2 = 4.0f * D_1_x_part_of_even_psi_d_next_1;
-        const float32 even_psi_alpha_next_1 = even_psi_d_next_1 +
-            cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 -
-            part_of_even_psi_alpha_next_1_2 * odd_psi_q_next_1;
-        const float32 part_of_even_psi_alpha_next_2 = psi_d_next + even_psi_d_next_2;
-        const float32 part_of_even_psi_alpha_next_2_3 = 4.0f * D_2 * part_of_even_psi_alpha_next_2_2;
-        const float32 even_psi_alpha_next_2 = even_psi_d_next_2 +
-            cosm1_theta_mid_2 * part_of_even_psi_alpha_next_2 -
-            part_of_even_psi_alpha_next_2_3 * odd_psi_q_next_2;
-        const float32 part_of_even_psi_alpha_next_3 = psi_d_next + even_psi_d_next_3;
-        const float32 part_of_even_psi_alpha_next_3_2 = part_of_odd_psi_q_next_0 * sinc_theta_mid_3;
-        const float32 part_of_even_psi_alpha_next_3_3 = 4.0f * D_3 * sinc_theta_mid_3;
-        const float32 even_psi_alpha_next_3 = even_psi_d_next_3 +
-            cosm1_theta_mid_3 * part_of_even_psi_alpha_next_3 +
-            part_of_even_psi_alpha_next_3_2 * part_of_even_psi_alpha_next_3_3;
-        const float32 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = part_of_even_psi_alpha_next_0_2 * odd_psi_d_next_0 +
-            even_psi_q_next_0 + cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
-        const float32 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = part_of_even_psi_alpha_next_1_2 * odd_psi_d_next_1 +
-            even_psi_q_next_1 + cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
-        const float32 part_of_even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_2 * part_of_odd_psi_d_next_0;
-        const float32 part_of_even_psi_beta_next_2_2 = psi_q_next + even_psi_q_next_2;
-        const float32 even_psi_beta_next_2 = part_of_even_psi_alpha_next_2_3 * part_of_even_psi_beta_next_2 +
-            even_psi_q_next_2 + cosm1_theta_mid_2 * part_of_even_psi_beta_next_2_2;
-        const float32 part_of_even_psi_beta_next_3 = sinc_theta_mid_3 * part_of_odd_psi_d_next_0;
-        const float32 part_of_even_psi_beta_next_3_2 = psi_q_next + even_psi_q_next_3;
-        const float32 even_psi_beta_next_3 = part_of_even_psi_alpha_next_3_3 * part_of_even_psi_beta_next_3 +
-            even_psi_q_next_3 + cosm1_theta_mid_3 * part_of_even_psi_beta_next_3_2;
+            psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_2;
+        const float32 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
+        const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
+        const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+        const float32 D_sind_theta_mid_0_scaled = 4.0f * D_sind_theta_mid_0;
+        const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
+            D_sind_theta_mid_0_scaled * odd_psi_q_next_0;
+        const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+        const float32 D_sind_theta_mid_1_scaled = 4.0f * D_sind_theta_mid_1;
+        const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
+            D_sind_theta_mid_1_scaled * odd_psi_q_next_1;
+        const float32 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+        const float32 D_2_scaled_x_sind_theta_mid_2 = 4.0f * D_2 * sind_theta_mid_2;
+        const float32 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
+            D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2;
+        const float32 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+        const float32 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
+        const float32 D_3_scaled_x_sinc_theta_mid_3 = 4.0f * D_3 * sinc_theta_mid_3;
+        const float32 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
+            minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3;
+        const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+        const float32 even_psi_beta_next_0 = D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+            cosm1_theta_mid_0 * total_psi_q_next_0;
+        const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+        const float32 even_psi_beta_next_1 = D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+            cosm1_theta_mid_1 * total_psi_q_next_1;
+        const float32 odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2;
+        const float32 total_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
+        const float32 even_psi_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2
+            + cosm1_theta_mid_2 * total_psi_q_next_2;
+        const float32 odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2;
+        const float32 total_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
+        const float32 even_psi_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3
+            + cosm1_theta_mid_3 * total_psi_q_next_3;
         const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
-            part_of_even_psi_d_next_0 * part_of_even_psi_beta_next_0;
+            sind_theta_mid_0 * total_psi_q_next_0;
         const float32 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
-            part_of_even_psi_d_next_1 * part_of_even_psi_beta_next_1;
+            sind_theta_mid_1 * total_psi_q_next_1;
         const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
-        const float32 odd_psi_alpha_next_2 = part_of_even_psi_beta_next_2 * one_plus_cosm1_theta_mid_2 -
-            part_of_even_psi_alpha_next_2_2 * part_of_even_psi_beta_next_2_2;
+        const float32 odd_psi_alpha_next_2 = odd_psi_d_next_2 * one_plus_cosm1_theta_mid_2 -
+            sind_theta_mid_2 * total_psi_q_next_2;
         const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
-        const float32 odd_psi_alpha_next_3 = part_of_even_psi_beta_next_3 * one_plus_cosm1_theta_mid_3 -
-            sinc_theta_mid_3 * part_of_even_psi_beta_next_3_2;
-        const float32 odd_psi_beta_next_0 = part_of_even_psi_d_next_0 * part_of_even_psi_alpha_next_0 +
+        const float32 odd_psi_alpha_next_3 = odd_psi_d_next_3 * one_plus_cosm1_theta_mid_3 -
+            sinc_theta_mid_3 * total_psi_q_next_3;
+        const float32 odd_psi_beta_next_0 = sind_theta_mid_0 * total_psi_d_next_0 +
             one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
-        const float32 odd_psi_beta_next_1 = part_of_even_psi_d_next_1 * part_of_even_psi_alpha_next_1 +
+        const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-        const float32 odd_psi_beta_next_2 = part_of_even_psi_alpha_next_2 * part_of_even_psi_alpha_next_2_2 +
+        const float32 odd_psi_beta_next_2 = total_psi_d_next_2 * sind_theta_mid_2 +
             odd_psi_q_next_2 * one_plus_cosm1_theta_mid_2;
-        const float32 odd_psi_beta_next_3 = part_of_even_psi_alpha_next_3 * sinc_theta_mid_3 -
-            part_of_even_psi_alpha_next_3_2 * one_plus_cosm1_theta_mid_3;
+        const float32 odd_psi_beta_next_3 = total_psi_d_next_3 * sinc_theta_mid_3 -
+            minus_odd_psi_q_next_3 * one_plus_cosm1_theta_mid_3;
         const float32 odd_theta_next_0 = L_20 * ADVANCE_POLE_PAIRS + L_30;
         const float32 odd_theta_next_1 = L_21 * ADVANCE_POLE_PAIRS + L_31;
         const float32 odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32;
@@ -514,15 +514,14 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
             dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
             dev_psi_alpha_3 * dev_psi_beta_3);
-        const float32 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-            cos_theta_mid * P_turned_10 * 2.0f;
-        const float32 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-        const float32 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
+        const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
+        const float32 P_turn = sin_theta_mid * P_tilt;
+        const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
         const float32 D_pred_0 = larger(P_pred_00, Q_0);
-        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
+        const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
         const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
         const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
-        const float32 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
+        const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
         const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
         const float32 D_0_times_L_20 = D_0 * L_20;
         const float32 D_1_times_L_21 = D_1 * L_21;
@@ -533,11 +532,11 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
         const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-        const float32 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+        const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
         const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
         const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
-        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
         const float32 P_turned_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
             D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
             + D_3_times_odd_psi_alpha_next_3;
@@ -547,25 +546,23 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
         const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-        const float32 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-        const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+        const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
         const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
             D_2_times_odd_theta_next_2;
-        const float32 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
-        const float32 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+        const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
+        const float32 L_pred_32 = LD_pred_32 / D_pred_2;
         const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
             D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-            part_of_L_pred_32 * L_pred_32, Q_3);
+        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+            LD_pred_32 * L_pred_32, Q_3);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 part_of_psi_alpha_pred = psi_d_next + bend_psi_alpha_mean;
-        const float32 part_of_psi_alpha_pred_2 = psi_q_next + bend_psi_beta_mean;
-        const float32 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
-            sin_theta_mid * part_of_psi_alpha_pred_2;
-        const float32 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
-            cos_theta_mid * part_of_psi_alpha_pred_2;
+        const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
+        const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+        const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+        const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
         const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
         /* --- sum of the pivots, for the guard */
@@ -652,49 +649,42 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
             slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
 
         /* --- eq. 22: Pyy^j */
-        const float32 part_of_Pyy_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 +
-            slope_y_i_alpha_3 * L_pred_30;
-        const float32 D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00;
-        const float32 part_of_Pyy_00_2 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
-        const float32 part_of_Pyy_00_2_times_D_pred_1 = part_of_Pyy_00_2 * D_pred_1;
-        const float32 slope_y_i_alpha_3_x_L_pred_32 = slope_y_i_alpha_3 * L_pred_32;
-        const float32 part_of_Pyy_00_3 = slope_y_i_alpha_3_x_L_pred_32 * D_pred_2;
-        const float32 slope_y_i_alpha_3_x_D_pred_3 = slope_y_i_alpha_3 * D_pred_3;
-        const float32 Pyy_00 = part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-            part_of_Pyy_00_2 * part_of_Pyy_00_2_times_D_pred_1 + slope_y_i_alpha_3_x_L_pred_32 * part_of_Pyy_00_3
-            + slope_y_i_alpha_3 * slope_y_i_alpha_3_x_D_pred_3 + R_0;
-        const float32 part_of_Pyy_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 +
-            L_pred_30 * slope_y_i_beta_3;
-        const float32 part_of_Pyy_10_2 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3;
-        const float32 L_pred_32_x_slope_y_i_beta_3 = L_pred_32 * slope_y_i_beta_3;
-        const float32 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-            part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 + part_of_Pyy_00_3 * L_pred_32_x_slope_y_i_beta_3 +
-            slope_y_i_alpha_3_x_D_pred_3 * slope_y_i_beta_3;
+        const float32 HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30;
+        const float32 D_HL_00 = D_pred_0 * HL_00;
+        const float32 HL_01 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
+        const float32 D_HL_01 = HL_01 * D_pred_1;
+        const float32 HL_02 = slope_y_i_alpha_3 * L_pred_32;
+        const float32 D_HL_02 = HL_02 * D_pred_2;
+        const float32 D_HL_03 = slope_y_i_alpha_3 * D_pred_3;
+        const float32 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + slope_y_i_alpha_3 * D_HL_03 +
+            R_0;
+        const float32 HL_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3;
+        const float32 HL_11 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3;
+        const float32 HL_12 = L_pred_32 * slope_y_i_beta_3;
+        const float32 Pyy_10 = D_HL_00 * HL_10 + D_HL_01 * HL_11 + D_HL_02 * HL_12 + D_HL_03 * slope_y_i_beta_3;
 
         /* --- eq. 28: Pyy^-1 innovation */
         const float32 one_per_Pyy_00 = 1.0f / Pyy_00;
-        const float32 one_per_Pyy_00_times_Pyy_10 = one_per_Pyy_00 * Pyy_10;
-        const float32 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
-        const float32 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
-        const float32 part_of_share_1 = D_pred_2 * L_pred_32_x_slope_y_i_beta_3;
-        const float32 D_pred_3_times_slope_y_i_beta_3 = D_pred_3 * slope_y_i_beta_3;
-        const float32 share_1 = (innovation_i_beta -
-            innovation_i_alpha * one_per_Pyy_00_times_Pyy_10) / larger(part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10
-            + part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 + L_pred_32_x_slope_y_i_beta_3 * part_of_share_1
-            + slope_y_i_beta_3 * D_pred_3_times_slope_y_i_beta_3 - Pyy_10 * one_per_Pyy_00_times_Pyy_10 + R_1,
+        const float32 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
+        const float32 D_HL_10 = D_pred_0 * HL_10;
+        const float32 D_HL_11 = D_pred_1 * HL_11;
+        const float32 D_HL_12 = D_pred_2 * HL_12;
+        const float32 D_HL_13 = D_pred_3 * slope_y_i_beta_3;
+        const float32 share_1 =
+            (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
+            HL_11 * D_HL_11 + HL_12 * D_HL_12 + slope_y_i_beta_3 * D_HL_13 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1,
             R_1);
-        const float32 share_0 = innovation_i_alpha * one_per_Pyy_00 - one_per_Pyy_00_times_Pyy_10 * share_1;
+        const float32 share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1;
 
         /* --- eq. 31: K innovation = L along; x^{j+1} */
-        const float32 along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1;
-        const float32 along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 +
-            D_pred_1_times_part_of_Pyy_10_2 * share_1;
-        const float32 along_2 = part_of_Pyy_00_3 * share_0 + part_of_share_1 * share_1;
+        const float32 along_0 = D_HL_00 * share_0 + D_HL_10 * share_1;
+        const float32 along_1 = D_HL_01 * share_0 + D_HL_11 * share_1;
+        const float32 along_2 = D_HL_02 * share_0 + D_HL_12 * share_1;
         const float32 psi_alpha_after = along_0 + psi_alpha_pred;
         const float32 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
         const float32 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
         const float32 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-            slope_y_i_alpha_3_x_D_pred_3 * share_0 + D_pred_3_times_slope_y_i_beta_3 * share_1 + theta_pred;
+            D_HL_03 * share_0 + D_HL_13 * share_1 + theta_pred;
 
         /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
         const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
@@ -709,13 +699,13 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         x_j_out[2].of[lane] = omega_after;
         x_j_out[3].of[lane] = theta_after;
         nis_out[0].of[lane] = innovation_i_alpha * share_0 + innovation_i_beta * share_1;
-        HL_out[0].of[lane] = part_of_Pyy_00;
-        HL_out[1].of[lane] = part_of_Pyy_00_2;
-        HL_out[2].of[lane] = slope_y_i_alpha_3_x_L_pred_32;
+        HL_out[0].of[lane] = HL_00;
+        HL_out[1].of[lane] = HL_01;
+        HL_out[2].of[lane] = HL_02;
         HL_out[3].of[lane] = slope_y_i_alpha_3;
-        HL_out[4].of[lane] = part_of_Pyy_10;
-        HL_out[5].of[lane] = part_of_Pyy_10_2;
-        HL_out[6].of[lane] = L_pred_32_x_slope_y_i_beta_3;
+        HL_out[4].of[lane] = HL_10;
+        HL_out[5].of[lane] = HL_11;
+        HL_out[6].of[lane] = HL_12;
         HL_out[7].of[lane] = slope_y_i_beta_3;
         change_out[0].of[lane] = change;
     }
@@ -753,70 +743,61 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 HL_13 = HL[7].of[lane];
 
         /* --- eq. 32 */
-        const float32 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
-        const float32 part_of_D_new_0 = larger(HL_03 * HL_03_times_D_pred_3 + R_0, R_0);
-        const float32 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
-        const float32 part_of_D_new_0_2 = larger(part_of_D_new_0 + HL_02 * HL_02_times_D_pred_2, R_0);
-        const float32 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
-        const float32 part_of_D_new_0_3 = larger(part_of_D_new_0_2 + HL_01 * HL_01_times_D_pred_1, R_0);
-        const float32 span_first = larger(part_of_D_new_0_3 + D_pred_0 * HL_00 * HL_00, R_0);
-        const float32 D_pred_3_per_part_of_D_new_0 = D_pred_3 / part_of_D_new_0;
-        const float32 part_of_D_new_0_5 = R_0 * D_pred_3_per_part_of_D_new_0;
-        const float32 HL_13_times_part_of_D_new_0_5 = HL_13 * part_of_D_new_0_5;
-        const float32 part_of_D_new_0_6 = larger(HL_13 * HL_13_times_part_of_D_new_0_5 + R_1, R_1);
-        const float32 part_of_D_new_0_7 = HL_03 * HL_02 * D_pred_3_per_part_of_D_new_0;
-        const float32 part_of_D_new_0_8 = HL_12 - HL_13 * part_of_D_new_0_7;
-        const float32 one_per_part_of_D_new_0_2 = 1.0f / part_of_D_new_0_2;
-        const float32 part_of_D_new_0_9 = part_of_D_new_0 * (D_pred_2 * one_per_part_of_D_new_0_2);
-        const float32 part_of_D_new_0_10 = part_of_D_new_0_8 * part_of_D_new_0_9;
-        const float32 part_of_D_new_0_11 = larger(part_of_D_new_0_6 + part_of_D_new_0_8 * part_of_D_new_0_10,
-            R_1);
-        const float32 part_of_D_new_0_12 = HL_01 * one_per_part_of_D_new_0_2;
-        const float32 part_of_D_new_0_13 = HL_03_times_D_pred_3 * HL_13 + HL_02_times_D_pred_2 * HL_12;
-        const float32 part_of_D_new_0_14 = HL_11 - part_of_D_new_0_12 * part_of_D_new_0_13;
-        const float32 one_per_part_of_D_new_0_3 = 1.0f / part_of_D_new_0_3;
-        const float32 part_of_D_new_0_15 = part_of_D_new_0_2 * (D_pred_1 * one_per_part_of_D_new_0_3);
-        const float32 part_of_D_new_0_16 = part_of_D_new_0_14 * part_of_D_new_0_15;
-        const float32 part_of_D_new_0_17 = larger(part_of_D_new_0_11 + part_of_D_new_0_14 * part_of_D_new_0_16,
-            R_1);
-        const float32 part_of_D_new_0_4 = D_pred_0 * part_of_D_new_0_3 / span_first;
-        const float32 part_of_span_second = HL_00 * one_per_part_of_D_new_0_3;
-        const float32 part_of_span_second_2 = HL_10 -
-            part_of_span_second * (part_of_D_new_0_13 + HL_01_times_D_pred_1 * HL_11);
-        const float32 span_second = larger(part_of_D_new_0_17 +
-            part_of_D_new_0_4 * part_of_span_second_2 * part_of_span_second_2, R_1);
+        const float32 g_first_3 = HL_03 * D_pred_3;
+        const float32 span_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+        const float32 g_first_2 = HL_02 * D_pred_2;
+        const float32 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, R_0);
+        const float32 g_first_1 = HL_01 * D_pred_1;
+        const float32 span_first_1 = larger(span_first_2 + HL_01 * g_first_1, R_0);
+        const float32 span_first = larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0);
+        const float32 D_pred_3_per_span_first_3 = D_pred_3 / span_first_3;
+        const float32 D_first_3 = R_0 * D_pred_3_per_span_first_3;
+        const float32 g_second_3 = HL_13 * D_first_3;
+        const float32 span_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
+        const float32 change_first_32 = HL_03 * HL_02 * D_pred_3_per_span_first_3;
+        const float32 f_second_2 = HL_12 - HL_13 * change_first_32;
+        const float32 one_per_span_first_2 = 1.0f / span_first_2;
+        const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+        const float32 g_second_2 = f_second_2 * D_first_2;
+        const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 lambda_first_1 = HL_01 * one_per_span_first_2;
+        const float32 gathered_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
+        const float32 f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2;
+        const float32 one_per_span_first_1 = 1.0f / span_first_1;
+        const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+        const float32 g_second_1 = f_second_1 * D_first_1;
+        const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 D_first_0 = D_pred_0 * span_first_1 / span_first;
+        const float32 lambda_first_0 = HL_00 * one_per_span_first_1;
+        const float32 f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11);
+        const float32 span_second = larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_j);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = part_of_D_new_0_4 * part_of_D_new_0_17 / span_second;
-        const float32 one_per_part_of_D_new_0_17 = 1.0f / part_of_D_new_0_17;
-        const float32 part_of_L_new_10 = part_of_span_second_2 * one_per_part_of_D_new_0_17;
-        const float32 L_new_10 = L_pred_10 - HL_01_times_D_pred_1 * part_of_span_second -
-            part_of_D_new_0_16 * part_of_L_new_10;
-        const float32 D_new_1 = part_of_D_new_0_11 * part_of_D_new_0_15 * one_per_part_of_D_new_0_17;
-        const float32 part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * part_of_D_new_0_12;
-        const float32 L_new_20 = L_pred_20 -
-            part_of_span_second * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
-            part_of_L_new_10 * (part_of_D_new_0_10 + part_of_D_new_0_16 * part_of_L_new_20);
-        const float32 one_per_part_of_D_new_0_11 = 1.0f / part_of_D_new_0_11;
-        const float32 part_of_L_new_21 = part_of_D_new_0_14 * one_per_part_of_D_new_0_11;
-        const float32 L_new_21 = part_of_L_new_20 - part_of_D_new_0_10 * part_of_L_new_21;
-        const float32 D_new_2 = part_of_D_new_0_6 * part_of_D_new_0_9 * one_per_part_of_D_new_0_11;
-        const float32 part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32;
-        const float32 L_pred_32_sub_part_of_D_new_0_7 = L_pred_32 - part_of_D_new_0_7;
-        const float32 part_of_L_new_30_2 = HL_13_times_part_of_D_new_0_5 +
-            part_of_D_new_0_10 * L_pred_32_sub_part_of_D_new_0_7;
-        const float32 part_of_L_new_30_3 = L_pred_31 - part_of_D_new_0_12 * part_of_L_new_30;
-        const float32 L_new_30 = L_pred_30 -
-            part_of_span_second * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
-            part_of_L_new_10 * (part_of_L_new_30_2 + part_of_D_new_0_16 * part_of_L_new_30_3);
-        const float32 L_new_31 = part_of_L_new_30_3 - part_of_L_new_21 * part_of_L_new_30_2;
-        const float32 one_per_part_of_D_new_0_6 = 1.0f / part_of_D_new_0_6;
-        const float32 L_new_32 = L_pred_32_sub_part_of_D_new_0_7 -
-            HL_13_times_part_of_D_new_0_5 * part_of_D_new_0_8 * one_per_part_of_D_new_0_6;
-        const float32 D_new_3 = part_of_D_new_0_5 * R_1 * one_per_part_of_D_new_0_6;
+        const float32 D_new_0 = D_first_0 * span_second_1 / span_second;
+        const float32 one_per_span_second_1 = 1.0f / span_second_1;
+        const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+        const float32 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
+        const float32 D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1;
+        const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+        const float32 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
+            lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
+        const float32 one_per_span_second_2 = 1.0f / span_second_2;
+        const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+        const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
+        const float32 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
+        const float32 gathered_first_32 = g_first_3 + g_first_2 * L_pred_32;
+        const float32 L_first_32 = L_pred_32 - change_first_32;
+        const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
+        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
+        const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
+            lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31);
+        const float32 L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32;
+        const float32 one_per_span_second_3 = 1.0f / span_second_3;
+        const float32 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3;
+        const float32 D_new_3 = D_first_3 * R_1 * one_per_span_second_3;
 
         x_out[0].of[lane] = psi_alpha_j;
         x_out[1].of[lane] = psi_beta_j;

@@ -91,20 +91,20 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
     const float64 h = width[0];
     const float64 half_h = 0.5 * h;
     const float64 psi_d_at1 = rotor_cos * z_alpha + rotor_sin * z_beta;
-    const float64 per_L_d_minus_per_L_q = per_L_d - per_L_q;
+    const float64 per_L_d_minus_q = per_L_d - per_L_q;
     const float64 per_L_d_times_psi_m = per_L_d * psi_m;
-    const float64 i_salient_at1 = per_L_d_minus_per_L_q * psi_d_at1 - per_L_d_times_psi_m;
+    const float64 i_salient_at1 = per_L_d_minus_q * psi_d_at1 - per_L_d_times_psi_m;
     const float64 i_alpha_at1 = per_L_q * z_alpha + rotor_cos * i_salient_at1;
     const float64 i_beta_at1 = per_L_q * z_beta + rotor_sin * i_salient_at1;
 
     /* --- slope 1 */
     const float64 slope1_z_alpha = v_alpha - R * i_alpha_at1;
     const float64 slope1_z_beta = v_beta - R * i_beta_at1;
-    const float64 part_of_slope1_omega = 4.5 * per_L_d * psi_m;
-    const float64 part_of_slope1_omega_2 = 4.5 * per_L_d_minus_per_L_q;
-    const float64 slope1_omega =
-        ((part_of_slope1_omega - part_of_slope1_omega_2 * psi_d_at1) * (rotor_cos * z_beta - rotor_sin * z_alpha)
-        - T_L - D * omega) * per_J;
+    const float64 per_L_d_scaled_times_psi_m = 4.5 * per_L_d * psi_m;
+    const float64 per_L_d_minus_q_scaled = 4.5 * per_L_d_minus_q;
+    const float64 slope1_omega = ((per_L_d_scaled_times_psi_m -
+        per_L_d_minus_q_scaled * psi_d_at1) * (rotor_cos * z_beta - rotor_sin * z_alpha) - T_L -
+        D * omega) * per_J;
     const float64 slope1_theta = 3.0 * omega;
     const float64 slope1_rotor_sin = slope1_theta * rotor_cos;
 
@@ -116,16 +116,16 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
     const float64 rotor_cos_at2 = rotor_cos - half_h * slope1_theta_times_rotor_sin;
     const float64 rotor_sin_at2 = rotor_sin + half_h * slope1_rotor_sin;
     const float64 psi_d_at2 = rotor_cos_at2 * z_alpha_at2 + rotor_sin_at2 * z_beta_at2;
-    const float64 i_salient_at2 = per_L_d_minus_per_L_q * psi_d_at2 - per_L_d_times_psi_m;
+    const float64 i_salient_at2 = per_L_d_minus_q * psi_d_at2 - per_L_d_times_psi_m;
     const float64 i_alpha_at2 = per_L_q * z_alpha_at2 + rotor_cos_at2 * i_salient_at2;
     const float64 i_beta_at2 = per_L_q * z_beta_at2 + rotor_sin_at2 * i_salient_at2;
 
     /* --- slope 2 */
     const float64 slope2_z_alpha = v_alpha - R * i_alpha_at2;
     const float64 slope2_z_beta = v_beta - R * i_beta_at2;
-    const float64 slope2_omega =
-        ((part_of_slope1_omega - part_of_slope1_omega_2 * psi_d_at2) * (rotor_cos_at2 * z_beta_at2 - rotor_sin_at2 * z_alpha_at2)
-        - T_L - D * omega_at2) * per_J;
+    const float64 slope2_omega = ((per_L_d_scaled_times_psi_m -
+        per_L_d_minus_q_scaled * psi_d_at2) * (rotor_cos_at2 * z_beta_at2 - rotor_sin_at2 * z_alpha_at2) - T_L
+        - D * omega_at2) * per_J;
     const float64 slope2_theta = 3.0 * omega_at2;
     const float64 slope2_rotor_sin = slope2_theta * rotor_cos_at2;
 
@@ -137,16 +137,16 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
     const float64 rotor_cos_at3 = rotor_cos - half_h * slope2_theta_x_rotor_sin_at2;
     const float64 rotor_sin_at3 = rotor_sin + half_h * slope2_rotor_sin;
     const float64 psi_d_at3 = rotor_cos_at3 * z_alpha_at3 + rotor_sin_at3 * z_beta_at3;
-    const float64 i_salient_at3 = per_L_d_minus_per_L_q * psi_d_at3 - per_L_d_times_psi_m;
+    const float64 i_salient_at3 = per_L_d_minus_q * psi_d_at3 - per_L_d_times_psi_m;
     const float64 i_alpha_at3 = per_L_q * z_alpha_at3 + rotor_cos_at3 * i_salient_at3;
     const float64 i_beta_at3 = per_L_q * z_beta_at3 + rotor_sin_at3 * i_salient_at3;
 
     /* --- slope 3 */
     const float64 slope3_z_alpha = v_alpha - R * i_alpha_at3;
     const float64 slope3_z_beta = v_beta - R * i_beta_at3;
-    const float64 slope3_omega =
-        ((part_of_slope1_omega - part_of_slope1_omega_2 * psi_d_at3) * (rotor_cos_at3 * z_beta_at3 - rotor_sin_at3 * z_alpha_at3)
-        - T_L - D * omega_at3) * per_J;
+    const float64 slope3_omega = ((per_L_d_scaled_times_psi_m -
+        per_L_d_minus_q_scaled * psi_d_at3) * (rotor_cos_at3 * z_beta_at3 - rotor_sin_at3 * z_alpha_at3) - T_L
+        - D * omega_at3) * per_J;
     const float64 slope3_theta = 3.0 * omega_at3;
     const float64 slope3_rotor_sin = slope3_theta * rotor_cos_at3;
 
@@ -158,16 +158,16 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
     const float64 rotor_cos_at4 = rotor_cos - h * slope3_theta_x_rotor_sin_at3;
     const float64 rotor_sin_at4 = rotor_sin + h * slope3_rotor_sin;
     const float64 psi_d_at4 = rotor_cos_at4 * z_alpha_at4 + rotor_sin_at4 * z_beta_at4;
-    const float64 i_salient_at4 = per_L_d_minus_per_L_q * psi_d_at4 - per_L_d_times_psi_m;
+    const float64 i_salient_at4 = per_L_d_minus_q * psi_d_at4 - per_L_d_times_psi_m;
     const float64 i_alpha_at4 = per_L_q * z_alpha_at4 + rotor_cos_at4 * i_salient_at4;
     const float64 i_beta_at4 = per_L_q * z_beta_at4 + rotor_sin_at4 * i_salient_at4;
 
     /* --- slope 4 */
     const float64 slope4_z_alpha = v_alpha - R * i_alpha_at4;
     const float64 slope4_z_beta = v_beta - R * i_beta_at4;
-    const float64 slope4_omega =
-        ((part_of_slope1_omega - part_of_slope1_omega_2 * psi_d_at4) * (rotor_cos_at4 * z_beta_at4 - rotor_sin_at4 * z_alpha_at4)
-        - T_L - D * omega_at4) * per_J;
+    const float64 slope4_omega = ((per_L_d_scaled_times_psi_m -
+        per_L_d_minus_q_scaled * psi_d_at4) * (rotor_cos_at4 * z_beta_at4 - rotor_sin_at4 * z_alpha_at4) - T_L
+        - D * omega_at4) * per_J;
     const float64 slope4_theta = 3.0 * omega_at4;
     const float64 slope4_rotor_sin = slope4_theta * rotor_cos_at4;
 
@@ -196,15 +196,15 @@ static void plant_outputs(const float64 s[6], const float64 motor[6], float64 i_
     const float64 per_L_q = motor[2];
     const float64 psi_m = motor[3];
     const float64 psi_d = rotor_cos * z_alpha + rotor_sin * z_beta;
-    const float64 per_L_d_minus_per_L_q = per_L_d - per_L_q;
-    const float64 i_salient = per_L_d_minus_per_L_q * psi_d - per_L_d * psi_m;
+    const float64 per_L_d_minus_q = per_L_d - per_L_q;
+    const float64 i_salient = per_L_d_minus_q * psi_d - per_L_d * psi_m;
     const float64 i_alpha = per_L_q * z_alpha + rotor_cos * i_salient;
     const float64 i_beta = per_L_q * z_beta + rotor_sin * i_salient;
 
     i_out[0] = i_alpha;
     i_out[1] = i_beta;
     torque_out[0] =
-        (4.5 * per_L_d * psi_m - 4.5 * per_L_d_minus_per_L_q * psi_d) * (rotor_cos * z_beta - rotor_sin * z_alpha);
+        (4.5 * per_L_d * psi_m - 4.5 * per_L_d_minus_q * psi_d) * (rotor_cos * z_beta - rotor_sin * z_alpha);
 }
 
 void ipmsm_flux_plant_rest(const float64 motor[6], float64 theta, float64 s[6])

@@ -315,13 +315,12 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cos_theta = sincos_theta.cosine;
         const float32 decay_i_times_cos_theta = DECAY_I * cos_theta;
         const float32 decay_i_times_sin_theta = DECAY_I * sin_theta;
-        const float32 gain_e_pole_pairs_times_omega = GAIN_E_POLE_PAIRS * omega;
-        const float32 L_30_times_sinc_theta_0 = L_30 * sinc_theta_0;
+        const float32 emf_step = GAIN_E_POLE_PAIRS * omega;
+        const float32 sind_theta_0 = L_30 * sinc_theta_0;
         const float32 odd_i_alpha_next_0 = decay_i_times_cos_theta + decay_i_times_sin_theta * L_10 +
-            gain_e_pole_pairs_times_omega * L_30_times_sinc_theta_0;
-        const float32 L_31_times_sinc_theta_1 = L_31 * sinc_theta_1;
-        const float32 odd_i_alpha_next_1 = decay_i_times_sin_theta +
-            gain_e_pole_pairs_times_omega * L_31_times_sinc_theta_1;
+            emf_step * sind_theta_0;
+        const float32 sind_theta_1 = L_31 * sinc_theta_1;
+        const float32 odd_i_alpha_next_1 = decay_i_times_sin_theta + emf_step * sind_theta_1;
         const float32 odd_i_beta_next_0 = decay_i_times_cos_theta * L_10 - decay_i_times_sin_theta -
             GAIN_E_POLE_PAIRS * L_20 * (1.0f + cosm1_theta_0);
         const float32 odd_i_beta_next_1 = decay_i_times_cos_theta -
@@ -333,27 +332,25 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
         const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
         const float32 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
-        const float32 part_of_P_turned_00 = gain_e_pole_pairs_times_omega * gain_e_pole_pairs_times_omega;
-        const float32 L_32_times_sinc_theta_2 = L_32 * sinc_theta_2;
-        const float32 bend_i_alpha_2 = L_32_times_sinc_theta_2 * D_2;
-        const float32 sinc_theta_3_times_D_3 = sinc_theta_3 * D_3;
+        const float32 emf_step_sq = emf_step * emf_step;
+        const float32 sind_theta_2 = L_32 * sinc_theta_2;
+        const float32 bend_i_alpha_2 = D_2 * sind_theta_2;
+        const float32 D_sind_theta_3 = sinc_theta_3 * D_3;
         const float32 L_20_times_D_0 = L_20 * D_0;
-        const float32 bend_i_alpha_0 = L_30_times_sinc_theta_0 * L_20_times_D_0;
+        const float32 bend_i_alpha_0 = sind_theta_0 * L_20_times_D_0;
         const float32 L_21_times_D_1 = L_21 * D_1;
-        const float32 bend_i_alpha_1 = L_31_times_sinc_theta_1 * L_21_times_D_1;
+        const float32 bend_i_alpha_1 = sind_theta_1 * L_21_times_D_1;
         const float32 bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2;
-        const float32 part_of_i_alpha_pred_2 = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
+        const float32 offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
         const float32 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
-            part_of_P_turned_00 * (L_32_times_sinc_theta_2 * bend_i_alpha_2 +
-            sinc_theta_3 * sinc_theta_3_times_D_3) + GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (bend_i_alpha_0 * bend_i_alpha_0
-            + bend_i_alpha_1 * bend_i_alpha_1 + bend_i_alpha_2 * bend_i_alpha_2) -
-            part_of_i_alpha_pred_2 * part_of_i_alpha_pred_2;
+            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + emf_step_sq * (sind_theta_2 * bend_i_alpha_2 +
+            sinc_theta_3 * D_sind_theta_3) + GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (bend_i_alpha_0 * bend_i_alpha_0 +
+            bend_i_alpha_1 * bend_i_alpha_1 + bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
         const float32 one_plus_cosm1_theta_2 = 1.0f + cosm1_theta_2;
-        const float32 part_of_P_turned_11 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
-        const float32 D_2_times_part_of_P_turned_11 = D_2 * part_of_P_turned_11;
+        const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
+        const float32 D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2;
         const float32 bend_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
         const float32 bend_i_beta_mean = bend_i_beta_sum * 0.25f;
         const float32 dev_i_beta_0 = cosm1_theta_0 - bend_i_beta_mean;
@@ -361,67 +358,66 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 dev_i_beta_2 = cosm1_theta_2 - bend_i_beta_mean;
         const float32 dev_i_beta_3 = cosm1_theta_3 - bend_i_beta_mean;
         const float32 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_turned_11 * D_2_times_part_of_P_turned_11
-            + 0.25f * part_of_P_turned_00 * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
+            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+            minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
+            0.25f * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
             dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3);
         const float32 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
             D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
             omega * GAIN_E_SQ_POLE_PAIRS_SQ * (bend_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
             bend_i_alpha_0 * dev_i_beta_0 + bend_i_alpha_1 * dev_i_beta_1);
-        const float32 part_of_P_pred_00 = sin_theta * (P_turned_00 - P_turned_11) +
-            cos_theta * P_turned_10 * 2.0f;
-        const float32 sin_theta_x_part_of_P_pred_00 = sin_theta * part_of_P_pred_00;
-        const float32 P_pred_00 = P_turned_00 - sin_theta_x_part_of_P_pred_00 + Q_0;
+        const float32 P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0f;
+        const float32 P_turn = sin_theta * P_tilt;
+        const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
         const float32 D_pred_0 = larger(P_pred_00, Q_0);
-        const float32 P_pred_10 = cos_theta * part_of_P_pred_00 - P_turned_10;
+        const float32 P_pred_10 = cos_theta * P_tilt - P_turned_10;
         const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
         const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
-        const float32 P_pred_11 = P_turned_11 + sin_theta_x_part_of_P_pred_00 + Q_1;
+        const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
         const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
         const float32 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
-        const float32 part_of_P_pred_20 = gain_e_pole_pairs_times_omega * bend_i_alpha_2;
-        const float32 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_alpha_next_0 +
-            L_21_times_D_1 * odd_i_alpha_next_1 + part_of_P_pred_20;
+        const float32 emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2;
+        const float32 part_of_P_pred_20 = L_20_times_D_0 * odd_i_alpha_next_0 +
+            L_21_times_D_1 * odd_i_alpha_next_1 + emf_step_times_bend_i_alpha_2;
         const float32 sin_theta_times_decay_omega = sin_theta * DECAY_OMEGA;
-        const float32 part_of_P_pred_20_3 = L_20_times_D_0 * odd_i_beta_next_0 +
-            L_21_times_D_1 * odd_i_beta_next_1 - D_2_times_part_of_P_turned_11;
-        const float32 P_pred_20 = cos_theta_times_decay_omega * part_of_P_pred_20_2 -
-            sin_theta_times_decay_omega * part_of_P_pred_20_3;
+        const float32 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_beta_next_0 +
+            L_21_times_D_1 * odd_i_beta_next_1 - D_2_x_minus_odd_i_beta_next_2;
+        const float32 P_pred_20 = cos_theta_times_decay_omega * part_of_P_pred_20 -
+            sin_theta_times_decay_omega * part_of_P_pred_20_2;
         const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
-        const float32 P_pred_21 = sin_theta_times_decay_omega * part_of_P_pred_20_2 +
-            cos_theta_times_decay_omega * part_of_P_pred_20_3;
-        const float32 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+        const float32 P_pred_21 = sin_theta_times_decay_omega * part_of_P_pred_20 +
+            cos_theta_times_decay_omega * part_of_P_pred_20_2;
+        const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
         const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
         const float32 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2;
-        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
         const float32 P_turned_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + part_of_P_pred_20 * odd_theta_next_2 +
-            gain_e_pole_pairs_times_omega * sinc_theta_3_times_D_3;
+            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + emf_step_times_bend_i_alpha_2 * odd_theta_next_2 +
+            emf_step * D_sind_theta_3;
         const float32 P_turned_31 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_times_part_of_P_turned_11 * odd_theta_next_2;
+            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_theta_next_2;
         const float32 P_pred_30 = cos_theta * P_turned_30 - sin_theta * P_turned_31;
         const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
         const float32 P_pred_31 = sin_theta * P_turned_30 + cos_theta * P_turned_31;
-        const float32 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-        const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+        const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
         const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
         const float32 P_pred_32 = DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 +
             L_21_times_D_1 * odd_theta_next_1 + D_2_times_odd_theta_next_2);
-        const float32 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
-        const float32 L_pred_32 = part_of_L_pred_32 / D_pred_2;
+        const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
+        const float32 L_pred_32 = LD_pred_32 / D_pred_2;
         const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
             D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-            part_of_L_pred_32 * L_pred_32, Q_3);
+        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+            LD_pred_32 * L_pred_32, Q_3);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 part_of_i_alpha_pred = gain_e_pole_pairs_times_omega +
-            gain_e_pole_pairs_times_omega * bend_i_beta_mean;
+        const float32 part_of_i_alpha_pred = emf_step + emf_step * bend_i_beta_mean;
         const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
-            cos_theta * part_of_i_alpha_pred_2;
+            cos_theta * offset_i_alpha;
         const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
-            sin_theta * part_of_i_alpha_pred_2;
+            sin_theta * offset_i_alpha;
         const float32 omega_pred = omega * DECAY_OMEGA;
         const float32 theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta;
 
@@ -476,41 +472,39 @@ static void ickf_measurement_update(const lanes *__restrict x_pred, const lanes 
         const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
         const float32 span_first = R_0 + D_pred_0;
         const float32 one_per_span_first = 1.0f / span_first;
-        const float32 D_pred_0_x_one_per_span_first = D_pred_0 * one_per_span_first;
-        const float32 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_x_one_per_span_first;
-        const float32 innovation_after_first = i_beta_meas - part_of_innovation_after_first * L_pred_10 -
-            i_beta_pred;
-        const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
-        const float32 part_of_span_second = R_0 * D_pred_0_x_one_per_span_first;
-        const float32 part_of_span_second_x_L_pred_10 = part_of_span_second * L_pred_10;
-        const float32 span_second = larger(R_1_plus_D_pred_1 + L_pred_10 * part_of_span_second_x_L_pred_10, R_1);
+        const float32 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
+        const float32 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+        const float32 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+        const float32 span_second_1 = R_1 + D_pred_1;
+        const float32 D_first_0 = R_0 * D_pred_0_per_span_first;
+        const float32 g_second_0 = D_first_0 * L_pred_10;
+        const float32 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
         const float32 one_per_span_second = 1.0f / span_second;
-        const float32 part_of_i_alpha_after = innovation_after_first * one_per_span_second;
-        const float32 part_of_i_alpha_after_2 = part_of_innovation_after_first +
-            part_of_span_second_x_L_pred_10 * part_of_i_alpha_after;
-        const float32 i_alpha_after = part_of_i_alpha_after_2 + i_alpha_pred;
-        const float32 i_beta_after = i_beta_meas - R_1 * part_of_i_alpha_after;
-        const float32 part_of_omega_after = D_pred_1 * part_of_i_alpha_after;
-        const float32 omega_after = part_of_i_alpha_after_2 * L_pred_20 + part_of_omega_after * L_pred_21 +
+        const float32 share_second = innovation_after_first * one_per_span_second;
+        const float32 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+        const float32 i_alpha_after = correction_second_0 + i_alpha_pred;
+        const float32 i_beta_after = i_beta_meas - R_1 * share_second;
+        const float32 D_pred_1_times_share_second = D_pred_1 * share_second;
+        const float32 omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
             omega_pred;
-        const float32 theta_after = part_of_i_alpha_after_2 * L_pred_30 + part_of_omega_after * L_pred_31 +
+        const float32 theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
             theta_pred;
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_after);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * one_per_span_second;
-        const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
-        const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
-        const float32 L_new_10 = L_pred_10 - part_of_L_new_10;
-        const float32 D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1;
-        const float32 L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10;
-        const float32 L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10;
+        const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
+        const float32 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
+        const float32 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+        const float32 L_new_10 = L_pred_10 - change_second_10;
+        const float32 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+        const float32 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
+        const float32 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
 
         /* --- normalised innovation squared */
         const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-            innovation_after_first * part_of_i_alpha_after;
+            innovation_after_first * share_second;
 
         x_out[0].of[lane] = i_alpha_after;
         x_out[1].of[lane] = i_beta_after;

@@ -114,8 +114,8 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
         const float64 psi_m_times_slope1_theta = psi_m * slope1_theta;
         const float64 slope1_z_alpha = (v_alpha - R * z_alpha + psi_m_times_slope1_theta * rotor_sin) * per_L_d;
         const float64 slope1_z_beta = (v_beta - R * z_beta - psi_m_times_slope1_theta * rotor_cos) * per_L_d;
-        const float64 part_of_slope1_omega = 6.0 * psi_m;
-        const float64 slope1_omega = (part_of_slope1_omega * (rotor_cos * z_beta - rotor_sin * z_alpha) - T_L -
+        const float64 psi_m_scaled = 6.0 * psi_m;
+        const float64 slope1_omega = (psi_m_scaled * (rotor_cos * z_beta - rotor_sin * z_alpha) - T_L -
             D * omega) * per_J;
         const float64 slope1_rotor_sin = slope1_theta * rotor_cos;
 
@@ -134,9 +134,8 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
             psi_m_times_slope2_theta * rotor_sin_at2) * per_L_d;
         const float64 slope2_z_beta = (v_beta - R * z_beta_at2 -
             psi_m_times_slope2_theta * rotor_cos_at2) * per_L_d;
-        const float64 slope2_omega =
-            (part_of_slope1_omega * (rotor_cos_at2 * z_beta_at2 - rotor_sin_at2 * z_alpha_at2) - T_L -
-            D * omega_at2) * per_J;
+        const float64 slope2_omega = (psi_m_scaled * (rotor_cos_at2 * z_beta_at2 - rotor_sin_at2 * z_alpha_at2) -
+            T_L - D * omega_at2) * per_J;
         const float64 slope2_rotor_sin = slope2_theta * rotor_cos_at2;
 
         /* --- point 3 */
@@ -154,9 +153,8 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
             psi_m_times_slope3_theta * rotor_sin_at3) * per_L_d;
         const float64 slope3_z_beta = (v_beta - R * z_beta_at3 -
             psi_m_times_slope3_theta * rotor_cos_at3) * per_L_d;
-        const float64 slope3_omega =
-            (part_of_slope1_omega * (rotor_cos_at3 * z_beta_at3 - rotor_sin_at3 * z_alpha_at3) - T_L -
-            D * omega_at3) * per_J;
+        const float64 slope3_omega = (psi_m_scaled * (rotor_cos_at3 * z_beta_at3 - rotor_sin_at3 * z_alpha_at3) -
+            T_L - D * omega_at3) * per_J;
         const float64 slope3_rotor_sin = slope3_theta * rotor_cos_at3;
 
         /* --- point 4 */
@@ -174,9 +172,8 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
             psi_m_times_slope4_theta * rotor_sin_at4) * per_L_d;
         const float64 slope4_z_beta = (v_beta - R * z_beta_at4 -
             psi_m_times_slope4_theta * rotor_cos_at4) * per_L_d;
-        const float64 slope4_omega =
-            (part_of_slope1_omega * (rotor_cos_at4 * z_beta_at4 - rotor_sin_at4 * z_alpha_at4) - T_L -
-            D * omega_at4) * per_J;
+        const float64 slope4_omega = (psi_m_scaled * (rotor_cos_at4 * z_beta_at4 - rotor_sin_at4 * z_alpha_at4) -
+            T_L - D * omega_at4) * per_J;
         const float64 slope4_rotor_sin = slope4_theta * rotor_cos_at4;
 
         /* --- weighted mean of the slopes */

@@ -39,6 +39,7 @@
 #define GAIN_TORQUE_INV_L_D 7185.628742514969 /* GAIN_TORQUE * INV_L_D */
 #define GAIN_TORQUE_INV_L_D_X7 50299.401197604784 /* 7 * GAIN_TORQUE * INV_L_D */
 #define GAIN_OMEGA_HALF_T_POLE_PAIRS 2.499968750390622e-06 /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
+#define ONE_MINUS_RETURN 0.9998779296875 /* 1 - RETURN */
 #define GAIN_OMEGA_SQ 0.0001562460938232412 /* GAIN_OMEGA * GAIN_OMEGA */
 #define INV_L_Q_SQ 1434257.234034924 /* INV_L_Q * INV_L_Q */
 
@@ -177,8 +178,8 @@ static int time_update_turns(float64 LD[28], float64 turn_out[4])
     const float64 D_1 = LD[2];
 
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 part_of_z_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
-    const float64 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
+    const float64 one_and_L_10_scaled = 1.0 + HALF_T_POLE_PAIRS * L_10;
+    const float64 z_theta_mid_0 = D_0 * one_and_L_10_scaled * one_and_L_10_scaled;
     const float64 z_theta_mid_1 = D_1 * HALF_T_SQ_POLE_PAIRS_SQ;
 
     if (z_theta_mid_0 + z_theta_mid_1 > SMALL_TURN) {
@@ -264,21 +265,21 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
-    const float64 part_of_even_psi_d_mid_0 = D_0 * 7.0;
-    const float64 part_of_even_psi_d_mid_0_2 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 part_of_even_psi_d_mid_0_3 = part_of_even_psi_d_mid_0 * part_of_even_psi_d_mid_0_2;
+    const float64 n_D_0 = D_0 * 7.0;
+    const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 n_D_0_times_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
     const float64 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
-        part_of_even_psi_d_mid_0_3 * odd_psi_beta_turned_0;
+        n_D_0_times_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_mid * L_40 + sin_theta_mid * L_50;
     const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
     const float64 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-        part_of_even_psi_d_mid_0_2 * psi_q_mid;
+        sind_theta_mid_0 * psi_q_mid;
     const float64 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
-        part_of_even_psi_d_mid_0_3 * odd_psi_alpha_turned_0;
+        n_D_0_times_sind_theta_mid_0 * odd_psi_alpha_turned_0;
     const float64 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
-        psi_d_mid * part_of_even_psi_d_mid_0_2;
+        psi_d_mid * sind_theta_mid_0;
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 gain_d_times_v_d = GAIN_D * v_d;
@@ -290,10 +291,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 loss_d_times_L_20 = LOSS_D * L_20;
     const float64 odd_psi_d_mid_0_minus_L_30 = odd_psi_d_mid_0 - L_30;
     const float64 even_psi_d_next_0 = part_of_even_psi_d_next_0 * even_psi_d_mid_0 +
-        gain_d_times_v_d * cosm1_theta_mid_0 -
-        part_of_even_psi_d_mid_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
+        gain_d_times_v_d * cosm1_theta_mid_0 - n_D_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
     const float64 gain_d_times_v_q = GAIN_D * v_q;
-    const float64 odd_psi_d_next_0 = odd_psi_d_mid_0 + part_of_even_psi_d_mid_0_2 * gain_d_times_v_q -
+    const float64 odd_psi_d_next_0 = odd_psi_d_mid_0 + sind_theta_mid_0 * gain_d_times_v_q -
         loss_d_times_stator_resistance * odd_psi_d_mid_0_minus_L_30 -
         loss_d_times_L_20 * (psi_d_mid_minus_magnet_flux + even_psi_d_mid_0);
     const float64 part_of_odd_psi_q_next_0 = 1.0 - stator_resistance * LOSS_Q;
@@ -303,53 +303,52 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         magnet_flux * omega_e_times_magnet_turn;
     const float64 L_20_times_loss_q = L_20 * LOSS_Q;
     const float64 even_psi_q_next_0 = part_of_odd_psi_q_next_0 * even_psi_q_mid_0 +
-        cosm1_theta_mid_0 * gain_q_times_v_q - part_of_even_psi_d_mid_0 * (odd_psi_q_mid_0 * L_20_times_loss_q
-        - odd_omega_e_0 * L_30 * MAGNET_TURN);
+        cosm1_theta_mid_0 * gain_q_times_v_q - n_D_0 * (odd_psi_q_mid_0 * L_20_times_loss_q -
+        odd_omega_e_0 * L_30 * MAGNET_TURN);
     const float64 v_d_times_gain_q = v_d * GAIN_Q;
     const float64 odd_psi_q_next_0 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_0 -
-        part_of_even_psi_d_mid_0_2 * v_d_times_gain_q - L_20_times_loss_q * (psi_q_mid + even_psi_q_mid_0) +
+        sind_theta_mid_0 * v_d_times_gain_q - L_20_times_loss_q * (psi_q_mid + even_psi_q_mid_0) +
         MAGNET_TURN * (magnet_flux * odd_omega_e_0 + omega_e * L_30);
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D;
+    const float64 magnet_flux_scaled = magnet_flux * GAIN_TORQUE_INV_L_D;
     const float64 L_30_times_gain_torque_inv_l_d = L_30 * GAIN_TORQUE_INV_L_D;
-    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 +
-        part_of_even_psi_d_mid_0 * L_30_times_gain_torque_inv_l_d * odd_psi_q_between_0;
-    const float64 part_of_even_psi_d_mid_1 = 7.0 * D_1;
-    const float64 part_of_even_psi_d_mid_1_2 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
-    const float64 part_of_even_psi_d_mid_1_3 = part_of_even_psi_d_mid_1 * part_of_even_psi_d_mid_1_2;
+    const float64 even_torque_0 = magnet_flux_scaled * even_psi_q_between_0 +
+        n_D_0 * L_30_times_gain_torque_inv_l_d * odd_psi_q_between_0;
+    const float64 n_D_1 = 7.0 * D_1;
+    const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
+    const float64 n_D_1_times_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
     const float64 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
     const float64 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
-        part_of_even_psi_d_mid_1_3 * odd_psi_beta_turned_1;
+        n_D_1_times_sind_theta_mid_1 * odd_psi_beta_turned_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
     const float64 odd_psi_alpha_turned_1 = cos_theta_mid * L_41 + sin_theta_mid * L_51;
     const float64 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
-        psi_q_mid * part_of_even_psi_d_mid_1_2;
+        psi_q_mid * sind_theta_mid_1;
     const float64 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
-        part_of_even_psi_d_mid_1_3 * odd_psi_alpha_turned_1;
+        n_D_1_times_sind_theta_mid_1 * odd_psi_alpha_turned_1;
     const float64 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
-        psi_d_mid * part_of_even_psi_d_mid_1_2;
+        psi_d_mid * sind_theta_mid_1;
     const float64 loss_d_times_L_21 = LOSS_D * L_21;
     const float64 odd_psi_d_mid_1_minus_L_31 = odd_psi_d_mid_1 - L_31;
     const float64 even_psi_d_next_1 = part_of_even_psi_d_next_0 * even_psi_d_mid_1 +
-        gain_d_times_v_d * cosm1_theta_mid_1 -
-        part_of_even_psi_d_mid_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
-    const float64 odd_psi_d_next_1 = odd_psi_d_mid_1 + part_of_even_psi_d_mid_1_2 * gain_d_times_v_q -
+        gain_d_times_v_d * cosm1_theta_mid_1 - n_D_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
+    const float64 odd_psi_d_next_1 = odd_psi_d_mid_1 + sind_theta_mid_1 * gain_d_times_v_q -
         loss_d_times_stator_resistance * odd_psi_d_mid_1_minus_L_31 -
         loss_d_times_L_21 * (psi_d_mid_minus_magnet_flux + even_psi_d_mid_1);
     const float64 loss_q_times_L_21 = LOSS_Q * L_21;
     const float64 even_psi_q_next_1 = part_of_odd_psi_q_next_0 * even_psi_q_mid_1 +
-        cosm1_theta_mid_1 * gain_q_times_v_q - part_of_even_psi_d_mid_1 * (odd_psi_q_mid_1 * loss_q_times_L_21
-        - MAGNET_TURN_POLE_PAIRS * L_31);
+        cosm1_theta_mid_1 * gain_q_times_v_q - n_D_1 * (odd_psi_q_mid_1 * loss_q_times_L_21 -
+        MAGNET_TURN_POLE_PAIRS * L_31);
     const float64 odd_psi_q_next_1 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_1 -
-        v_d_times_gain_q * part_of_even_psi_d_mid_1_2 - loss_q_times_L_21 * (psi_q_mid + even_psi_q_mid_1) +
+        v_d_times_gain_q * sind_theta_mid_1 - loss_q_times_L_21 * (psi_q_mid + even_psi_q_mid_1) +
         MAGNET_TURN * (POLE_PAIRS * magnet_flux + omega_e * L_31);
     const float64 even_psi_q_between_1 = 0.5 * (even_psi_q_mid_1 + even_psi_q_next_1);
     const float64 odd_psi_q_between_1 = 0.5 * (odd_psi_q_mid_1 + odd_psi_q_next_1);
     const float64 L_31_times_gain_torque_inv_l_d = L_31 * GAIN_TORQUE_INV_L_D;
-    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 +
-        part_of_even_psi_d_mid_1 * L_31_times_gain_torque_inv_l_d * odd_psi_q_between_1;
+    const float64 even_torque_1 = magnet_flux_scaled * even_psi_q_between_1 +
+        n_D_1 * L_31_times_gain_torque_inv_l_d * odd_psi_q_between_1;
     const float64 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
     const float64 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
     const float64 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
@@ -358,67 +357,66 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
         omega_e_times_magnet_turn * L_32;
     const float64 odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2);
-    const float64 part_of_bend_psi_alpha_sum = 7.0 * D_2;
+    const float64 n_D_2 = 7.0 * D_2;
     const float64 L_32_times_gain_torque_inv_l_d = L_32 * GAIN_TORQUE_INV_L_D;
-    const float64 part_of_bend_psi_beta_sum = LOSS_Q * part_of_bend_psi_alpha_sum * odd_psi_q_mid_2;
-    const float64 part_of_even_torque_2 = part_of_bend_psi_beta_sum * 0.5;
-    const float64 even_torque_2 =
-        part_of_bend_psi_alpha_sum * L_32_times_gain_torque_inv_l_d * odd_psi_q_between_2 -
-        part_of_omega_pred * part_of_even_torque_2;
-    const float64 odd_torque_2 = part_of_omega_pred * odd_psi_q_between_2 +
-        L_32_times_gain_torque_inv_l_d * (psi_q_between - part_of_even_torque_2);
+    const float64 minus_even_psi_q_next_2 = LOSS_Q * n_D_2 * odd_psi_q_mid_2;
+    const float64 minus_even_psi_q_between_2 = minus_even_psi_q_next_2 * 0.5;
+    const float64 even_torque_2 = n_D_2 * L_32_times_gain_torque_inv_l_d * odd_psi_q_between_2 -
+        magnet_flux_scaled * minus_even_psi_q_between_2;
+    const float64 odd_torque_2 = magnet_flux_scaled * odd_psi_q_between_2 +
+        L_32_times_gain_torque_inv_l_d * (psi_q_between - minus_even_psi_q_between_2);
     const float64 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
     const float64 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
     const float64 odd_psi_d_next_3 = part_of_even_psi_d_next_0 * odd_psi_d_mid_3 +
         loss_d_times_stator_resistance;
     const float64 odd_psi_q_next_3 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_3 + omega_e_times_magnet_turn;
     const float64 odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3);
-    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
+    const float64 odd_torque_3 = magnet_flux_scaled * odd_psi_q_between_3 +
         psi_q_between * GAIN_TORQUE_INV_L_D;
     const float64 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
     const float64 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
     const float64 odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4;
     const float64 odd_psi_q_next_4 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_4;
-    const float64 half_times_part_of_omega_pred = 0.5 * part_of_omega_pred;
-    const float64 odd_torque_4 = half_times_part_of_omega_pred * (odd_psi_q_mid_4 + odd_psi_q_next_4);
+    const float64 half_times_magnet_flux_scaled = 0.5 * magnet_flux_scaled;
+    const float64 odd_torque_4 = half_times_magnet_flux_scaled * (odd_psi_q_mid_4 + odd_psi_q_next_4);
     const float64 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
     const float64 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
-    const float64 odd_torque_5 = half_times_part_of_omega_pred * (cos_theta_mid + odd_psi_q_next_5);
-    const float64 part_of_even_psi_alpha_next_0 = psi_d_next + even_psi_d_next_0;
-    const float64 even_psi_alpha_next_0 = even_psi_d_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_alpha_next_0 - part_of_even_psi_d_mid_0_3 * odd_psi_q_next_0;
-    const float64 part_of_even_psi_alpha_next_1 = psi_d_next + even_psi_d_next_1;
-    const float64 even_psi_alpha_next_1 = even_psi_d_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_alpha_next_1 - part_of_even_psi_d_mid_1_3 * odd_psi_q_next_1;
-    const float64 part_of_even_psi_beta_next_0 = psi_q_next + even_psi_q_next_0;
-    const float64 even_psi_beta_next_0 = part_of_even_psi_d_mid_0_3 * odd_psi_d_next_0 + even_psi_q_next_0 +
-        cosm1_theta_mid_0 * part_of_even_psi_beta_next_0;
-    const float64 part_of_even_psi_beta_next_1 = psi_q_next + even_psi_q_next_1;
-    const float64 even_psi_beta_next_1 = part_of_even_psi_d_mid_1_3 * odd_psi_d_next_1 + even_psi_q_next_1 +
-        cosm1_theta_mid_1 * part_of_even_psi_beta_next_1;
+    const float64 odd_torque_5 = half_times_magnet_flux_scaled * (cos_theta_mid + odd_psi_q_next_5);
+    const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
+    const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
+        n_D_0_times_sind_theta_mid_0 * odd_psi_q_next_0;
+    const float64 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
+    const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
+        n_D_1_times_sind_theta_mid_1 * odd_psi_q_next_1;
+    const float64 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
+    const float64 even_psi_beta_next_0 = n_D_0_times_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
+        cosm1_theta_mid_0 * total_psi_q_next_0;
+    const float64 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
+    const float64 even_psi_beta_next_1 = n_D_1_times_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
+        cosm1_theta_mid_1 * total_psi_q_next_1;
     const float64 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
-        part_of_even_psi_d_mid_0_2 * part_of_even_psi_beta_next_0;
+        sind_theta_mid_0 * total_psi_q_next_0;
     const float64 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
-        part_of_even_psi_d_mid_1_2 * part_of_even_psi_beta_next_1;
-    const float64 odd_psi_beta_next_0 = part_of_even_psi_d_mid_0_2 * part_of_even_psi_alpha_next_0 +
+        sind_theta_mid_1 * total_psi_q_next_1;
+    const float64 odd_psi_beta_next_0 = sind_theta_mid_0 * total_psi_d_next_0 +
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
-    const float64 odd_psi_beta_next_1 = part_of_even_psi_d_mid_1_2 * part_of_even_psi_alpha_next_1 +
+    const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
     const float64 odd_omega_next_0 = L_10 * DECAY_OMEGA +
-        GAIN_OMEGA * (part_of_omega_pred * odd_psi_q_between_0 - L_60) +
+        GAIN_OMEGA * (magnet_flux_scaled * odd_psi_q_between_0 - L_60) +
         GAIN_OMEGA * L_30_times_gain_torque_inv_l_d * (psi_q_between + even_psi_q_between_0);
     const float64 odd_omega_next_1 = DECAY_OMEGA +
-        GAIN_OMEGA * (part_of_omega_pred * odd_psi_q_between_1 - L_61) +
+        GAIN_OMEGA * (magnet_flux_scaled * odd_psi_q_between_1 - L_61) +
         GAIN_OMEGA * L_31_times_gain_torque_inv_l_d * (psi_q_between + even_psi_q_between_1);
     const float64 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
     const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
     const float64 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);
     const float64 odd_omega_next_5 = GAIN_OMEGA * (odd_torque_5 - L_65);
-    const float64 odd_magnet_flux_next_0 = L_30 * 0.9998779296875;
-    const float64 odd_magnet_flux_next_1 = L_31 * 0.9998779296875;
-    const float64 odd_magnet_flux_next_2 = L_32 * 0.9998779296875;
-    const float64 odd_stator_resistance_next_0 = L_20 * 0.9998779296875;
-    const float64 odd_stator_resistance_next_1 = L_21 * 0.9998779296875;
+    const float64 odd_magnet_flux_next_0 = L_30 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_1 = L_31 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_2 = L_32 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_0 = L_20 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_1 = L_21 * ONE_MINUS_RETURN;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
     const float64 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
@@ -449,64 +447,65 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 D_pred_1 = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float64 part_of_P_pred_62 = D_0 * odd_stator_resistance_next_0;
     const float64 part_of_P_pred_62_2 = D_1 * odd_stator_resistance_next_1;
-    const float64 part_of_P_pred_62_3 = D_2 * 0.9998779296875;
+    const float64 D_2_times_one_minus_return = D_2 * ONE_MINUS_RETURN;
     const float64 P_pred_62 = odd_omega_next_0 * part_of_P_pred_62 + odd_omega_next_1 * part_of_P_pred_62_2 +
-        odd_omega_next_2 * part_of_P_pred_62_3;
+        odd_omega_next_2 * D_2_times_one_minus_return;
     const float64 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + part_of_P_pred_62_2) +
         odd_theta_mid_0 * part_of_P_pred_62;
     const float64 L_pred_20 = one_per_D_pred_0 * P_pred_63;
-    const float64 part_of_L_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
+    const float64 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
     const float64 one_per_D_pred_1 = 1.0 / D_pred_1;
-    const float64 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+    const float64 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
     const float64 P_pred_66 = odd_stator_resistance_next_0 * part_of_P_pred_62 +
-        odd_stator_resistance_next_1 * part_of_P_pred_62_2 + 0.9998779296875 * part_of_P_pred_62_3 + Q_6;
-    const float64 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_6);
+        odd_stator_resistance_next_1 * part_of_P_pred_62_2 + ONE_MINUS_RETURN * D_2_times_one_minus_return +
+        Q_6;
+    const float64 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6);
     const float64 D_0_x_odd_magnet_flux_next_0 = D_0 * odd_magnet_flux_next_0;
     const float64 D_1_x_odd_magnet_flux_next_1 = D_1 * odd_magnet_flux_next_1;
     const float64 D_2_x_odd_magnet_flux_next_2 = D_2 * odd_magnet_flux_next_2;
-    const float64 part_of_P_pred_52 = D_3 * 0.9998779296875;
+    const float64 D_3_times_one_minus_return = D_3 * ONE_MINUS_RETURN;
     const float64 P_pred_52 = odd_omega_next_0 * D_0_x_odd_magnet_flux_next_0 +
         odd_omega_next_1 * D_1_x_odd_magnet_flux_next_1 + odd_omega_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_omega_next_3 * part_of_P_pred_52;
+        odd_omega_next_3 * D_3_times_one_minus_return;
     const float64 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_1_x_odd_magnet_flux_next_1) +
         odd_theta_mid_0 * D_0_x_odd_magnet_flux_next_0;
     const float64 L_pred_30 = one_per_D_pred_0 * P_pred_53;
-    const float64 part_of_L_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
-    const float64 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+    const float64 LD_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
+    const float64 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
     const float64 P_pred_65 = part_of_P_pred_62 * odd_magnet_flux_next_0 +
-        part_of_P_pred_62_2 * odd_magnet_flux_next_1 + part_of_P_pred_62_3 * odd_magnet_flux_next_2;
-    const float64 part_of_L_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * part_of_L_pred_31;
+        part_of_P_pred_62_2 * odd_magnet_flux_next_1 + D_2_times_one_minus_return * odd_magnet_flux_next_2;
+    const float64 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
     const float64 one_per_D_pred_2 = 1.0 / D_pred_2;
-    const float64 L_pred_32 = part_of_L_pred_32 * one_per_D_pred_2;
+    const float64 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
     const float64 P_pred_55 = odd_magnet_flux_next_0 * D_0_x_odd_magnet_flux_next_0 +
         odd_magnet_flux_next_1 * D_1_x_odd_magnet_flux_next_1 +
-        odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + 0.9998779296875 * part_of_P_pred_52 + Q_5;
-    const float64 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-        part_of_L_pred_32 * L_pred_32, Q_5);
-    const float64 part_of_bend_psi_alpha_sum_2 =
-        LOSS_D * part_of_bend_psi_alpha_sum * odd_psi_d_mid_2_minus_L_32;
+        odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + ONE_MINUS_RETURN * D_3_times_one_minus_return
+        + Q_5;
+    const float64 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_5);
+    const float64 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
     const float64 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
-        part_of_bend_psi_alpha_sum_2;
+        minus_even_psi_d_next_2;
     const float64 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.14285714285714285;
     const float64 P_turned_20 = D_0_times_odd_omega_next_0 * odd_psi_alpha_next_0 +
         D_1_times_odd_omega_next_1 * odd_psi_alpha_next_1 + D_2_times_odd_omega_next_2 * odd_psi_d_next_2 +
         D_3_times_odd_omega_next_3 * odd_psi_d_next_3 + D_4_times_odd_omega_next_4 * odd_psi_d_next_4 +
         D_5_times_odd_omega_next_5 * odd_psi_d_next_5 +
         GAIN_OMEGA * (0.14285714285714285 * (even_psi_alpha_next_0 * even_torque_0 +
-        even_psi_alpha_next_1 * even_torque_1 - part_of_bend_psi_alpha_sum_2 * even_torque_2) -
+        even_psi_alpha_next_1 * even_torque_1 - minus_even_psi_d_next_2 * even_torque_2) -
         bend_psi_alpha_mean * bend_omega_mean);
     const float64 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
     const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_1_times_odd_psi_alpha_next_1) +
         odd_theta_mid_0 * D_0_times_odd_psi_alpha_next_0;
-    const float64 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - part_of_bend_psi_beta_sum;
+    const float64 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
     const float64 bend_psi_beta_mean = 0.14285714285714285 * bend_psi_beta_sum;
     const float64 P_turned_21 = D_0_times_odd_omega_next_0 * odd_psi_beta_next_0 +
         D_1_times_odd_omega_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_omega_next_2 +
         odd_psi_q_next_3 * D_3_times_odd_omega_next_3 + odd_psi_q_next_4 * D_4_times_odd_omega_next_4 +
         odd_psi_q_next_5 * D_5_times_odd_omega_next_5 +
         GAIN_OMEGA * (0.14285714285714285 * (even_psi_beta_next_0 * even_torque_0 +
-        even_psi_beta_next_1 * even_torque_1 - part_of_bend_psi_beta_sum * even_torque_2) -
+        even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
         bend_psi_beta_mean * bend_omega_mean);
     const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
     const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
@@ -515,33 +514,32 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
     const float64 L_pred_40 = one_per_D_pred_0 * P_pred_30;
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-    const float64 part_of_L_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
-    const float64 L_pred_41 = one_per_D_pred_1 * part_of_L_pred_41;
+    const float64 LD_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
+    const float64 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
     const float64 P_turned_60 = part_of_P_pred_62 * odd_psi_alpha_next_0 +
-        part_of_P_pred_62_2 * odd_psi_alpha_next_1 + part_of_P_pred_62_3 * odd_psi_d_next_2;
+        part_of_P_pred_62_2 * odd_psi_alpha_next_1 + D_2_times_one_minus_return * odd_psi_d_next_2;
     const float64 P_turned_61 = part_of_P_pred_62 * odd_psi_beta_next_0 +
-        part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * part_of_P_pred_62_3;
+        part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_one_minus_return;
     const float64 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
-    const float64 part_of_L_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_41;
-    const float64 L_pred_42 = one_per_D_pred_2 * part_of_L_pred_42;
+    const float64 LD_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_41;
+    const float64 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
     const float64 P_turned_50 = D_0_x_odd_magnet_flux_next_0 * odd_psi_alpha_next_0 +
         D_1_x_odd_magnet_flux_next_1 * odd_psi_alpha_next_1 + D_2_x_odd_magnet_flux_next_2 * odd_psi_d_next_2
-        + part_of_P_pred_52 * odd_psi_d_next_3;
+        + D_3_times_one_minus_return * odd_psi_d_next_3;
     const float64 P_turned_51 = D_0_x_odd_magnet_flux_next_0 * odd_psi_beta_next_0 +
         D_1_x_odd_magnet_flux_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_psi_q_next_3 * part_of_P_pred_52;
+        odd_psi_q_next_3 * D_3_times_one_minus_return;
     const float64 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
-    const float64 part_of_L_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * part_of_L_pred_41 -
-        L_pred_32 * part_of_L_pred_42;
+    const float64 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
+        L_pred_32 * LD_pred_42;
     const float64 one_per_D_pred_3 = 1.0 / D_pred_3;
-    const float64 L_pred_43 = part_of_L_pred_43 * one_per_D_pred_3;
+    const float64 L_pred_43 = LD_pred_43 * one_per_D_pred_3;
     const float64 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
         odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 + D_2 * odd_psi_d_next_2 * odd_psi_d_next_2 +
         D_3 * odd_psi_d_next_3 * odd_psi_d_next_3 + D_4 * odd_psi_d_next_4 * odd_psi_d_next_4 +
         D_5 * odd_psi_d_next_5 * odd_psi_d_next_5 +
         0.14285714285714285 * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
-        even_psi_alpha_next_1 * even_psi_alpha_next_1 +
-        part_of_bend_psi_alpha_sum_2 * part_of_bend_psi_alpha_sum_2) -
+        even_psi_alpha_next_1 * even_psi_alpha_next_1 + minus_even_psi_d_next_2 * minus_even_psi_d_next_2) -
         bend_psi_alpha_mean * bend_psi_alpha_mean;
     const float64 D_2_times_odd_psi_q_next_2 = D_2 * odd_psi_q_next_2;
     const float64 odd_psi_q_next_3_times_D_3 = odd_psi_q_next_3 * D_3;
@@ -552,41 +550,40 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         odd_psi_q_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_q_next_4 * D_4_times_odd_psi_q_next_4 +
         odd_psi_q_next_5 * D_5_times_odd_psi_q_next_5 +
         0.14285714285714285 * (even_psi_beta_next_0 * even_psi_beta_next_0 +
-        even_psi_beta_next_1 * even_psi_beta_next_1 + part_of_bend_psi_beta_sum * part_of_bend_psi_beta_sum) -
+        even_psi_beta_next_1 * even_psi_beta_next_1 + minus_even_psi_q_next_2 * minus_even_psi_q_next_2) -
         bend_psi_beta_mean * bend_psi_beta_mean;
     const float64 P_turned_10 = odd_psi_alpha_next_0 * D_0_times_odd_psi_beta_next_0 +
         odd_psi_alpha_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_d_next_2 * D_2_times_odd_psi_q_next_2 +
         odd_psi_d_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_d_next_4 * D_4_times_odd_psi_q_next_4 +
         odd_psi_d_next_5 * D_5_times_odd_psi_q_next_5 +
         0.14285714285714285 * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
-        even_psi_alpha_next_1 * even_psi_beta_next_1 +
-        part_of_bend_psi_alpha_sum_2 * part_of_bend_psi_beta_sum) - bend_psi_alpha_mean * bend_psi_beta_mean;
-    const float64 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-        cos_theta_mid * P_turned_10 * 2.0;
-    const float64 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-    const float64 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
-    const float64 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
-        part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_0);
+        even_psi_alpha_next_1 * even_psi_beta_next_1 + minus_even_psi_d_next_2 * minus_even_psi_q_next_2) -
+        bend_psi_alpha_mean * bend_psi_beta_mean;
+    const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
+    const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
+    const float64 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
     const float64 L_pred_50 = one_per_D_pred_0 * P_pred_31;
     const float64 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-    const float64 part_of_L_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
-    const float64 L_pred_51 = one_per_D_pred_1 * part_of_L_pred_51;
+    const float64 LD_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
+    const float64 L_pred_51 = one_per_D_pred_1 * LD_pred_51;
     const float64 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
-    const float64 part_of_L_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * part_of_L_pred_51;
-    const float64 L_pred_52 = one_per_D_pred_2 * part_of_L_pred_52;
+    const float64 LD_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_51;
+    const float64 L_pred_52 = one_per_D_pred_2 * LD_pred_52;
     const float64 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
-    const float64 part_of_L_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * part_of_L_pred_51 -
-        L_pred_32 * part_of_L_pred_52;
-    const float64 L_pred_53 = one_per_D_pred_3 * part_of_L_pred_53;
-    const float64 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
-    const float64 part_of_L_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * part_of_L_pred_51 -
-        L_pred_42 * part_of_L_pred_52 - L_pred_43 * part_of_L_pred_53;
+    const float64 LD_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * LD_pred_51 -
+        L_pred_32 * LD_pred_52;
+    const float64 L_pred_53 = one_per_D_pred_3 * LD_pred_53;
+    const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
+    const float64 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
+        L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
     const float64 one_per_D_pred_4 = 1.0 / D_pred_4;
-    const float64 L_pred_54 = part_of_L_pred_54 * one_per_D_pred_4;
-    const float64 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
-    const float64 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - part_of_L_pred_51 * L_pred_51 -
-        part_of_L_pred_52 * L_pred_52 - part_of_L_pred_53 * L_pred_53 - part_of_L_pred_54 * L_pred_54, Q_1);
+    const float64 L_pred_54 = LD_pred_54 * one_per_D_pred_4;
+    const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
+    const float64 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
+        LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
     const float64 D_0_times_L_60 = D_0 * L_60;
     const float64 D_1_times_L_61 = D_1 * L_61;
     const float64 D_2_times_L_62 = D_2 * L_62;
@@ -599,17 +596,17 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_1_times_L_61) +
         odd_theta_mid_0 * D_0_times_L_60;
     const float64 L_pred_60 = one_per_D_pred_0 * P_pred_43;
-    const float64 part_of_L_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
-    const float64 L_pred_61 = one_per_D_pred_1 * part_of_L_pred_61;
+    const float64 LD_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
+    const float64 L_pred_61 = one_per_D_pred_1 * LD_pred_61;
     const float64 P_pred_64 = L_60 * part_of_P_pred_62 + L_61 * part_of_P_pred_62_2 +
-        L_62 * part_of_P_pred_62_3;
-    const float64 part_of_L_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * part_of_L_pred_61;
-    const float64 L_pred_62 = one_per_D_pred_2 * part_of_L_pred_62;
+        L_62 * D_2_times_one_minus_return;
+    const float64 LD_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_61;
+    const float64 L_pred_62 = one_per_D_pred_2 * LD_pred_62;
     const float64 P_pred_54 = L_60 * D_0_x_odd_magnet_flux_next_0 + L_61 * D_1_x_odd_magnet_flux_next_1 +
-        L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * part_of_P_pred_52;
-    const float64 part_of_L_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * part_of_L_pred_61 -
-        L_pred_32 * part_of_L_pred_62;
-    const float64 L_pred_63 = one_per_D_pred_3 * part_of_L_pred_63;
+        L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * D_3_times_one_minus_return;
+    const float64 LD_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_61 -
+        L_pred_32 * LD_pred_62;
+    const float64 L_pred_63 = one_per_D_pred_3 * LD_pred_63;
     const float64 P_turned_40 = odd_psi_alpha_next_0 * D_0_times_L_60 + odd_psi_alpha_next_1 * D_1_times_L_61
         + odd_psi_d_next_2 * D_2_times_L_62 + odd_psi_d_next_3 * D_3_times_L_63 +
         odd_psi_d_next_4 * D_4_times_L_64 + odd_psi_d_next_5 * D_5_times_L_65;
@@ -617,34 +614,32 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         odd_psi_q_next_2 * D_2_times_L_62 + odd_psi_q_next_3 * D_3_times_L_63 +
         odd_psi_q_next_4 * D_4_times_L_64 + odd_psi_q_next_5 * D_5_times_L_65;
     const float64 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
-    const float64 part_of_L_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * part_of_L_pred_61 -
-        L_pred_42 * part_of_L_pred_62 - L_pred_43 * part_of_L_pred_63;
-    const float64 L_pred_64 = one_per_D_pred_4 * part_of_L_pred_64;
+    const float64 LD_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * LD_pred_61 -
+        L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
+    const float64 L_pred_64 = one_per_D_pred_4 * LD_pred_64;
     const float64 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
-    const float64 part_of_L_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * part_of_L_pred_61 -
-        L_pred_52 * part_of_L_pred_62 - L_pred_53 * part_of_L_pred_63 - L_pred_54 * part_of_L_pred_64;
-    const float64 L_pred_65 = part_of_L_pred_65 / D_pred_5;
+    const float64 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
+        L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
+    const float64 L_pred_65 = LD_pred_65 / D_pred_5;
     const float64 P_pred_44 = L_60 * D_0_times_L_60 + L_61 * D_1_times_L_61 + L_62 * D_2_times_L_62 +
         L_63 * D_3_times_L_63 + L_64 * D_4_times_L_64 + L_65 * D_5_times_L_65 + D_6 + Q_4;
-    const float64 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - part_of_L_pred_61 * L_pred_61 -
-        part_of_L_pred_62 * L_pred_62 - part_of_L_pred_63 * L_pred_63 - part_of_L_pred_64 * L_pred_64 -
-        part_of_L_pred_65 * L_pred_65, Q_4);
+    const float64 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
+        LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
+        Q_4);
 
     /* --- eq. 16: x_pred = mean X_i' */
     const float64 offset_omega = GAIN_OMEGA * bend_omega_mean;
     const float64 offset_theta = bend_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
-    const float64 part_of_psi_alpha_pred = psi_d_next + bend_psi_alpha_mean;
-    const float64 part_of_psi_alpha_pred_2 = psi_q_next + bend_psi_beta_mean;
-    const float64 psi_alpha_pred = cos_theta_mid * part_of_psi_alpha_pred -
-        sin_theta_mid * part_of_psi_alpha_pred_2;
-    const float64 psi_beta_pred = sin_theta_mid * part_of_psi_alpha_pred +
-        cos_theta_mid * part_of_psi_alpha_pred_2;
-    const float64 part_of_omega_pred_2 = omega * DECAY_OMEGA +
-        GAIN_OMEGA * (psi_q_between * part_of_omega_pred - load_torque);
-    const float64 omega_pred = part_of_omega_pred_2 + offset_omega;
-    const float64 theta_pred = theta_mid + part_of_omega_pred_2 * 0.0002 + offset_theta;
-    const float64 magnet_flux_pred = magnet_flux * 0.9998779296875 + 2.13623046875e-05;
-    const float64 stator_resistance_pred = stator_resistance * 0.9998779296875 + 0.0003509521484375;
+    const float64 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
+    const float64 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+    const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+    const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
+    const float64 omega_of_x = omega * DECAY_OMEGA +
+        GAIN_OMEGA * (psi_q_between * magnet_flux_scaled - load_torque);
+    const float64 omega_pred = omega_of_x + offset_omega;
+    const float64 theta_pred = theta_mid + omega_of_x * 0.0002 + offset_theta;
+    const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + 2.13623046875e-05;
+    const float64 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + 0.0003509521484375;
 
     /* --- sum of the pivots, for the guard */
     const float64 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4 + D_pred_5 + D_pred_6;
@@ -746,67 +741,55 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
     const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
-    const float64 sin_theta_j_times_inv_l_d = sin_theta_j * INV_L_D;
-    const float64 slope_y_i_alpha_3 = sin_theta_j_times_inv_l_d * magnet_flux_j;
+    const float64 minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D;
+    const float64 slope_y_i_alpha_3 = minus_slope_y_i_beta_5 * magnet_flux_j;
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-    const float64 inv_l_d_times_cos_theta_j = INV_L_D * cos_theta_j;
-    const float64 part_of_innovation_i_alpha = magnet_flux_j * inv_l_d_times_cos_theta_j;
-    const float64 innovation_i_alpha = part_of_innovation_i_alpha - 0.0 * psi_alpha_j -
-        INV_L_Q * psi_alpha_pred - slope_y_i_alpha_3 * back_theta +
-        inv_l_d_times_cos_theta_j * back_magnet_flux + i_alpha_meas;
+    const float64 minus_slope_y_i_alpha_5 = INV_L_D * cos_theta_j;
+    const float64 minus_slope_y_i_beta_3 = magnet_flux_j * minus_slope_y_i_alpha_5;
+    const float64 innovation_i_alpha = minus_slope_y_i_beta_3 - 0.0 * psi_alpha_j - INV_L_Q * psi_alpha_pred -
+        slope_y_i_alpha_3 * back_theta + minus_slope_y_i_alpha_5 * back_magnet_flux + i_alpha_meas;
     const float64 innovation_i_beta = slope_y_i_alpha_3 - 0.0 * psi_beta_j - INV_L_Q * psi_beta_pred +
-        part_of_innovation_i_alpha * back_theta + sin_theta_j_times_inv_l_d * back_magnet_flux + i_beta_meas;
+        minus_slope_y_i_beta_3 * back_theta + minus_slope_y_i_beta_5 * back_magnet_flux + i_beta_meas;
 
     /* --- eq. 22: Pyy^j */
-    const float64 part_of_Pyy_00 = L_pred_40 * INV_L_Q + slope_y_i_alpha_3 -
-        inv_l_d_times_cos_theta_j * L_pred_30;
-    const float64 D_pred_0_times_part_of_Pyy_00 = D_pred_0 * part_of_Pyy_00;
-    const float64 part_of_Pyy_00_2 = INV_L_Q * L_pred_41 - inv_l_d_times_cos_theta_j * L_pred_31;
-    const float64 part_of_Pyy_00_2_times_D_pred_1 = part_of_Pyy_00_2 * D_pred_1;
-    const float64 part_of_Pyy_00_3 = INV_L_Q * L_pred_42 - inv_l_d_times_cos_theta_j * L_pred_32;
-    const float64 part_of_Pyy_00_3_times_D_pred_2 = part_of_Pyy_00_3 * D_pred_2;
-    const float64 part_of_Pyy_00_4 = INV_L_Q * L_pred_43 - inv_l_d_times_cos_theta_j;
-    const float64 part_of_Pyy_00_4_times_D_pred_3 = part_of_Pyy_00_4 * D_pred_3;
+    const float64 HL_00 = L_pred_40 * INV_L_Q + slope_y_i_alpha_3 - minus_slope_y_i_alpha_5 * L_pred_30;
+    const float64 D_HL_00 = D_pred_0 * HL_00;
+    const float64 HL_01 = INV_L_Q * L_pred_41 - minus_slope_y_i_alpha_5 * L_pred_31;
+    const float64 D_HL_01 = HL_01 * D_pred_1;
+    const float64 HL_02 = INV_L_Q * L_pred_42 - minus_slope_y_i_alpha_5 * L_pred_32;
+    const float64 D_HL_02 = HL_02 * D_pred_2;
+    const float64 HL_03 = INV_L_Q * L_pred_43 - minus_slope_y_i_alpha_5;
+    const float64 D_HL_03 = HL_03 * D_pred_3;
     const float64 inv_l_q_sq_times_D_pred_4 = INV_L_Q_SQ * D_pred_4;
-    const float64 Pyy_00 = part_of_Pyy_00 * D_pred_0_times_part_of_Pyy_00 +
-        part_of_Pyy_00_2 * part_of_Pyy_00_2_times_D_pred_1 +
-        part_of_Pyy_00_3 * part_of_Pyy_00_3_times_D_pred_2 +
-        part_of_Pyy_00_4 * part_of_Pyy_00_4_times_D_pred_3 + inv_l_q_sq_times_D_pred_4 + R_0;
-    const float64 part_of_Pyy_10 = INV_L_Q * L_pred_50 - part_of_innovation_i_alpha -
-        sin_theta_j_times_inv_l_d * L_pred_30;
-    const float64 part_of_Pyy_10_2 = INV_L_Q * L_pred_51 - sin_theta_j_times_inv_l_d * L_pred_31;
-    const float64 part_of_Pyy_10_3 = INV_L_Q * L_pred_52 - sin_theta_j_times_inv_l_d * L_pred_32;
-    const float64 part_of_Pyy_10_4 = INV_L_Q * L_pred_53 - sin_theta_j_times_inv_l_d;
-    const float64 part_of_Pyy_10_5 = inv_l_q_sq_times_D_pred_4 * L_pred_54;
-    const float64 Pyy_10 = D_pred_0_times_part_of_Pyy_00 * part_of_Pyy_10 +
-        part_of_Pyy_00_2_times_D_pred_1 * part_of_Pyy_10_2 +
-        part_of_Pyy_00_3_times_D_pred_2 * part_of_Pyy_10_3 +
-        part_of_Pyy_00_4_times_D_pred_3 * part_of_Pyy_10_4 + part_of_Pyy_10_5;
+    const float64 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 +
+        inv_l_q_sq_times_D_pred_4 + R_0;
+    const float64 HL_10 = INV_L_Q * L_pred_50 - minus_slope_y_i_beta_3 - minus_slope_y_i_beta_5 * L_pred_30;
+    const float64 HL_11 = INV_L_Q * L_pred_51 - minus_slope_y_i_beta_5 * L_pred_31;
+    const float64 HL_12 = INV_L_Q * L_pred_52 - minus_slope_y_i_beta_5 * L_pred_32;
+    const float64 HL_13 = INV_L_Q * L_pred_53 - minus_slope_y_i_beta_5;
+    const float64 part_of_Pyy_10 = inv_l_q_sq_times_D_pred_4 * L_pred_54;
+    const float64 Pyy_10 = D_HL_00 * HL_10 + D_HL_01 * HL_11 + D_HL_02 * HL_12 + D_HL_03 * HL_13 +
+        part_of_Pyy_10;
 
     /* --- eq. 28: Pyy^-1 innovation */
     const float64 one_per_Pyy_00 = 1.0 / Pyy_00;
-    const float64 one_per_Pyy_00_times_Pyy_10 = one_per_Pyy_00 * Pyy_10;
-    const float64 D_pred_0_times_part_of_Pyy_10 = D_pred_0 * part_of_Pyy_10;
-    const float64 D_pred_1_times_part_of_Pyy_10_2 = D_pred_1 * part_of_Pyy_10_2;
-    const float64 D_pred_2_times_part_of_Pyy_10_3 = D_pred_2 * part_of_Pyy_10_3;
-    const float64 D_pred_3_times_part_of_Pyy_10_4 = D_pred_3 * part_of_Pyy_10_4;
-    const float64 share_1 = (innovation_i_beta -
-        innovation_i_alpha * one_per_Pyy_00_times_Pyy_10) / larger(part_of_Pyy_10 * D_pred_0_times_part_of_Pyy_10
-        + part_of_Pyy_10_2 * D_pred_1_times_part_of_Pyy_10_2 +
-        part_of_Pyy_10_3 * D_pred_2_times_part_of_Pyy_10_3 +
-        part_of_Pyy_10_4 * D_pred_3_times_part_of_Pyy_10_4 + L_pred_54 * part_of_Pyy_10_5 +
-        INV_L_Q_SQ * D_pred_5 - Pyy_10 * one_per_Pyy_00_times_Pyy_10 + R_1, R_1);
-    const float64 share_0 = innovation_i_alpha * one_per_Pyy_00 - one_per_Pyy_00_times_Pyy_10 * share_1;
+    const float64 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
+    const float64 D_HL_10 = D_pred_0 * HL_10;
+    const float64 D_HL_11 = D_pred_1 * HL_11;
+    const float64 D_HL_12 = D_pred_2 * HL_12;
+    const float64 D_HL_13 = D_pred_3 * HL_13;
+    const float64 share_1 =
+        (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
+        HL_11 * D_HL_11 + HL_12 * D_HL_12 + HL_13 * D_HL_13 + L_pred_54 * part_of_Pyy_10 +
+        INV_L_Q_SQ * D_pred_5 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1, R_1);
+    const float64 share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1;
 
     /* --- eq. 31: K innovation = L along; x^{j+1} */
-    const float64 along_0 = D_pred_0_times_part_of_Pyy_00 * share_0 + D_pred_0_times_part_of_Pyy_10 * share_1;
-    const float64 along_1 = part_of_Pyy_00_2_times_D_pred_1 * share_0 +
-        D_pred_1_times_part_of_Pyy_10_2 * share_1;
-    const float64 along_2 = part_of_Pyy_00_3_times_D_pred_2 * share_0 +
-        D_pred_2_times_part_of_Pyy_10_3 * share_1;
-    const float64 along_3 = part_of_Pyy_00_4_times_D_pred_3 * share_0 +
-        D_pred_3_times_part_of_Pyy_10_4 * share_1;
+    const float64 along_0 = D_HL_00 * share_0 + D_HL_10 * share_1;
+    const float64 along_1 = D_HL_01 * share_0 + D_HL_11 * share_1;
+    const float64 along_2 = D_HL_02 * share_0 + D_HL_12 * share_1;
+    const float64 along_3 = D_HL_03 * share_0 + D_HL_13 * share_1;
     const float64 inv_l_q_times_share_1 = INV_L_Q * share_1;
     const float64 along_4 = D_pred_4 * (INV_L_Q * share_0 + L_pred_54 * inv_l_q_times_share_1);
     const float64 along_5 = D_pred_5 * inv_l_q_times_share_1;
@@ -843,14 +826,14 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
     x_j_out[5] = magnet_flux_after;
     x_j_out[6] = stator_resistance_after;
     nis_out[0] = innovation_i_alpha * share_0 + innovation_i_beta * share_1;
-    HL_out[0] = part_of_Pyy_00;
-    HL_out[1] = part_of_Pyy_00_2;
-    HL_out[2] = part_of_Pyy_00_3;
-    HL_out[3] = part_of_Pyy_00_4;
-    HL_out[4] = part_of_Pyy_10;
-    HL_out[5] = part_of_Pyy_10_2;
-    HL_out[6] = part_of_Pyy_10_3;
-    HL_out[7] = part_of_Pyy_10_4;
+    HL_out[0] = HL_00;
+    HL_out[1] = HL_01;
+    HL_out[2] = HL_02;
+    HL_out[3] = HL_03;
+    HL_out[4] = HL_10;
+    HL_out[5] = HL_11;
+    HL_out[6] = HL_12;
+    HL_out[7] = HL_13;
     HL_out[8] = INV_L_Q * L_pred_54;
     change_out[0] = change;
 }
@@ -907,133 +890,119 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 HL_14 = HL[8];
 
     /* --- eq. 32 */
-    const float64 part_of_D_new_0 = INV_L_Q_SQ * D_pred_4 + R_0;
-    const float64 HL_03_times_D_pred_3 = HL_03 * D_pred_3;
-    const float64 part_of_D_new_0_2 = larger(part_of_D_new_0 + HL_03 * HL_03_times_D_pred_3, R_0);
-    const float64 HL_02_times_D_pred_2 = HL_02 * D_pred_2;
-    const float64 part_of_D_new_0_3 = larger(part_of_D_new_0_2 + HL_02 * HL_02_times_D_pred_2, R_0);
-    const float64 HL_01_times_D_pred_1 = HL_01 * D_pred_1;
-    const float64 part_of_D_new_0_4 = larger(part_of_D_new_0_3 + HL_01 * HL_01_times_D_pred_1, R_0);
-    const float64 span_first = larger(part_of_D_new_0_4 + D_pred_0 * HL_00 * HL_00, R_0);
-    const float64 part_of_D_new_0_6 = INV_L_Q_SQ * D_pred_5 + R_1;
-    const float64 D_pred_4_per_part_of_D_new_0 = D_pred_4 / part_of_D_new_0;
-    const float64 part_of_D_new_0_7 = R_0 * D_pred_4_per_part_of_D_new_0;
-    const float64 HL_14_times_part_of_D_new_0_7 = HL_14 * part_of_D_new_0_7;
-    const float64 part_of_D_new_0_8 = larger(part_of_D_new_0_6 + HL_14 * HL_14_times_part_of_D_new_0_7, R_1);
-    const float64 part_of_D_new_0_9 = HL_03 * D_pred_4_per_part_of_D_new_0 * INV_L_Q;
-    const float64 part_of_D_new_0_10 = HL_13 - HL_14 * part_of_D_new_0_9;
-    const float64 one_per_part_of_D_new_0_2 = 1.0 / part_of_D_new_0_2;
-    const float64 part_of_D_new_0_11 = part_of_D_new_0 * (D_pred_3 * one_per_part_of_D_new_0_2);
-    const float64 part_of_D_new_0_12 = part_of_D_new_0_10 * part_of_D_new_0_11;
-    const float64 part_of_D_new_0_13 = larger(part_of_D_new_0_8 + part_of_D_new_0_10 * part_of_D_new_0_12,
-        R_1);
-    const float64 part_of_D_new_0_14 = HL_02 * one_per_part_of_D_new_0_2;
-    const float64 D_pred_4_times_inv_l_q = D_pred_4 * INV_L_Q;
-    const float64 part_of_D_new_0_15 = HL_14 * D_pred_4_times_inv_l_q + HL_03_times_D_pred_3 * HL_13;
-    const float64 part_of_D_new_0_16 = HL_12 - part_of_D_new_0_14 * part_of_D_new_0_15;
-    const float64 one_per_part_of_D_new_0_3 = 1.0 / part_of_D_new_0_3;
-    const float64 part_of_D_new_0_17 = part_of_D_new_0_2 * (D_pred_2 * one_per_part_of_D_new_0_3);
-    const float64 part_of_D_new_0_18 = part_of_D_new_0_16 * part_of_D_new_0_17;
-    const float64 part_of_D_new_0_19 = larger(part_of_D_new_0_13 + part_of_D_new_0_16 * part_of_D_new_0_18,
-        R_1);
-    const float64 part_of_D_new_0_20 = HL_01 * one_per_part_of_D_new_0_3;
-    const float64 part_of_D_new_0_21 = part_of_D_new_0_15 + HL_02_times_D_pred_2 * HL_12;
-    const float64 part_of_D_new_0_22 = HL_11 - part_of_D_new_0_20 * part_of_D_new_0_21;
-    const float64 one_per_part_of_D_new_0_4 = 1.0 / part_of_D_new_0_4;
-    const float64 part_of_D_new_0_23 = part_of_D_new_0_3 * (D_pred_1 * one_per_part_of_D_new_0_4);
-    const float64 part_of_D_new_0_24 = part_of_D_new_0_22 * part_of_D_new_0_23;
-    const float64 part_of_D_new_0_25 = larger(part_of_D_new_0_19 + part_of_D_new_0_22 * part_of_D_new_0_24,
-        R_1);
-    const float64 part_of_D_new_0_5 = D_pred_0 * part_of_D_new_0_4 / span_first;
-    const float64 part_of_span_second = HL_00 * one_per_part_of_D_new_0_4;
-    const float64 part_of_span_second_2 = HL_10 -
-        part_of_span_second * (part_of_D_new_0_21 + HL_01_times_D_pred_1 * HL_11);
-    const float64 span_second = larger(part_of_D_new_0_25 +
-        part_of_D_new_0_5 * part_of_span_second_2 * part_of_span_second_2, R_1);
+    const float64 span_first_4 = INV_L_Q_SQ * D_pred_4 + R_0;
+    const float64 g_first_3 = HL_03 * D_pred_3;
+    const float64 span_first_3 = larger(span_first_4 + HL_03 * g_first_3, R_0);
+    const float64 g_first_2 = HL_02 * D_pred_2;
+    const float64 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, R_0);
+    const float64 g_first_1 = HL_01 * D_pred_1;
+    const float64 span_first_1 = larger(span_first_2 + HL_01 * g_first_1, R_0);
+    const float64 span_first = larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0);
+    const float64 span_second_5 = INV_L_Q_SQ * D_pred_5 + R_1;
+    const float64 D_pred_4_per_span_first_4 = D_pred_4 / span_first_4;
+    const float64 D_first_4 = R_0 * D_pred_4_per_span_first_4;
+    const float64 g_second_4 = HL_14 * D_first_4;
+    const float64 span_second_4 = larger(span_second_5 + HL_14 * g_second_4, R_1);
+    const float64 change_first_43 = HL_03 * D_pred_4_per_span_first_4 * INV_L_Q;
+    const float64 f_second_3 = HL_13 - HL_14 * change_first_43;
+    const float64 one_per_span_first_3 = 1.0 / span_first_3;
+    const float64 D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3);
+    const float64 g_second_3 = f_second_3 * D_first_3;
+    const float64 span_second_3 = larger(span_second_4 + f_second_3 * g_second_3, R_1);
+    const float64 lambda_first_2 = HL_02 * one_per_span_first_3;
+    const float64 g_first_4 = D_pred_4 * INV_L_Q;
+    const float64 gathered_first_y3 = HL_14 * g_first_4 + g_first_3 * HL_13;
+    const float64 f_second_2 = HL_12 - lambda_first_2 * gathered_first_y3;
+    const float64 one_per_span_first_2 = 1.0 / span_first_2;
+    const float64 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+    const float64 g_second_2 = f_second_2 * D_first_2;
+    const float64 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, R_1);
+    const float64 lambda_first_1 = HL_01 * one_per_span_first_2;
+    const float64 gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12;
+    const float64 f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2;
+    const float64 one_per_span_first_1 = 1.0 / span_first_1;
+    const float64 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+    const float64 g_second_1 = f_second_1 * D_first_1;
+    const float64 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, R_1);
+    const float64 D_first_0 = D_pred_0 * span_first_1 / span_first;
+    const float64 lambda_first_0 = HL_00 * one_per_span_first_1;
+    const float64 f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11);
+    const float64 span_second = larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
     /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_j);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float64 D_new_0 = part_of_D_new_0_5 * part_of_D_new_0_25 / span_second;
-    const float64 one_per_part_of_D_new_0_25 = 1.0 / part_of_D_new_0_25;
-    const float64 part_of_L_new_10 = part_of_span_second_2 * one_per_part_of_D_new_0_25;
-    const float64 L_new_10 = L_pred_10 - HL_01_times_D_pred_1 * part_of_span_second -
-        part_of_D_new_0_24 * part_of_L_new_10;
-    const float64 D_new_1 = part_of_D_new_0_19 * part_of_D_new_0_23 * one_per_part_of_D_new_0_25;
-    const float64 part_of_L_new_20 = L_pred_21 - HL_02_times_D_pred_2 * part_of_D_new_0_20;
-    const float64 L_new_20 = L_pred_20 -
-        part_of_span_second * (HL_02_times_D_pred_2 + HL_01_times_D_pred_1 * L_pred_21) -
-        part_of_L_new_10 * (part_of_D_new_0_18 + part_of_D_new_0_24 * part_of_L_new_20);
-    const float64 one_per_part_of_D_new_0_19 = 1.0 / part_of_D_new_0_19;
-    const float64 part_of_L_new_21 = part_of_D_new_0_22 * one_per_part_of_D_new_0_19;
-    const float64 L_new_21 = part_of_L_new_20 - part_of_D_new_0_18 * part_of_L_new_21;
-    const float64 D_new_2 = part_of_D_new_0_13 * part_of_D_new_0_17 * one_per_part_of_D_new_0_19;
-    const float64 part_of_L_new_30 = HL_03_times_D_pred_3 + HL_02_times_D_pred_2 * L_pred_32;
-    const float64 part_of_L_new_30_2 = L_pred_32 - HL_03_times_D_pred_3 * part_of_D_new_0_14;
-    const float64 part_of_L_new_30_3 = part_of_D_new_0_12 + part_of_D_new_0_18 * part_of_L_new_30_2;
-    const float64 part_of_L_new_30_4 = L_pred_31 - part_of_D_new_0_20 * part_of_L_new_30;
-    const float64 L_new_30 = L_pred_30 -
-        part_of_span_second * (part_of_L_new_30 + HL_01_times_D_pred_1 * L_pred_31) -
-        part_of_L_new_10 * (part_of_L_new_30_3 + part_of_D_new_0_24 * part_of_L_new_30_4);
-    const float64 L_new_31 = part_of_L_new_30_4 - part_of_L_new_21 * part_of_L_new_30_3;
-    const float64 one_per_part_of_D_new_0_13 = 1.0 / part_of_D_new_0_13;
-    const float64 part_of_L_new_32 = part_of_D_new_0_16 * one_per_part_of_D_new_0_13;
-    const float64 L_new_32 = part_of_L_new_30_2 - part_of_D_new_0_12 * part_of_L_new_32;
-    const float64 D_new_3 = part_of_D_new_0_8 * part_of_D_new_0_11 * one_per_part_of_D_new_0_13;
-    const float64 part_of_L_new_40 = D_pred_4_times_inv_l_q + HL_03_times_D_pred_3 * L_pred_43;
-    const float64 part_of_L_new_40_2 = part_of_L_new_40 + HL_02_times_D_pred_2 * L_pred_42;
-    const float64 L_pred_43_sub_part_of_D_new_0_9 = L_pred_43 - part_of_D_new_0_9;
-    const float64 part_of_L_new_40_3 = HL_14_times_part_of_D_new_0_7 +
-        part_of_D_new_0_12 * L_pred_43_sub_part_of_D_new_0_9;
-    const float64 part_of_L_new_40_4 = L_pred_42 - part_of_D_new_0_14 * part_of_L_new_40;
-    const float64 part_of_L_new_40_5 = part_of_L_new_40_3 + part_of_D_new_0_18 * part_of_L_new_40_4;
-    const float64 part_of_L_new_40_6 = L_pred_41 - part_of_D_new_0_20 * part_of_L_new_40_2;
-    const float64 L_new_40 = L_pred_40 -
-        part_of_span_second * (part_of_L_new_40_2 + HL_01_times_D_pred_1 * L_pred_41) -
-        part_of_L_new_10 * (part_of_L_new_40_5 + part_of_D_new_0_24 * part_of_L_new_40_6);
-    const float64 L_new_41 = part_of_L_new_40_6 - part_of_L_new_21 * part_of_L_new_40_5;
-    const float64 L_new_42 = part_of_L_new_40_4 - part_of_L_new_32 * part_of_L_new_40_3;
-    const float64 one_per_part_of_D_new_0_8 = 1.0 / part_of_D_new_0_8;
-    const float64 part_of_L_new_43 = part_of_D_new_0_10 * one_per_part_of_D_new_0_8;
-    const float64 L_new_43 = L_pred_43_sub_part_of_D_new_0_9 -
-        HL_14_times_part_of_D_new_0_7 * part_of_L_new_43;
-    const float64 D_new_4 = part_of_D_new_0_6 * part_of_D_new_0_7 * one_per_part_of_D_new_0_8;
-    const float64 part_of_L_new_50 = D_pred_4_times_inv_l_q * L_pred_54 + HL_03_times_D_pred_3 * L_pred_53;
-    const float64 part_of_L_new_50_2 = part_of_L_new_50 + HL_02_times_D_pred_2 * L_pred_52;
-    const float64 D_pred_5_times_inv_l_q = D_pred_5 * INV_L_Q;
-    const float64 part_of_L_new_50_3 = D_pred_5_times_inv_l_q + HL_14_times_part_of_D_new_0_7 * L_pred_54;
-    const float64 part_of_L_new_50_4 = L_pred_53 - part_of_D_new_0_9 * L_pred_54;
-    const float64 part_of_L_new_50_5 = part_of_L_new_50_3 + part_of_D_new_0_12 * part_of_L_new_50_4;
-    const float64 part_of_L_new_50_6 = L_pred_52 - part_of_D_new_0_14 * part_of_L_new_50;
-    const float64 part_of_L_new_50_7 = part_of_L_new_50_5 + part_of_D_new_0_18 * part_of_L_new_50_6;
-    const float64 part_of_L_new_50_8 = L_pred_51 - part_of_D_new_0_20 * part_of_L_new_50_2;
-    const float64 L_new_50 = L_pred_50 -
-        part_of_span_second * (part_of_L_new_50_2 + HL_01_times_D_pred_1 * L_pred_51) -
-        part_of_L_new_10 * (part_of_L_new_50_7 + part_of_D_new_0_24 * part_of_L_new_50_8);
-    const float64 L_new_51 = part_of_L_new_50_8 - part_of_L_new_21 * part_of_L_new_50_7;
-    const float64 L_new_52 = part_of_L_new_50_6 - part_of_L_new_32 * part_of_L_new_50_5;
-    const float64 L_new_53 = part_of_L_new_50_4 - part_of_L_new_43 * part_of_L_new_50_3;
-    const float64 one_per_part_of_D_new_0_6 = 1.0 / part_of_D_new_0_6;
-    const float64 part_of_L_new_54 = HL_14 * D_pred_5_times_inv_l_q * one_per_part_of_D_new_0_6;
-    const float64 L_new_54 = L_pred_54 - part_of_L_new_54;
-    const float64 D_new_5 = D_pred_5 * R_1 * one_per_part_of_D_new_0_6;
-    const float64 part_of_L_new_60 = D_pred_4_times_inv_l_q * L_pred_64 + HL_03_times_D_pred_3 * L_pred_63;
-    const float64 part_of_L_new_60_2 = part_of_L_new_60 + HL_02_times_D_pred_2 * L_pred_62;
-    const float64 part_of_L_new_60_3 = D_pred_5_times_inv_l_q * L_pred_65 +
-        HL_14_times_part_of_D_new_0_7 * L_pred_64;
-    const float64 part_of_L_new_60_4 = L_pred_63 - part_of_D_new_0_9 * L_pred_64;
-    const float64 part_of_L_new_60_5 = part_of_L_new_60_3 + part_of_D_new_0_12 * part_of_L_new_60_4;
-    const float64 part_of_L_new_60_6 = L_pred_62 - part_of_D_new_0_14 * part_of_L_new_60;
-    const float64 part_of_L_new_60_7 = part_of_L_new_60_5 + part_of_D_new_0_18 * part_of_L_new_60_6;
-    const float64 part_of_L_new_60_8 = L_pred_61 - part_of_D_new_0_20 * part_of_L_new_60_2;
-    const float64 L_new_60 = L_pred_60 -
-        part_of_span_second * (part_of_L_new_60_2 + HL_01_times_D_pred_1 * L_pred_61) -
-        part_of_L_new_10 * (part_of_L_new_60_7 + part_of_D_new_0_24 * part_of_L_new_60_8);
-    const float64 L_new_61 = part_of_L_new_60_8 - part_of_L_new_21 * part_of_L_new_60_7;
-    const float64 L_new_62 = part_of_L_new_60_6 - part_of_L_new_32 * part_of_L_new_60_5;
-    const float64 L_new_63 = part_of_L_new_60_4 - part_of_L_new_43 * part_of_L_new_60_3;
-    const float64 L_new_64 = L_pred_64 - part_of_L_new_54 * L_pred_65;
+    const float64 D_new_0 = D_first_0 * span_second_1 / span_second;
+    const float64 one_per_span_second_1 = 1.0 / span_second_1;
+    const float64 lambda_second_0 = f_second_0 * one_per_span_second_1;
+    const float64 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
+    const float64 D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1;
+    const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+    const float64 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
+        lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
+    const float64 one_per_span_second_2 = 1.0 / span_second_2;
+    const float64 lambda_second_1 = f_second_1 * one_per_span_second_2;
+    const float64 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
+    const float64 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
+    const float64 gathered_first_32 = g_first_3 + g_first_2 * L_pred_32;
+    const float64 L_first_32 = L_pred_32 - g_first_3 * lambda_first_2;
+    const float64 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float64 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
+    const float64 L_new_30 = L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
+        lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31);
+    const float64 L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32;
+    const float64 one_per_span_second_3 = 1.0 / span_second_3;
+    const float64 lambda_second_2 = f_second_2 * one_per_span_second_3;
+    const float64 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
+    const float64 D_new_3 = span_second_4 * D_first_3 * one_per_span_second_3;
+    const float64 gathered_first_43 = g_first_4 + g_first_3 * L_pred_43;
+    const float64 gathered_first_42 = gathered_first_43 + g_first_2 * L_pred_42;
+    const float64 L_first_43 = L_pred_43 - change_first_43;
+    const float64 gathered_second_43 = g_second_4 + g_second_3 * L_first_43;
+    const float64 L_first_42 = L_pred_42 - lambda_first_2 * gathered_first_43;
+    const float64 gathered_second_42 = gathered_second_43 + g_second_2 * L_first_42;
+    const float64 L_first_41 = L_pred_41 - lambda_first_1 * gathered_first_42;
+    const float64 L_new_40 = L_pred_40 - lambda_first_0 * (gathered_first_42 + g_first_1 * L_pred_41) -
+        lambda_second_0 * (gathered_second_42 + g_second_1 * L_first_41);
+    const float64 L_new_41 = L_first_41 - lambda_second_1 * gathered_second_42;
+    const float64 L_new_42 = L_first_42 - lambda_second_2 * gathered_second_43;
+    const float64 one_per_span_second_4 = 1.0 / span_second_4;
+    const float64 lambda_second_3 = f_second_3 * one_per_span_second_4;
+    const float64 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
+    const float64 D_new_4 = span_second_5 * D_first_4 * one_per_span_second_4;
+    const float64 gathered_first_53 = g_first_4 * L_pred_54 + g_first_3 * L_pred_53;
+    const float64 gathered_first_52 = gathered_first_53 + g_first_2 * L_pred_52;
+    const float64 g_second_5 = D_pred_5 * INV_L_Q;
+    const float64 part_of_L_new_50 = g_second_5 + g_second_4 * L_pred_54;
+    const float64 L_first_53 = L_pred_53 - change_first_43 * L_pred_54;
+    const float64 gathered_second_53 = part_of_L_new_50 + g_second_3 * L_first_53;
+    const float64 L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53;
+    const float64 gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52;
+    const float64 L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52;
+    const float64 L_new_50 = L_pred_50 - lambda_first_0 * (gathered_first_52 + g_first_1 * L_pred_51) -
+        lambda_second_0 * (gathered_second_52 + g_second_1 * L_first_51);
+    const float64 L_new_51 = L_first_51 - lambda_second_1 * gathered_second_52;
+    const float64 L_new_52 = L_first_52 - lambda_second_2 * gathered_second_53;
+    const float64 L_new_53 = L_first_53 - lambda_second_3 * part_of_L_new_50;
+    const float64 one_per_span_second_5 = 1.0 / span_second_5;
+    const float64 change_second_54 = HL_14 * g_second_5 * one_per_span_second_5;
+    const float64 L_new_54 = L_pred_54 - change_second_54;
+    const float64 D_new_5 = D_pred_5 * R_1 * one_per_span_second_5;
+    const float64 gathered_first_63 = g_first_4 * L_pred_64 + g_first_3 * L_pred_63;
+    const float64 gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62;
+    const float64 part_of_L_new_60 = g_second_5 * L_pred_65 + g_second_4 * L_pred_64;
+    const float64 L_first_63 = L_pred_63 - change_first_43 * L_pred_64;
+    const float64 gathered_second_63 = part_of_L_new_60 + g_second_3 * L_first_63;
+    const float64 L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63;
+    const float64 gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62;
+    const float64 L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62;
+    const float64 L_new_60 = L_pred_60 - lambda_first_0 * (gathered_first_62 + g_first_1 * L_pred_61) -
+        lambda_second_0 * (gathered_second_62 + g_second_1 * L_first_61);
+    const float64 L_new_61 = L_first_61 - lambda_second_1 * gathered_second_62;
+    const float64 L_new_62 = L_first_62 - lambda_second_2 * gathered_second_63;
+    const float64 L_new_63 = L_first_63 - lambda_second_3 * part_of_L_new_60;
+    const float64 L_new_64 = L_pred_64 - change_second_54 * L_pred_65;
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;

@@ -24,6 +24,7 @@
 #define GAIN_E_POLE_PAIRS_BY5 0.0141846435f /* 0.2 * GAIN_E * POLE_PAIRS */
 #define GAIN_OMEGA_GAIN_TORQUE_BY2 0.006562418f /* 0.5 * GAIN_OMEGA * GAIN_TORQUE */
 #define GAIN_OMEGA_GAIN_TORQUE_BY5 0.0026249671f /* 0.2 * GAIN_OMEGA * GAIN_TORQUE */
+#define ONE_PLUS_DECAY_I 1.7087082f /* 1 + DECAY_I */
 #define GAIN_E_POLE_PAIRS_BY2 0.03546161f /* 0.5 * GAIN_E * POLE_PAIRS */
 #define GAIN_E_SQ_POLE_PAIRS_SQ_X5 0.025150513f /* 5 * GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
 #define GAIN_E_SQ_POLE_PAIRS_SQ 0.0050301026f /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
@@ -255,10 +256,10 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         const float32 D_3 = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 part_of_z_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-        const float32 z_theta_mid_0 = D_0 * part_of_z_theta_mid_0 * part_of_z_theta_mid_0;
-        const float32 part_of_z_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-        const float32 z_theta_mid_1 = D_1 * part_of_z_theta_mid_1 * part_of_z_theta_mid_1;
+        const float32 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
+        const float32 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
+        const float32 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
+        const float32 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
         const float32 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
         const float32 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
         const float32 sinc_theta_mid_0 = (SINC_2 * z_theta_mid_0 + SINC_1) * z_theta_mid_0 + 1.0f;
@@ -341,9 +342,9 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 gain_v_times_v_alpha = GAIN_V * v_alpha;
-        const float32 part_of_i_q_between_2 = i_alpha * 1.7087082f + gain_v_times_v_alpha;
+        const float32 part_of_i_q_between_2 = i_alpha * ONE_PLUS_DECAY_I + gain_v_times_v_alpha;
         const float32 gain_v_times_v_beta = GAIN_V * v_beta;
-        const float32 part_of_i_q_between = i_beta * 1.7087082f + gain_v_times_v_beta;
+        const float32 part_of_i_q_between = i_beta * ONE_PLUS_DECAY_I + gain_v_times_v_beta;
         const float32 part_of_i_d_between = cos_theta_mid * part_of_i_q_between_2 +
             sin_theta_mid * part_of_i_q_between;
         const float32 i_d_between = 0.5f * part_of_i_d_between;
@@ -352,191 +353,191 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
         const float32 omega_x_gain_e_pole_pairs_by2 = omega * GAIN_E_POLE_PAIRS_BY2;
         const float32 odd_theta_mid_0_times_D_0 = odd_theta_mid_0 * D_0;
-        const float32 part_of_bend_i_alpha_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_0;
+        const float32 D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_0;
         const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
-        const float32 part_of_odd_i_alpha_next_0 = sinc_theta_mid_0 * odd_theta_mid_0;
-        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * part_of_odd_i_alpha_next_0;
+        const float32 sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0;
+        const float32 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0;
         const float32 even_i_q_between_0 = cosm1_theta_mid_0 * (i_q_between -
             one_plus_cosm1_theta_mid_0 * omega_x_gain_e_pole_pairs_by2) -
-            part_of_bend_i_alpha_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 2.5f;
+            D_sind_theta_mid_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 2.5f;
         const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
         const float32 odd_theta_mid_1_times_D_1 = odd_theta_mid_1 * D_1;
-        const float32 part_of_bend_i_alpha_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_1;
-        const float32 part_of_odd_i_alpha_next_1 = sinc_theta_mid_1 * odd_theta_mid_1;
-        const float32 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * part_of_odd_i_alpha_next_1;
+        const float32 D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_1;
+        const float32 sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1;
+        const float32 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * sind_theta_mid_1;
         const float32 even_i_q_between_1 = cosm1_theta_mid_1 * (i_q_between -
             omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_1) -
-            part_of_bend_i_alpha_1 * 2.5f * (sin_theta_mid + odd_i_alpha_next_1);
+            D_sind_theta_mid_1 * 2.5f * (sin_theta_mid + odd_i_alpha_next_1);
         const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
         const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
-        const float32 part_of_even_i_q_between_2 = sinc_theta_mid_2 * odd_theta_mid_2;
-        const float32 odd_theta_mid_2_times_D_2 = odd_theta_mid_2 * D_2;
-        const float32 bend_i_alpha_2 = sinc_theta_mid_2 * odd_theta_mid_2_times_D_2;
-        const float32 part_of_even_i_q_between_2_2 = part_of_even_i_q_between_2 * bend_i_alpha_2;
-        const float32 part_of_even_i_q_between_2_3 = omega * 0.17730804f;
+        const float32 D_2_times_odd_theta_mid_2 = D_2 * odd_theta_mid_2;
+        const float32 bend_i_alpha_2 = D_2_times_odd_theta_mid_2 * sinc_theta_mid_2;
+        const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+        const float32 part_of_even_i_q_between_2 = bend_i_alpha_2 * sind_theta_mid_2;
+        const float32 omega_scaled = omega * 0.17730804f;
         const float32 even_i_q_between_2 = cosm1_theta_mid_2 * (i_q_between -
             omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_2) -
-            part_of_even_i_q_between_2_2 * part_of_even_i_q_between_2_3;
-        const float32 sinc_theta_mid_3_times_D_3 = sinc_theta_mid_3 * D_3;
-        const float32 part_of_even_i_q_between_3 = sinc_theta_mid_3 * sinc_theta_mid_3_times_D_3;
+            part_of_even_i_q_between_2 * omega_scaled;
+        const float32 D_sind_theta_mid_3 = sinc_theta_mid_3 * D_3;
+        const float32 part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3;
         const float32 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
             cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0f + cosm1_theta_mid_3) -
-            part_of_even_i_q_between_2_3 * part_of_even_i_q_between_3;
+            omega_scaled * part_of_even_i_q_between_3;
         const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
             GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0;
         const float32 odd_i_beta_next_1 = DECAY_I * cos_theta_mid -
             GAIN_E_POLE_PAIRS * L_21 * one_plus_cosm1_theta_mid_1;
-        const float32 bend_i_alpha_0 = L_20 * part_of_bend_i_alpha_0;
+        const float32 bend_i_alpha_0 = L_20 * D_sind_theta_mid_0;
         const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
             GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-            part_of_odd_i_alpha_next_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_0 * 0.17730804f) -
+            sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_0 * 0.17730804f) -
             GAIN_OMEGA * L_40;
-        const float32 bend_i_alpha_1 = L_21 * part_of_bend_i_alpha_1;
+        const float32 bend_i_alpha_1 = L_21 * D_sind_theta_mid_1;
         const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
             GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-            part_of_odd_i_alpha_next_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_1 * 0.17730804f) -
+            sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_1 * 0.17730804f) -
             GAIN_OMEGA * L_41;
         const float32 odd_omega_next_2 = DECAY_OMEGA -
             GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * 0.03723469f + L_42) -
-            part_of_even_i_q_between_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_2 * 0.17730804f);
+            sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_2 * 0.17730804f);
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
         const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
         const float32 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
         const float32 emf_step_sq = emf_step * emf_step;
         const float32 bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2;
-        const float32 part_of_i_alpha_pred_2 = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
+        const float32 offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
         const float32 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
             odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
-            emf_step_sq * (part_of_even_i_q_between_2_2 + part_of_even_i_q_between_3) +
+            emf_step_sq * (part_of_even_i_q_between_2 + part_of_even_i_q_between_3) +
             GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (bend_i_alpha_0 * bend_i_alpha_0 + bend_i_alpha_1 * bend_i_alpha_1 +
-            bend_i_alpha_2 * bend_i_alpha_2) - part_of_i_alpha_pred_2 * part_of_i_alpha_pred_2;
+            bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha;
         const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
         const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
-        const float32 part_of_P_turned_11 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2;
-        const float32 D_2_times_part_of_P_turned_11 = D_2 * part_of_P_turned_11;
+        const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2;
+        const float32 D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2;
         const float32 bend_i_beta_sum = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 +
             cosm1_theta_mid_3;
-        const float32 part_of_P_turned_11_2 = bend_i_beta_sum * 0.04f;
+        const float32 bend_i_beta_sum_scaled = bend_i_beta_sum * 0.04f;
         const float32 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + part_of_P_turned_11 * D_2_times_part_of_P_turned_11
-            + emf_step_sq * (0.2f * (cosm1_theta_mid_0 * cosm1_theta_mid_0 + cosm1_theta_mid_1 * cosm1_theta_mid_1
-            + cosm1_theta_mid_2 * cosm1_theta_mid_2 + cosm1_theta_mid_3 * cosm1_theta_mid_3) -
-            bend_i_beta_sum * part_of_P_turned_11_2);
+            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
+            minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
+            emf_step_sq * (0.2f * (cosm1_theta_mid_0 * cosm1_theta_mid_0 + cosm1_theta_mid_1 * cosm1_theta_mid_1 +
+            cosm1_theta_mid_2 * cosm1_theta_mid_2 + cosm1_theta_mid_3 * cosm1_theta_mid_3) -
+            bend_i_beta_sum * bend_i_beta_sum_scaled);
         const float32 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 - bend_i_alpha_2 * (emf_step * part_of_P_turned_11 +
+            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
+            bend_i_alpha_2 * (emf_step * minus_odd_i_beta_next_2 +
             omega * cosm1_theta_mid_2 * GAIN_E_SQ_POLE_PAIRS_SQ) -
             omega * GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (0.2f * (bend_i_alpha_0 * cosm1_theta_mid_0 +
-            bend_i_alpha_1 * cosm1_theta_mid_1) - bend_i_alpha_sum * part_of_P_turned_11_2);
-        const float32 part_of_P_pred_00 = sin_theta_mid * (P_turned_00 - P_turned_11) +
-            cos_theta_mid * P_turned_10 * 2.0f;
-        const float32 part_of_P_pred_00_2 = sin_theta_mid * part_of_P_pred_00;
-        const float32 P_pred_00 = P_turned_00 - part_of_P_pred_00_2 + Q_0;
+            bend_i_alpha_1 * cosm1_theta_mid_1) - bend_i_alpha_sum * bend_i_beta_sum_scaled);
+        const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
+        const float32 P_turn = sin_theta_mid * P_tilt;
+        const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
         const float32 D_pred_0 = larger(P_pred_00, Q_0);
-        const float32 P_pred_10 = cos_theta_mid * part_of_P_pred_00 - P_turned_10;
+        const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
         const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
         const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
-        const float32 P_pred_11 = P_turned_11 + part_of_P_pred_00_2 + Q_1;
+        const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
         const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
         const float32 emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2;
-        const float32 part_of_P_turned_20 = emf_step * sinc_theta_mid_3_times_D_3;
-        const float32 part_of_P_turned_20_2 = sinc_theta_mid_3 * part_of_i_d_between * GAIN_TORQUE_BY2 + L_43;
-        const float32 part_of_P_turned_20_3 = GAIN_OMEGA * part_of_P_turned_20_2;
+        const float32 emf_step_x_D_sind_theta_mid_3 = emf_step * D_sind_theta_mid_3;
+        const float32 part_of_P_turned_20 = sinc_theta_mid_3 * part_of_i_d_between * GAIN_TORQUE_BY2 + L_43;
+        const float32 minus_odd_omega_next_3 = GAIN_OMEGA * part_of_P_turned_20;
         const float32 bend_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 +
             even_i_q_between_3;
-        const float32 part_of_P_turned_20_4 = bend_omega_sum * 0.04f;
+        const float32 bend_omega_sum_scaled = bend_omega_sum * 0.04f;
         const float32 P_turned_20 = D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
             D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + emf_step_times_bend_i_alpha_2 * odd_omega_next_2 -
-            part_of_P_turned_20 * part_of_P_turned_20_3 +
+            emf_step_x_D_sind_theta_mid_3 * minus_odd_omega_next_3 +
             0.004654278f * (0.2f * (bend_i_alpha_0 * even_i_q_between_0 + bend_i_alpha_1 * even_i_q_between_1 +
-            bend_i_alpha_2 * even_i_q_between_2) - bend_i_alpha_sum * part_of_P_turned_20_4);
+            bend_i_alpha_2 * even_i_q_between_2) - bend_i_alpha_sum * bend_omega_sum_scaled);
         const float32 P_turned_21 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
-            D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - D_2_times_part_of_P_turned_11 * odd_omega_next_2 -
+            D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_omega_next_2 -
             omega * (0.2f * (cosm1_theta_mid_0 * even_i_q_between_0 + cosm1_theta_mid_1 * even_i_q_between_1 +
             cosm1_theta_mid_2 * even_i_q_between_2 + cosm1_theta_mid_3 * even_i_q_between_3) -
-            bend_omega_sum * part_of_P_turned_11_2) * 0.0009308556f;
+            bend_omega_sum * bend_i_beta_sum_scaled) * 0.0009308556f;
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
         const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
-        const float32 part_of_L_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
+        const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
         const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = part_of_L_pred_21 * one_per_D_pred_1;
+        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
         const float32 part_of_P_pred_22 = D_0 * odd_omega_next_0 * odd_omega_next_0 +
             D_1 * odd_omega_next_1 * odd_omega_next_1 + D_2 * odd_omega_next_2 * odd_omega_next_2 +
-            (D_3 * part_of_P_turned_20_2 * part_of_P_turned_20_2 + D_4) * GAIN_OMEGA_SQ +
+            (D_3 * part_of_P_turned_20 * part_of_P_turned_20 + D_4) * GAIN_OMEGA_SQ +
             GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (0.2f * (even_i_q_between_0 * even_i_q_between_0 +
             even_i_q_between_1 * even_i_q_between_1 + even_i_q_between_2 * even_i_q_between_2 +
-            even_i_q_between_3 * even_i_q_between_3) - bend_omega_sum * part_of_P_turned_20_4);
+            even_i_q_between_3 * even_i_q_between_3) - bend_omega_sum * bend_omega_sum_scaled);
         const float32 P_pred_22 = part_of_P_pred_22 + Q_2;
-        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - part_of_L_pred_21 * L_pred_21, Q_2);
+        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
         const float32 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 +
             odd_theta_mid_0_times_D_0 * odd_i_alpha_next_0 + odd_theta_mid_1_times_D_1 * odd_i_alpha_next_1 +
-            odd_theta_mid_2 * emf_step_times_bend_i_alpha_2 + part_of_P_turned_20;
+            odd_theta_mid_2 * emf_step_times_bend_i_alpha_2 + emf_step_x_D_sind_theta_mid_3;
         const float32 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 +
             odd_theta_mid_0_times_D_0 * odd_i_beta_next_0 + odd_theta_mid_1_times_D_1 * odd_i_beta_next_1 -
-            odd_theta_mid_2_times_D_2 * part_of_P_turned_11;
+            D_2_times_odd_theta_mid_2 * minus_odd_i_beta_next_2;
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
         const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-        const float32 part_of_L_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-        const float32 L_pred_31 = one_per_D_pred_1 * part_of_L_pred_31;
+        const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
+        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
         const float32 part_of_P_pred_32 = odd_theta_mid_0_times_D_0 * odd_omega_next_0 +
-            odd_theta_mid_1_times_D_1 * odd_omega_next_1 + odd_theta_mid_2_times_D_2 * odd_omega_next_2 -
-            D_3 * part_of_P_turned_20_3;
+            odd_theta_mid_1_times_D_1 * odd_omega_next_1 + D_2_times_odd_theta_mid_2 * odd_omega_next_2 -
+            D_3 * minus_odd_omega_next_3;
         const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
-        const float32 part_of_L_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * part_of_L_pred_31;
+        const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
         const float32 one_per_D_pred_2 = 1.0f / D_pred_2;
-        const float32 L_pred_32 = part_of_L_pred_32 * one_per_D_pred_2;
+        const float32 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
         const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
             odd_theta_mid_0 * odd_theta_mid_0_times_D_0 + odd_theta_mid_1 * odd_theta_mid_1_times_D_1 +
-            odd_theta_mid_2 * odd_theta_mid_2_times_D_2 + D_3 + Q_3;
-        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - part_of_L_pred_31 * L_pred_31 -
-            part_of_L_pred_32 * L_pred_32, Q_3);
+            odd_theta_mid_2 * D_2_times_odd_theta_mid_2 + D_3 + Q_3;
+        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+            LD_pred_32 * L_pred_32, Q_3);
         const float32 P_turned_40 = D_0_times_odd_i_alpha_next_0 * L_40 + D_1_times_odd_i_alpha_next_1 * L_41 +
-            emf_step_times_bend_i_alpha_2 * L_42 + part_of_P_turned_20 * L_43;
+            emf_step_times_bend_i_alpha_2 * L_42 + emf_step_x_D_sind_theta_mid_3 * L_43;
         const float32 P_turned_41 = D_0_times_odd_i_beta_next_0 * L_40 + D_1_times_odd_i_beta_next_1 * L_41 -
-            D_2_times_part_of_P_turned_11 * L_42;
+            D_2_x_minus_odd_i_beta_next_2 * L_42;
         const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
         const float32 L_pred_40 = one_per_D_pred_0 * P_pred_40;
         const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
-        const float32 part_of_L_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
-        const float32 L_pred_41 = one_per_D_pred_1 * part_of_L_pred_41;
+        const float32 LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
+        const float32 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
         const float32 D_0_times_L_40 = D_0 * L_40;
         const float32 D_1_times_L_41 = D_1 * L_41;
         const float32 D_2_times_L_42 = D_2 * L_42;
         const float32 D_3_times_L_43 = D_3 * L_43;
         const float32 P_pred_42 = D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
-            D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * part_of_P_turned_20_3 - GAIN_OMEGA * D_4;
-        const float32 part_of_L_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * part_of_L_pred_41;
-        const float32 L_pred_42 = one_per_D_pred_2 * part_of_L_pred_42;
+            D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * minus_odd_omega_next_3 - GAIN_OMEGA * D_4;
+        const float32 LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41;
+        const float32 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
         const float32 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0_times_D_0 * L_40 +
-            odd_theta_mid_1_times_D_1 * L_41 + odd_theta_mid_2_times_D_2 * L_42 + D_3_times_L_43;
-        const float32 part_of_L_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * part_of_L_pred_41 -
-            L_pred_32 * part_of_L_pred_42;
-        const float32 L_pred_43 = part_of_L_pred_43 / D_pred_3;
+            odd_theta_mid_1_times_D_1 * L_41 + D_2_times_odd_theta_mid_2 * L_42 + D_3_times_L_43;
+        const float32 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
+            L_pred_32 * LD_pred_42;
+        const float32 L_pred_43 = LD_pred_43 / D_pred_3;
         const float32 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
             L_43 * D_3_times_L_43 + D_4 + Q_4;
-        const float32 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - part_of_L_pred_41 * L_pred_41 -
-            part_of_L_pred_42 * L_pred_42 - part_of_L_pred_43 * L_pred_43, Q_4);
+        const float32 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
+            LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
 
         /* --- eq. 16: x_pred = mean X_i' */
         const float32 offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * bend_omega_sum;
         const float32 offset_theta = bend_omega_sum * 5.249934e-07f;
-        const float32 part_of_i_alpha_pred = DECAY_I * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
-        const float32 part_of_i_alpha_pred_3 = omega * GAIN_E_POLE_PAIRS_BY5 * bend_i_beta_sum;
-        const float32 i_alpha_pred = part_of_i_alpha_pred + cos_theta_mid * part_of_i_alpha_pred_2 +
-            sin_theta_mid * part_of_i_alpha_pred_3;
-        const float32 part_of_i_beta_pred = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
-        const float32 i_beta_pred = part_of_i_beta_pred + sin_theta_mid * part_of_i_alpha_pred_2 -
-            cos_theta_mid * part_of_i_alpha_pred_3;
-        const float32 part_of_omega_pred = omega * DECAY_OMEGA +
-            cos_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (part_of_i_beta_pred + i_beta) -
-            sin_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (part_of_i_alpha_pred + i_alpha) -
-            GAIN_OMEGA * load_torque;
-        const float32 omega_pred = part_of_omega_pred + offset_omega;
-        const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * part_of_omega_pred + offset_theta;
+        const float32 i_alpha_of_x = DECAY_I * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
+        const float32 minus_offset_i_beta = omega * GAIN_E_POLE_PAIRS_BY5 * bend_i_beta_sum;
+        const float32 i_alpha_pred = i_alpha_of_x + cos_theta_mid * offset_i_alpha +
+            sin_theta_mid * minus_offset_i_beta;
+        const float32 i_beta_of_x = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
+        const float32 i_beta_pred = i_beta_of_x + sin_theta_mid * offset_i_alpha -
+            cos_theta_mid * minus_offset_i_beta;
+        const float32 omega_of_x = omega * DECAY_OMEGA +
+            cos_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_beta_of_x + i_beta) -
+            sin_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque;
+        const float32 omega_pred = omega_of_x + offset_omega;
+        const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 
         /* --- sum of the pivots, for the guard */
         const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4;
@@ -601,44 +602,42 @@ static void ickf_measurement_update(const lanes *__restrict x_pred, const lanes 
         const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
         const float32 span_first = R_0 + D_pred_0;
         const float32 one_per_span_first = 1.0f / span_first;
-        const float32 D_pred_0_x_one_per_span_first = D_pred_0 * one_per_span_first;
-        const float32 part_of_innovation_after_first = innovation_i_alpha * D_pred_0_x_one_per_span_first;
-        const float32 innovation_after_first = i_beta_meas - part_of_innovation_after_first * L_pred_10 -
-            i_beta_pred;
-        const float32 R_1_plus_D_pred_1 = R_1 + D_pred_1;
-        const float32 part_of_span_second = R_0 * D_pred_0_x_one_per_span_first;
-        const float32 part_of_span_second_x_L_pred_10 = part_of_span_second * L_pred_10;
-        const float32 span_second = larger(R_1_plus_D_pred_1 + L_pred_10 * part_of_span_second_x_L_pred_10, R_1);
+        const float32 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
+        const float32 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+        const float32 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+        const float32 span_second_1 = R_1 + D_pred_1;
+        const float32 D_first_0 = R_0 * D_pred_0_per_span_first;
+        const float32 g_second_0 = D_first_0 * L_pred_10;
+        const float32 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
         const float32 one_per_span_second = 1.0f / span_second;
-        const float32 part_of_i_alpha_after = innovation_after_first * one_per_span_second;
-        const float32 part_of_i_alpha_after_2 = part_of_innovation_after_first +
-            part_of_span_second_x_L_pred_10 * part_of_i_alpha_after;
-        const float32 i_alpha_after = part_of_i_alpha_after_2 + i_alpha_pred;
-        const float32 i_beta_after = i_beta_meas - R_1 * part_of_i_alpha_after;
-        const float32 part_of_omega_after = D_pred_1 * part_of_i_alpha_after;
-        const float32 omega_after = part_of_i_alpha_after_2 * L_pred_20 + part_of_omega_after * L_pred_21 +
+        const float32 share_second = innovation_after_first * one_per_span_second;
+        const float32 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+        const float32 i_alpha_after = correction_second_0 + i_alpha_pred;
+        const float32 i_beta_after = i_beta_meas - R_1 * share_second;
+        const float32 D_pred_1_times_share_second = D_pred_1 * share_second;
+        const float32 omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
             omega_pred;
-        const float32 theta_after = part_of_i_alpha_after_2 * L_pred_30 + part_of_omega_after * L_pred_31 +
+        const float32 theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
             theta_pred;
-        const float32 load_torque_after = part_of_i_alpha_after_2 * L_pred_40 + part_of_omega_after * L_pred_41 +
-            load_torque_pred;
+        const float32 load_torque_after = correction_second_0 * L_pred_40 +
+            D_pred_1_times_share_second * L_pred_41 + load_torque_pred;
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_after);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = part_of_span_second * R_1_plus_D_pred_1 * one_per_span_second;
-        const float32 D_pred_1_per_R_1_plus_D_pred_1 = D_pred_1 / R_1_plus_D_pred_1;
-        const float32 part_of_L_new_10 = L_pred_10 * D_pred_1_per_R_1_plus_D_pred_1;
-        const float32 L_new_10 = L_pred_10 - part_of_L_new_10;
-        const float32 D_new_1 = R_1 * D_pred_1_per_R_1_plus_D_pred_1;
-        const float32 L_new_20 = L_pred_20 - L_pred_21 * part_of_L_new_10;
-        const float32 L_new_30 = L_pred_30 - L_pred_31 * part_of_L_new_10;
-        const float32 L_new_40 = L_pred_40 - L_pred_41 * part_of_L_new_10;
+        const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
+        const float32 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
+        const float32 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+        const float32 L_new_10 = L_pred_10 - change_second_10;
+        const float32 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+        const float32 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
+        const float32 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
+        const float32 L_new_40 = L_pred_40 - L_pred_41 * change_second_10;
 
         /* --- normalised innovation squared */
         const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-            innovation_after_first * part_of_i_alpha_after;
+            innovation_after_first * share_second;
 
         x_out[0].of[lane] = i_alpha_after;
         x_out[1].of[lane] = i_beta_after;
