@@ -39,6 +39,7 @@ class Commands(TyperGroup):
     """The commands; an interrupted one ends with 130, whatever Typer's version makes of it."""
 
     def invoke(self, ctx: Any) -> Any:
+        """Run a command; Ctrl-C ends it with 130."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

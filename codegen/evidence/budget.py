@@ -46,6 +46,7 @@ class Account:
 
     @cached_property
     def filter(self) -> Ledger:
+        """The filter step at its own N_max."""
         return self.program.ledger(f"{self.name}_step", f"{self.name}_t", self.max_iterations)
 
     @cached_property
@@ -59,6 +60,17 @@ class Account:
         return max(fitting, default=None)
 
     def at(self, function: str, max_iterations: int, k: float) -> int:
+        """Return the cycles of a function for another N_max and another price.
+
+        Parameters
+        ----------
+        function : str
+            C name.
+        max_iterations : int
+            N_max.
+        k : float
+            Cycles an addition or multiplication is priced at.
+        """
         return cycles(self.program.count(f"{self.name}{function}", max_iterations), k)
 
 

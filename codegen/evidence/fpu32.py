@@ -159,6 +159,7 @@ class Flushed:
         return self._of(-self.value)
 
     def sqrt(self) -> Self:
+        """Take the square root by seed and Newton steps, denormals flushed."""
         return self._of(self._root(self.value))
 
     # --- comparisons

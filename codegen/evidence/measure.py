@@ -85,6 +85,7 @@ class Measurer:
 
 
 def compiler_version() -> str:
+    """Return the first line of what the cross compiler says of its version."""
     return subprocess.run(
         [COMPILER, "-dumpfullversion"], capture_output=True, text=True, check=True, timeout=PATIENCE
     ).stdout.strip()

@@ -34,6 +34,7 @@ class Frame:
 
     @classmethod
     def at(cls, angle: Expr) -> Frame:
+        """Make the frame that is turned by an angle."""
         return cls(angle, angle.apply("sin"), angle.apply("cos"))
 
     def into(self, vector: list[Expr]) -> list[Expr]:
@@ -76,12 +77,15 @@ class AngleFinder:
         self.angles: list[int] = []
 
     def const(self, value: float) -> int:
+        """Return what a number is, seen as an angle."""
         return self.graph.const(value)
 
     def is_two_pi(self, value: int) -> bool:
+        """Whether a value is a whole turn."""
         return self.graph.is_two_pi(value)
 
     def op(self, op: str, *args: int) -> int:
+        """Return what an operation makes of its arguments, seen as angles."""
         if op in {"sin", "cos"}:
             self.angles.append(args[0])
         return self.graph.op(op, *args)

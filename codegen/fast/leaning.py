@@ -46,6 +46,7 @@ class Gram:
         return self.slope[i] * self.slope[j] * dot(self.weighted[i], self.odd[j])
 
     def leans(self, i: int, j: int) -> bool:
+        """Whether one row depends linearly on another."""
         return i in self.leaning or j in self.leaning
 
     def leant(self, P: Matrix, i: int, j: int) -> Expr:

@@ -61,6 +61,7 @@ class SplitAlgebra:
         self.turns: list[tuple[Split, Expr]] = []
 
     def const(self, value: float) -> Split:
+        """Return a number, which has no odd part."""
         return self.constant(self.zero + value)
 
     def constant(self, base: Expr) -> Split:
@@ -72,10 +73,12 @@ class SplitAlgebra:
         return Split(base, self.zero, slope, base)
 
     def is_two_pi(self, value: Split) -> bool:
+        """Whether a value is a whole turn."""
         known = value.base.value
         return known is not None and abs(known - 2 * math.pi) < 1e-12
 
     def op(self, op: str, *args: Split) -> Split:
+        """Return an operation on split numbers."""
         if op not in {"sin", "cos"} and all(arg.even.is_zero() and arg.odd.is_zero() for arg in args):
             return self.constant(self._plain(op, *(arg.base for arg in args)))
         special: dict[str, Callable[..., Split]] = {

@@ -46,17 +46,21 @@ class Spreading:
 
     @property
     def n(self) -> int:
+        """Number of states."""
         return len(self.model.states)
 
     @property
     def states(self) -> list[str]:
+        """Names of the states, in order."""
         return [state.name for state in self.model.states]
 
     @property
     def is_paper(self) -> bool:
+        """Whether the filter is one of the paper's."""
         return self.kind in {"ckf", "ickf"}
 
     def equation(self, number: str) -> str:
+        """Return the number of the paper's equation; empty for other filters."""
         return number if self.is_paper else self.kind.upper()
 
     def along(

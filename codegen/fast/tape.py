@@ -28,10 +28,12 @@ class Tape:
 
     @property
     def constants(self) -> list[Constant]:
+        """The model's constants that the tape reads."""
         return self.model.constants
 
     @property
     def inputs(self) -> list[str]:
+        """Names of the inputs."""
         return [state.name for state in self.model.states]
 
     def at(self, b: GraphBuilder, inputs: list[Vector]) -> Vector:
@@ -50,6 +52,7 @@ class Tape:
 
     @property
     def function(self) -> Any:
+        """The CasADi function behind the tape."""
         symbols = ca.vertcat(*(constant.symbol for constant in self.constants))
         named = ca.vertcat(*self.named.values()) if self.named else ca.SX(0, 1)
         return ca.Function(
@@ -59,6 +62,7 @@ class Tape:
     def replay(
         self, algebra: SplitAlgebra, inputs: list[list[Split]], constants: list[Split]
     ) -> tuple[list[Split], dict[str, Split]]:
+        """Carry out the tape in an algebra."""
         values, named = read_tape(algebra, self.function, [*inputs, constants])
         return values, dict(zip(self.named, named, strict=True))
 

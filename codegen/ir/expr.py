@@ -144,6 +144,7 @@ class GraphBuilder(BlockBuilder):
         return Expr(self.graph, self.graph.const(value, name, formula))
 
     def input(self, name: str, names: list[str]) -> list[Any]:
+        """Declare an input array; returns its scalars."""
         entries = tuple(Expr(self.graph, self.graph.input(scalar)) for scalar in names)
         self._inputs.append(Port(name, entries, tuple(names)))
         return list(entries)

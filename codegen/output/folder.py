@@ -24,6 +24,7 @@ class FolderError(RuntimeError):
 
 
 def digest(text: str) -> str:
+    """Return the SHA-256 of a text, as the manifest has it."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 

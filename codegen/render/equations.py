@@ -46,6 +46,7 @@ class Readable:
     symbols: dict[sp.Symbol, str]
 
     def latex(self, expression: Any) -> str:
+        """Spell an expression in LaTeX."""
         text: str = sp.latex(expression, symbol_names=self.symbols, mat_delim="[")
         return text
 

@@ -64,6 +64,7 @@ class Description:
 
     @property
     def machine(self) -> str:
+        """The machine in words."""
         return MACHINE_TITLES.get(self.drive.model.machine) or title(type(self.model.machine))
 
     @property
@@ -74,9 +75,11 @@ class Description:
 
     @property
     def sample_time(self) -> str:
+        """The sample time in words, microseconds."""
         return f"T = {self.drive.model.sample_time * 1e6:g} us"
 
     def title(self, kind: str) -> str:
+        """Return a filter's title: kind, machine, number of states, sample time."""
         return f"{FILTER_TITLES[kind]}, {self.machine}, {len(self.model.states)} states, {self.sample_time}"
 
 
@@ -86,6 +89,7 @@ def render(template: str, **context: Any) -> str:
 
 
 def render_port() -> str:
+    """Render the port header, which is the same for every drive."""
     return render("port.h.j2")
 
 
@@ -216,6 +220,7 @@ def with_ramfuncs(source: str, cold: set[str]) -> str:
 
 
 def trig_note(target: Target) -> list[str]:
+    """Return the comment's lines above sine and cosine: how they are made, and their error."""
     if not target.generated_trig:
         return ["Sine and cosine of the platform."]
     bound = sin_cos_bound()
@@ -314,6 +319,7 @@ def named_constants(about: Description, listings: list[Listing]) -> list[tuple[s
 
 
 def tuning(about: Description, guarded: bool) -> dict[str, Any]:
+    """Return the tuning that the struct holds, by field."""
     drive = about.drive
     monitor = {"nis_max": NIS_MAX, "nis_weight": NIS_WEIGHT} if guarded else {}
     return {
@@ -349,6 +355,7 @@ def _locals(step: FilterStep, target: Target) -> list[str]:
 
 
 def has_loop(body: tuple[Node, ...]) -> bool:
+    """Whether a step iterates."""
     return any(
         isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and has_loop(node.then)) for node in body
     )

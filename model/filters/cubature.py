@@ -50,6 +50,7 @@ class Rule:
 
     @property
     def reach_text(self) -> str:
+        """How far the points lie from the mean, in words."""
         return "sqrt(n + kappa)" if self.kappa else "sqrt(n)"
 
     def reach(self, n: int) -> float:

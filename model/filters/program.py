@@ -155,4 +155,5 @@ class BlockBuilder:
         self._outputs.append(Port(name, tuple(entries), tuple(f"{name}_{k}" for k in range(len(entries)))))
 
     def build(self) -> Block:
+        """Return the block of all that was collected."""
         return Block(self.name, self.title, tuple(self._inputs), tuple(self._outputs), tuple(self._stages))

@@ -48,10 +48,12 @@ class Gains:
 
     @property
     def values(self) -> tuple[float, ...]:
+        """The gains in the order of the struct."""
         return astuple(self)
 
     @classmethod
     def names(cls) -> list[str]:
+        """Return the gains' names in the order of the struct."""
         return [field.name for field in fields(cls)]
 
 

@@ -61,6 +61,7 @@ class Rotor:
 
     @classmethod
     def at(cls, theta: Any) -> Rotor:
+        """Make the rotor at an electrical angle."""
         return cls(theta, ca.sin(theta), ca.cos(theta))
 
     def to_stator(self, dq: Pair) -> Pair:

@@ -70,6 +70,7 @@ class LoadTorque(Mechanics):
     states = (OMEGA, THETA, LOAD_TORQUE)
 
     def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
+        """Advance speed, angle and load torque by forward Euler."""
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         gain = self.constant("GAIN_OMEGA", self.par.T / self.par.J, "T / J, rad/s per N m")
         T_e = torque()

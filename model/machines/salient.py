@@ -43,6 +43,7 @@ class SalientPMSM(Machine):
         return z, {}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """Return 1.5 p (psi_m + (L_d - L_q) i_d) i_q, N m."""
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
@@ -52,6 +53,7 @@ class SalientPMSM(Machine):
         return gain * ((self._magnet() + self._saliency() * i_d) * i_q)
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
+        """Return the currents themselves: they are the states."""
         return i
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:

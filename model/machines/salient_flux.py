@@ -43,6 +43,7 @@ class SalientFluxPMSM(Machine):
         return i, {"psi_d": psi_d, "i_salient": i_salient}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """Return 1.5 p (psi_alpha i_beta - psi_beta i_alpha), N m."""
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:

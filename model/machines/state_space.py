@@ -42,6 +42,7 @@ class StateSpaceModel:
 
     @property
     def states(self) -> tuple[Quantity, ...]:
+        """Names and units of the states, in order."""
         return self.machine.states + self.mechanics.states + self.adaptive.states
 
     @property
@@ -71,6 +72,7 @@ class StateSpaceModel:
 
     @property
     def exact_meaning(self) -> str:
+        """What "exact" stands for with this machine, in words."""
         return self.machine.exact_meaning
 
     def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:
@@ -114,18 +116,22 @@ class StateSpaceModel:
 
     @cached_property
     def x(self) -> Any:
+        """The state, an SX column of symbols."""
         return ca.vertcat(*(ca.SX.sym(state.name) for state in self.states))
 
     @cached_property
     def u(self) -> Any:
+        """The inputs v_alpha, v_beta (V), an SX column of symbols."""
         return ca.vertcat(*(ca.SX.sym(quantity.name) for quantity in INPUTS))
 
     @cached_property
     def f(self) -> Any:
+        """f(x, u), an SX column."""
         return ca.vertcat(*self.propagate(ca.vertsplit(self.x), ca.vertsplit(self.u))[0])
 
     @cached_property
     def h(self) -> Any:
+        """h(x), an SX column."""
         return ca.vertcat(*self.measure(ca.vertsplit(self.x))[0])
 
     @cached_property

@@ -33,6 +33,7 @@ class SurfacePMSM(Machine):
         return z, {}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
+        """Return 1.5 p psi_m i_q, N m (eq. 1)."""
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
@@ -41,6 +42,7 @@ class SurfacePMSM(Machine):
         return gain * z_dq[1]
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
+        """Return the currents themselves: they are the states."""
         return i
 
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:

@@ -46,6 +46,7 @@ class SerialPort:
         self.name = name
 
     def read(self) -> bytes:
+        """Read what has arrived; empty after a short wait."""
         try:
             first = self._serial.read(1)
             return bytes(first + self._serial.read(self._serial.in_waiting)) if first else b""
@@ -53,12 +54,14 @@ class SerialPort:
             raise UnpluggedError(f"port '{self.name}' failed while reading ({_reason(error)})") from None
 
     def write(self, data: bytes) -> None:
+        """Send bytes."""
         try:
             self._serial.write(data)
         except OSError as error:
             raise UnpluggedError(f"port '{self.name}' failed while writing ({_reason(error)})") from None
 
     def close(self) -> None:
+        """Close the port."""
         self._serial.close()
 
 

@@ -26,7 +26,7 @@ class Twin:
 
     @property
     def words(self) -> Array:
-        """x, covariance words, u_held."""
+        """State words, as the board tells them."""
         x, P = self.estimator.backend.state()
         return np.concatenate([x, P, np.array(list(self._struct.u_held), dtype=self.dtype)])
 

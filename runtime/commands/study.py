@@ -22,6 +22,7 @@ class RunByDefault(TyperGroup):
     """``study DRIVE`` means ``study run DRIVE``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line; where none names a subcommand, ``run`` is meant."""
         if not args or args[0] not in (*self.commands, "-h", "--help"):
             args = ["run", *args]
         return super().parse_args(ctx, args)

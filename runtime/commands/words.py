@@ -38,6 +38,7 @@ def caution(drives: list[str] | None) -> None:
 
 
 def show_written(written: list[Written]) -> None:
+    """Print what was written."""
     table = columns_table("drive", "files", "folder", "", left=range(4))
     for item in written:
         style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
@@ -46,6 +47,7 @@ def show_written(written: list[Written]) -> None:
 
 
 def show_summary(proof: Proof) -> None:
+    """Print the verdict of a proof."""
     for line in proof.failures():
         console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
     style = "bold red" if not proof.passed else "yellow" if proof.unchecked else "green"
@@ -55,6 +57,7 @@ def show_summary(proof: Proof) -> None:
 
 
 def show_remarks(checks: Iterable[Check]) -> None:
+    """Print what checks have to say."""
     from runtime.firmware.tables import remarks
 
     for line, style in remarks(checks):

@@ -25,6 +25,7 @@ class Row:
 
     @property
     def differs(self) -> bool:
+        """Whether the drives do not all say the same."""
         return any(value != self.values[0] for value in self.values[1:])
 
 
@@ -42,6 +43,7 @@ class Line:
 
     @property
     def differs(self) -> bool:
+        """Whether the drives do not all say the same."""
         return len(self.variants) > 1 or len(self.variants[0][1]) < self.drives
 
 

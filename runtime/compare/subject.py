@@ -36,6 +36,7 @@ class Subject:
 
     @property
     def manifest(self) -> dict[str, Any]:
+        """The folder's manifest."""
         return self.folder.manifest
 
     @cached_property
@@ -45,14 +46,17 @@ class Subject:
 
     @cached_property
     def model(self) -> StateSpaceModel:
+        """The symbolic model of the drive."""
         return build(self.drive)
 
     @cached_property
     def equations(self) -> Readable:
+        """The equations as a reader sees them."""
         return readable(self.drive)
 
     @property
     def state_names(self) -> tuple[str, ...]:
+        """The states' names, in order."""
         return tuple(state["name"] for state in self.manifest["states"])
 
     @cached_property

@@ -118,6 +118,7 @@ class Outcomes:
     finite: Array
 
     def columns(self) -> dict[str, Array]:
+        """Every figure by name, one entry a run."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
 

@@ -77,6 +77,7 @@ def runs_table(runs: Sequence[Run]) -> Table:
 
 
 def claims_table(items: Sequence[Claim]) -> Table:
+    """Make the table of the paper's claims beside what was measured."""
     table = columns_table("the paper's claim", "theirs", "ours", "why", left=(0, 1))
     for column in table.columns[1:]:
         column.justify = "left"
@@ -95,4 +96,5 @@ def sweep_table(points: Sequence[SweepPoint]) -> Table:
 
 
 def sweep_cell(point: SweepPoint) -> str:
+    """Spell one point of the sample-time sweep."""
     return f"{point.figures['start']:.1f} r/min" if point.locked else "loses lock"

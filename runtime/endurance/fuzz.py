@@ -137,6 +137,7 @@ class Searches:
 
     @property
     def over(self) -> bool:
+        """Whether the searches were ended."""
         return self._over
 
 

@@ -135,6 +135,7 @@ class Soak:
 
     @property
     def steps(self) -> int:
+        """Steps taken."""
         return self.decades[-1].until if self.decades else 0
 
     def failures(self) -> list[str]:
@@ -233,6 +234,7 @@ class Soaker:
 
     @cached_property
     def journey(self) -> Journey:
+        """The period that is driven again and again."""
         try:
             return make_journey(self.folder.manifest["parameters"])
         except KeyError as error:

@@ -61,14 +61,17 @@ class Target:
 
     @property
     def core(self) -> str:
+        """The generated function's prefix."""
         return f"{self.folder.drive}_{self.kind}"
 
     @property
     def name(self) -> str:
+        """The target's name in tables and files."""
         return f"{self.core}{self.form}"
 
     @property
     def controller(self) -> bool:
+        """Whether it is a controller."""
         return self.form == "_foc"
 
     @property
@@ -102,6 +105,7 @@ class Target:
 
     @property
     def defines(self) -> dict[str, str]:
+        """Macros that say to fuzz_target.c what it plays."""
         words, integers = self.fields
         names = [state["name"] for state in self.folder.manifest["states"]]
         values = {

@@ -50,6 +50,7 @@ class Recovery:
 
     @property
     def recovered(self) -> bool:
+        """Whether the drive came back."""
         return bool(np.isfinite(self.time))
 
 

@@ -23,10 +23,12 @@ class Avr:
     programs: tuple[str, ...] = ("avr-gcc", "simavr")
 
     def run(self, subject: Subject, recording: Recording, flags: Sequence[str] = ()) -> Outcome:
+        """Run a recording through the subject on an emulated ATmega1284P."""
         text = self._run(subject, recording, flags)
         return outcome(text, recording.steps, f"simavr on {subject.name}", self.resolution)
 
     def words_at(self, step: int, subject: Subject, recording: Recording, flags: Sequence[str] = ()) -> Array:
+        """Return the struct's words after one step."""
         text = self._run(subject, recording, [*flags, f"-DDUMP_STEP={step}"])
         return dumped_words(text, len(subject.words), f"simavr on {subject.name}")
 

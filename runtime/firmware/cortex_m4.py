@@ -38,11 +38,13 @@ class CortexM4:
     programs: tuple[str, ...] = ("arm-none-eabi-gcc", "qemu-system-arm")
 
     def run(self, subject: Subject, recording: Recording, flags: Sequence[str] = ()) -> Outcome:
+        """Run a recording through the subject on an emulated Cortex-M4F."""
         text = self._run(subject, recording, flags)
         found = outcome(text, recording.steps, f"qemu on {subject.name}", INSTRUCTIONS_PER_TICK)
         return Outcome(found.checksums, np.round(found.cost), round(found.known_loop))
 
     def words_at(self, step: int, subject: Subject, recording: Recording, flags: Sequence[str] = ()) -> Array:
+        """Return the struct's words after one step."""
         text = self._run(subject, recording, [*flags, f"-DDUMP_STEP={step}"])
         return dumped_words(text, len(subject.words), f"qemu on {subject.name}")
 

@@ -45,6 +45,7 @@ class Gated:
 
     @property
     def failed(self) -> bool:
+        """Whether a check failed."""
         return any(check.state == "failed" for check in self.checks)
 
     @property

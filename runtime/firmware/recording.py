@@ -55,6 +55,7 @@ class Recording:
 
     @property
     def steps(self) -> int:
+        """Number of steps."""
         return sum(len(segment.inputs) for segment in self.segments)
 
 

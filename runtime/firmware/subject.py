@@ -43,10 +43,12 @@ class Subject:
 
     @property
     def filter_name(self) -> str:
+        """C name of the filter, or of the filter within the controller."""
         return self.name.removesuffix("_foc")
 
     @property
     def outputs(self) -> int:
+        """Number of words a step hands out beside the struct."""
         return 3 if self.controller else 0
 
     @cached_property
@@ -67,6 +69,7 @@ class Subject:
 
     @cached_property
     def struct_words(self) -> tuple[str, ...]:
+        """A name for each word of the struct."""
         return tuple(
             field.name if field.count == 1 else f"{field.name}[{k}]"
             for field in self.fields

@@ -54,6 +54,7 @@ class Second:
 
     @property
     def middle(self) -> sp.Expr:
+        """The angle in the middle of the interval."""
         return theta + p * omega * T / 2
 
     def _surface(self, z: sp.Expr, v: sp.Expr) -> sp.Expr:

@@ -36,11 +36,13 @@ class ChipBackend(NumpyBackend):
         return value if isinstance(value, int) else self.number(value)
 
     def reset(self, x0: Array, words: Array) -> None:
+        """Start from a state and covariance words."""
         super().reset(x0, words)
         for name in ("x", self._covariance, "u_held"):
             setattr(self.filter, name, self._wrap(getattr(self.filter, name)))
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
+        """Step in the chip's arithmetic as modelled."""
         super().step(self._wrap(tuple(u)), self._wrap(tuple(y)), stages)
 
 

@@ -26,11 +26,14 @@ class Plant(Protocol):
     may stay (2, n).
     """
 
-    def f(self, x: Array, u: Array) -> Array: ...
+    def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
 
-    def h(self, x: Array) -> Array: ...
+    def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
 
-    def H(self, x: Array) -> Array: ...
+    def H(self, x: Array) -> Array:
+        """Return dh/dx, (2, n)."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,7 @@ class SurfaceMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
         d = self.data
         i_alpha, i_beta, w, th = x[:4]
         w_e = d.p * w
@@ -107,9 +111,11 @@ class SurfaceMotor:
         return 1.5 * self.data.p * psi * (i[1] * np.cos(th) - i[0] * np.sin(th))
 
     def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
+        """Return dh/dx, (2, n)."""
         return np.eye(2, len(x))
 
 
@@ -120,6 +126,7 @@ class SalientMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
         d = self.data
         i, w, th = x[:2], x[2], x[3]
         w_e = d.p * w
@@ -154,9 +161,11 @@ class SalientMotor:
         return 1.5 * d.p * (psi + (d.L_d - d.L_q) * i_d) * i_q
 
     def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
+        """Return dh/dx, (2, n)."""
         return np.eye(2, len(x))
 
 
@@ -167,6 +176,7 @@ class SalientFluxMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
         d = self.data
         th, w_e = x[3], d.p * x[2]
         R, psi_m = d.now(x, "R"), d.now(x, "psi")
@@ -194,12 +204,14 @@ class SalientFluxMotor:
         return 1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0])
 
     def currents(self, psi: Array, th: Any, psi_m: Any) -> Array:
+        """Return the currents of flux linkages, A, (2,)."""
         d = self.data
         inverse = np.diag([1 / d.L_d, 1 / d.L_q])
         i_dq = times(inverse, times(rotation(-th), psi) - np.array([psi_m + 0 * th, 0 * th]))
         return times(rotation(th), i_dq)
 
     def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
         return self.currents(x[:2], x[3], self.data.now(x, "psi"))
 
     def H(self, x: Array) -> Array:

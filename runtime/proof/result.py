@@ -28,6 +28,7 @@ class Row:
 
     @property
     def passed(self) -> bool:
+        """Whether the deviation is within what is allowed; NaN is not."""
         return self.worst <= self.allowed
 
     def __str__(self) -> str:
@@ -89,6 +90,7 @@ class Link:
 
     @property
     def variant(self) -> str:
+        """Filter kind, with the gain where it matters."""
         return f"{self.kind}, {self.gain} gain" if self.kind == "ickf" else self.kind
 
 
@@ -126,6 +128,7 @@ class Proof:
 
     @property
     def passed(self) -> bool:
+        """Whether every link passed, and there is one."""
         return (
             bool(self.links)
             and all(link.passed for link in self.links)

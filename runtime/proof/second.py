@@ -72,15 +72,19 @@ class CasadiMotor:
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
 
     def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
         return np.array(self._f(x, u)).reshape(x.shape)
 
     def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
         return np.array(self._h(x)).reshape(2, *x.shape[1:])
 
     def F(self, x: Array, u: Array) -> Array:
+        """Return df/dx, (n, n)."""
         return _beside(self._F(x, u), x)
 
     def H(self, x: Array) -> Array:
+        """Return dh/dx, (2, n)."""
         return _beside(self._H(x), x)
 
 
@@ -105,12 +109,15 @@ class StatedMotor:
         return hasattr(self._motor, "H")
 
     def f(self, x: Array, u: Array) -> Array:
+        """Return the state one sample later, (n,)."""
         return _in_turn(lambda x, u: self._checked("f", self._n, x, u), x, u)
 
     def h(self, x: Array) -> Array:
+        """Return the currents, A, (2,)."""
         return _in_turn(lambda x: self._checked("h", 2, x), x)
 
     def H(self, x: Array) -> Array:
+        """Return dh/dx, (2, n)."""
         return _in_turn(self._slope if self.states_H else lambda x: jacobian(self.h, x), x)
 
     def _slope(self, x: Array) -> Array:

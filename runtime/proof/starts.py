@@ -50,6 +50,7 @@ class Start:
 
     @property
     def lanes(self) -> int:
+        """Number of lanes."""
         return int(self.x.shape[1])
 
     def load(self, backend: CBackend | NumpyBackend) -> None:

@@ -41,12 +41,15 @@ class CPrinter(ExpressionPrinter):
         return text + self.target.suffix
 
     def format_sqrt(self, argument: str) -> str:
+        """Spell a square root."""
         return f"{self.target.sqrt}({argument})"
 
     def format_wrap(self, argument: str) -> str:
+        """Spell an angle wrapped into [-pi, pi)."""
         return f"wrap_angle({argument})"
 
     def format_extreme(self, op: str, left: str, right: str) -> str:
+        """Spell the smaller or the larger of two values."""
         return f"{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
     # --- statements

@@ -20,12 +20,15 @@ class ExpressionPrinter:
     """Infix text of a node; a language says how it writes literals, square roots, wrapping and selection."""
 
     def format_literal(self, value: float) -> str:
+        """Spell a number so that it reads back to the same bits."""
         raise NotImplementedError
 
     def format_sqrt(self, argument: str) -> str:
+        """Spell a square root."""
         raise NotImplementedError
 
     def format_wrap(self, argument: str) -> str:
+        """Spell an angle wrapped into [-pi, pi)."""
         raise NotImplementedError
 
     def format_extreme(self, op: str, left: str, right: str) -> str:

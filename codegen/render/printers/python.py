@@ -19,20 +19,25 @@ class PythonPrinter(ExpressionPrinter):
     """
 
     def format_literal(self, value: float) -> str:
+        """Spell a number so that it reads back to the same bits."""
         return repr(float(value))
 
     def format_sqrt(self, argument: str) -> str:
+        """Spell a square root."""
         return f"np.sqrt({argument})"
 
     def format_wrap(self, argument: str) -> str:
+        """Spell an angle wrapped into [-pi, pi)."""
         return f"math.wrap({argument})"
 
     def format_extreme(self, op: str, left: str, right: str) -> str:
+        """Spell the smaller or the larger of two values."""
         return f"_{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
     # --- statements
 
     def format_statement(self, listing: Listing, statement: Statement) -> str:
+        """Spell one assignment."""
         if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
@@ -40,6 +45,7 @@ class PythonPrinter(ExpressionPrinter):
         return f"{INDENT}{names} = math.{name}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
+        """Spell the sections of a block with their headings."""
         lines: list[str] = []
         for section in listing.sections:
             if section.heading:

@@ -27,6 +27,7 @@ class Source:
     tree: c_ast.FileAST
 
     def functions(self) -> list[c_ast.FuncDef]:
+        """The functions that are defined in the file."""
         return [item for item in self.tree.ext if isinstance(item, c_ast.FuncDef)]
 
 

@@ -35,6 +35,7 @@ class Interval:
 
     @classmethod
     def within(cls, size: float) -> Interval:
+        """Make the interval -size .. size."""
         return cls(-size, size)
 
 
@@ -45,6 +46,7 @@ class Box:
     places: dict[str, Interval]
 
     def replaced(self, **changes: Interval) -> Box:
+        """Return the box with some of its intervals replaced."""
         return Box({**self.places, **changes})
 
 

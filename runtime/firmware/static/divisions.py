@@ -45,6 +45,7 @@ class Range:
 
     @property
     def avoids_zero(self) -> bool:
+        """Whether zero lies outside."""
         return self.low > 0.0 or self.high < 0.0
 
     def widened(self) -> Range:

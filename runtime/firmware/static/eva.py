@@ -72,6 +72,7 @@ class Verdict:
 
     @property
     def proved(self) -> bool:
+        """Whether no alarm is left."""
         return not self.alarms and not self.failure
 
 

@@ -57,6 +57,7 @@ def deviations() -> dict[str, str]:
 
 
 def category(rule: str) -> str:
+    """Return a rule's category: mandatory, required or advisory."""
     return rules()[rule]["category"] if rule in rules() else "required"
 
 

@@ -227,12 +227,14 @@ class Call:
         return isinstance(node, c_ast.ID) and self.scope.get(node.name) == LANE
 
     def value_of_field(self, node: Any) -> Any:
+        """Return a field of a struct."""
         owner = self.value_of_field(node.name) if isinstance(node.name, c_ast.StructRef) else self.value(node.name)
         return owner.get(node.field.name) if isinstance(owner, dict) else None
 
     # --- values
 
     def value(self, node: Any) -> Value:
+        """Return the value of an expression."""
         match node:
             case c_ast.Constant(type="int", value=digits):
                 return self.terms.integer(int(digits, 0))
@@ -255,6 +257,7 @@ class Call:
         return self._computed(node)
 
     def argument(self, node: Any) -> Value:
+        """Return an argument of a call: a value, or a pointer to where it lives."""
         return cast(Any, LANE) if self._is_lane(node) else self.value(node)
 
     def _named(self, name: str) -> Value:

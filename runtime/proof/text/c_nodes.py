@@ -29,6 +29,7 @@ class Array:
 
 
 class Pointer:
+    """A place in an array."""
     def __init__(self, array: Array, offset: int = 0) -> None:
         self.array, self.offset = array, offset
 
@@ -47,22 +48,28 @@ class Unit(Protocol):
     lanes: bool
     numbers: dict[str, int]
 
-    def read(self, array: Array, place: int) -> Term | OverLanes: ...
+    def read(self, array: Array, place: int) -> Term | OverLanes:
+        """Return a cell."""
 
-    def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None: ...
+    def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None:
+        """Write a cell."""
 
-    def call(self, name: str, arguments: list[Value]) -> Value: ...
+    def call(self, name: str, arguments: list[Value]) -> Value:
+        """Carry out a function."""
 
-    def new_array(self, name: str, size: int | None, kind: str) -> Array: ...
+    def new_array(self, name: str, size: int | None, kind: str) -> Array:
+        """Make cells of memory."""
 
 
 def items(statement: Any) -> list[Any]:
+    """Return the statements of a block, or the one statement."""
     if statement is None:
         return []
     return statement.block_items or [] if isinstance(statement, c_ast.Compound) else [statement]
 
 
 def returns(node: Any) -> bool:
+    """Whether a statement returns, or one within it."""
     return isinstance(node, c_ast.Return) or any(returns(child) for _, child in node.children())
 
 

@@ -47,6 +47,7 @@ class CText:
     # --- memory
 
     def new_array(self, name: str, size: int | None, kind: str) -> Array:
+        """Make cells of memory."""
         array = Array(name, size, kind, self.lanes)
         self.arrays[array.id] = array
         return array
@@ -66,17 +67,20 @@ class CText:
         return fields
 
     def new_input(self, name: str, size: int, kind: str) -> Pointer:
+        """Make an array whose cells are symbols, and a pointer to it."""
         array = self.new_array(name, size, kind)
         for k in range(size):
             self.memory[array.id, k] = self.terms.symbol(name, k)
         return Pointer(array)
 
     def read(self, array: Array, place: int) -> Term | OverLanes:
+        """Return a cell."""
         if (array.id, place) not in self.memory:
             return self.terms.unknown(f"{array.name}[{place}]")
         return self.memory[array.id, place]
 
     def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None:
+        """Write a cell."""
         if not isinstance(value, Term | OverLanes) or not 0 <= place < array.size:
             value = self.terms.unknown(f"what is written to {array.name}[{place}]")
         if self.lanes and not (array.of_lanes or array.private):

@@ -44,6 +44,7 @@ def keeps_stages(statement: ast.stmt) -> bool:
 
 
 def copied(value: Any) -> Any:
+    """Return a copy of a scope or record, lists and records in it copied too."""
     if isinstance(value, Record | Scope):
         return type(value)({name: copied(entry) for name, entry in value.items()})
     return [copied(entry) for entry in value] if isinstance(value, list) else value

@@ -60,6 +60,7 @@ class Terms:
         self.zero, self.one = self.integer(0), self.integer(1)
 
     def make(self, kind: str, *args: Any, whole: bool = False) -> Term:
+        """Return the one term of a kind and its arguments."""
         key = (kind, whole, *(id(arg) if isinstance(arg, Term) else arg for arg in args))
         if key not in self._made:
             parts = (arg.order[1] if isinstance(arg, Term) else repr(arg).encode() for arg in args)
@@ -78,12 +79,15 @@ class Terms:
     # --- leaves
 
     def integer(self, value: int) -> Term:
+        """Return a whole number."""
         return self.make("integer", int(value), whole=True)
 
     def number(self, value: float) -> Term:
+        """Return a float32 constant."""
         return self.make("number", repr(float(np.float32(value))))  # as text, so that 0 is not -0
 
     def symbol(self, name: str, place: int = 0, whole: bool = False) -> Term:
+        """Return an input's cell."""
         return self.make("symbol", name, place, whole=whole)
 
     def unknown(self, why: str) -> Term:
@@ -110,6 +114,7 @@ class Terms:
         return self.number(float(left.args[0]) * float(right.args[0]))
 
     def negative(self, operand: Term) -> Term:
+        """Return minus an operand."""
         if operand.kind == "number":
             return self.number(-float(operand.args[0]))
         return self.integer(-operand.args[0]) if operand.kind == "integer" else self.make("negative", operand)
@@ -162,12 +167,15 @@ class Terms:
         return self.compare("!=", value, self.zero)
 
     def opposite(self, value: Term) -> Term:
+        """Return the opposite of a truth."""
         return self.select(value, self.zero, self.one)
 
     def both(self, left: Term, right: Term) -> Term:
+        """Return whether two truths hold."""
         return self.select(left, self.truth(right), self.zero)
 
     def either(self, left: Term, right: Term) -> Term:
+        """Return whether one of two truths holds."""
         return self.select(left, self.one, self.truth(right))
 
     def is_truth(self, value: Term) -> bool:
