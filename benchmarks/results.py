@@ -23,6 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 KEPT, PAGE = ROOT / "docs" / "results", ROOT / "docs" / "results.md"
 #: The two programs a command line begins with.
 PROGRAMS = {"pmsm-ickf": [sys.executable, "-m", "runtime"], "python": [sys.executable]}
+#: Said where nothing is kept.
+UNMEASURED = "Not measured on the text as it is."
 DRIVES = ("paper_spmsm", "spmsm_load_torque", "ipmsm", "ipmsm_flux", "spmsm_adaptive", "ipmsm_adaptive")
 
 Facts = Any
@@ -349,11 +351,10 @@ def page() -> str:
     ]
     for name, subject in SUBJECTS.items():
         file = KEPT / f"{name}.json"
-        if file.is_file():
-            table = subject.table(json.loads(file.read_text(encoding="utf-8")))
-            line, *others = (words.format(json="F.json", out="DIR") for words in subject.commands.values())
-            shown = f"`{line}`" + (f" and the same for the other {len(others)}" if others else "")
-            parts += [f"## {subject.title}", f"{subject.about}\n\nCommand (`{name}`): {shown}", table]
+        line, *others = (words.format(json="F.json", out="DIR") for words in subject.commands.values())
+        shown = f"`{line}`" + (f" and the same for the other {len(others)}" if others else "")
+        table = subject.table(json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else UNMEASURED
+        parts += [f"## {subject.title}", f"{subject.about}\n\nCommand (`{name}`): {shown}", table]
     return "\n\n".join(parts) + "\n"
 
 

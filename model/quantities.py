@@ -97,7 +97,13 @@ class Constants:
         return _same(constant, Constant(name, number, formula, constant.symbol)).symbol
 
     def numeric(self, expression: Any) -> Any:
-        """``expression`` with every constant's symbol replaced by its number."""
+        """``expression`` with every constant's symbol replaced by its number.
+
+        Parameters
+        ----------
+        expression : object
+            A CasADi expression.
+        """
         known = list(self.items.values())
         if not known:
             return expression

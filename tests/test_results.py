@@ -31,9 +31,10 @@ def test_the_page_is_what_the_command_writes() -> None:
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == results.page()
 
 
-def test_every_subject_is_measured() -> None:
+def test_what_is_kept_is_a_subject_and_what_is_not_is_said() -> None:
     kept = {file.stem for file in (ROOT / "docs" / "results").glob("*.json")}
-    assert kept == set(results.SUBJECTS)
+    assert kept <= set(results.SUBJECTS)
+    assert results.page().count(results.UNMEASURED) == len(results.SUBJECTS) - len(kept)
 
 
 def cells(table: str) -> list[list[str]]:

@@ -34,6 +34,17 @@ def sample_box(drive: Drive, model: StateSpaceModel, count: int, seed: int = 1) 
     measurement inside the box can be drawn), the angle is uniform over the circle. One sigma of each state is
     log-uniform between that of one step's process noise and twice that of P_0, the correlation is random.
     The measurement belongs to a true state drawn from the covariance, and carries the measurement noise.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    model : StateSpaceModel
+        The symbolic state space model.
+    count : int
+        How many.
+    seed : int, optional
+        Seed of what is random.
     """
     rng = np.random.default_rng(seed)
     n = len(model.states)

@@ -77,6 +77,13 @@ class Account:
 def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:
     """Compare every filter with the drive's ``[budget]``.
 
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    accounts : mapping of str to Account
+        Operations and prices by filter kind.
+
     Raises
     ------
     BudgetError

@@ -69,7 +69,17 @@ def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
 
 
 def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipModel:
-    """The model's step from the same samples against the host's float32."""
+    """The model's step from the same samples against the host's float32.
+
+    Parameters
+    ----------
+    module : dict
+        The generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    box : BoxSamples
+        Where the state and the inputs may lie.
+    """
     host = one_step(module, kind, box, "float32")
     with np.errstate(all="ignore"):  # Newton steps of lanes whose divisor is zero
         fpu32, flushed = (one_step(module, kind, box, "float32", number) for number in (FPU32, Flushed))
@@ -115,6 +125,19 @@ def one_step(
     """x (n, B) and P (B, n, n) after one step from every sample, as float64 arrays.
 
     ``number`` wraps every quantity of the step, to run it on a modelled arithmetic.
+
+    Parameters
+    ----------
+    module : dict
+        The generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    box : BoxSamples
+        Where the state and the inputs may lie.
+    dtype : str
+        "float32" or "float64".
+    number : callable, optional
+        The number.
     """
     math = module["MATH"][dtype]
     state = module["new_filter"](lambda value: number(math.dtype(value)))

@@ -46,6 +46,13 @@ def code_of(text: str) -> str:
 def parse_emitted(files: Mapping[str, str], name: str) -> tuple[c_ast.FileAST, tuple[str, ...]]:
     """Syntax tree of one emitted file, and what it was read from: itself and its includes within ``files``.
 
+    Parameters
+    ----------
+    files : mapping of str to str
+        Texts by path relative to the folder.
+    name : str
+        The name.
+
     Raises
     ------
     EmittedError

@@ -76,7 +76,14 @@ class Program:
         return _Counting(self, max_iterations, expand_sin_cos).function(unit, definition, {})
 
     def find(self, function: str, caller: Unit | None = None) -> tuple[Unit, c_ast.FuncDef]:
-        """The function as ``caller`` sees it: its own file's, else one that is not static."""
+        """The function as ``caller`` sees it: its own file's, else one that is not static.
+
+        Parameters
+        ----------
+        function : str
+            Name of the function.
+        caller : Unit, optional
+        """
         for unit in self.units:
             definition = unit.functions.get(function)
             if definition is not None and (caller in {None, unit} or "static" not in definition.decl.storage):

@@ -92,7 +92,15 @@ def compiler_version() -> str:
 
 
 def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int], int]:
-    """Compile one file: the frame of each function that was not inlined, and the bytes of code and constants."""
+    """Compile one file: the frame of each function that was not inlined, and the bytes of code and constants.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        Texts by path relative to the folder.
+    source : str
+        Text of the file.
+    """
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in files.items():
             (Path(scratch) / name).write_text(text, encoding="utf-8")

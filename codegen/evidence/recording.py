@@ -38,7 +38,15 @@ class Recording:
 
 
 def execute(module: str, name: str, **replaced: Any) -> dict[str, Any]:
-    """Namespace of a generated module; with ``divide`` and ``root``, these in the place of / and np.sqrt."""
+    """Namespace of a generated module; with ``divide`` and ``root``, these in the place of / and np.sqrt.
+
+    Parameters
+    ----------
+    module : str
+        Text of the generated Python module.
+    name : str
+        The name.
+    """
     tree = ast.parse(module)
     if replaced:
         tree = ast.fix_missing_locations(_Replace().visit(tree))
@@ -62,7 +70,17 @@ class _Replace(ast.NodeTransformer):
 
 
 def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
-    """The module with each quotient and each root off by up to :data:`UNITS`, another error in every lane."""
+    """The module with each quotient and each root off by up to :data:`UNITS`, another error in every lane.
+
+    Parameters
+    ----------
+    module : str
+        Text of the generated Python module.
+    name : str
+        The name.
+    seed : int, optional
+        Seed of what is random.
+    """
     rng = np.random.default_rng(seed)
 
     def blur(value: Any) -> Any:
@@ -73,7 +91,17 @@ def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
 
 
 def record_filter(module: str, kind: str, runs: list[Segment]) -> Recording:
-    """Bits of x and the covariance's words after every step, and what is allowed around them."""
+    """Bits of x and the covariance's words after every step, and what is allowed around them.
+
+    Parameters
+    ----------
+    module : str
+        Text of the generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    runs : list of Segment
+        The runs.
+    """
     exact = run_filter(execute(module, "recorded"), kind, runs, 1)
     blurred = run_filter(approximate(module, "approximate"), kind, runs, DRAWS)[2]
     status, iterations, words = (array[..., 0] for array in exact)
@@ -81,7 +109,19 @@ def record_filter(module: str, kind: str, runs: list[Segment]) -> Recording:
 
 
 def record_control(module: str, kind: str, run: ControlRun, gains: tuple[float, ...]) -> Recording:
-    """Duty cycles and integrators after every sample."""
+    """Duty cycles and integrators after every sample.
+
+    Parameters
+    ----------
+    module : str
+        Text of the generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    run : ControlRun
+        The controller's inputs.
+    gains : tuple of float
+        The controller's gains, in the order of the struct.
+    """
     exact = run_control(execute(module, "recorded"), kind, run, gains, 1)
     blurred = run_control(approximate(module, "approximate"), kind, run, gains, DRAWS)[1]
     status, words = (array[..., 0] for array in exact)
@@ -125,6 +165,12 @@ def allowed_exponents(words: Array, blurred: Array) -> Array:
     """Biased exponents of the powers of two at or above margin times the worst deviation, per word.
 
     At least four units in the last place of the word itself.
+
+    Parameters
+    ----------
+    words : ndarray
+        Words of the struct.
+    blurred : ndarray
     """
     if not np.all(np.isfinite(words)):
         raise FloatingPointError("the self-test's own trajectory does not stay a number")

@@ -101,7 +101,15 @@ def control_run(drive: Drive) -> ControlRun:
 
 
 def gains(drive: Drive, delay: int) -> Gains:
-    """The gains that _foc_init loads."""
+    """The gains that _foc_init loads.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    delay : int
+        Samples from measuring to acting, 0 or 1.
+    """
     return design(drive, delay)
 
 

@@ -47,6 +47,11 @@ def shipped_drives() -> list[str]:
 def drive_path(drive: str | Path) -> Path:
     """The file behind a shipped name or a TOML path.
 
+    Parameters
+    ----------
+    drive : str | Path
+        A shipped name or the path of a TOML file.
+
     Raises
     ------
     DriveError
@@ -121,7 +126,7 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
 
 
 def _unix(raw: bytes) -> bytes:
-    """A check-out that turned \\n into \\r\\n must not change the hash in the generated header."""
+    r"""A check-out that turned \n into \r\n must not change the hash in the generated header."""
     return raw.replace(b"\r\n", b"\n")
 
 

@@ -24,7 +24,17 @@ FILTERS: dict[str, Callable[[StateSpaceModel, str], FilterStep]] = {
 
 
 def build_filter(model: StateSpaceModel, kind: str, gain: str) -> FilterStep:
-    """The symbolic step of a filter (``ekf``, ``ukf``, ``ckf``, ``ickf``); ``gain`` matters to the ICKF only."""
+    """The symbolic step of a filter (``ekf``, ``ukf``, ``ckf``, ``ickf``); ``gain`` matters to the ICKF only.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    """
     return FILTERS[kind](model, gain)
 
 

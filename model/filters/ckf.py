@@ -9,6 +9,14 @@ from model.machines.state_space import StateSpaceModel
 
 
 def build_ckf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
-    """The CKF's step; ``gain`` is accepted for the registry's sake and changes nothing (eq. 22-24 are the gain)."""
+    """The CKF's step; ``gain`` is accepted for the registry's sake and changes nothing (eq. 22-24 are the gain).
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    gain : str, optional
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    """
     update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))
     return FilterStep("ckf", "cubature", model, (Call(time_update(model)), update))

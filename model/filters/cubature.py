@@ -66,13 +66,26 @@ CUBATURE = Rule("ckf")
 
 
 def sides(count: int) -> list[str]:
-    """Names of the points: column of S and side, eq. 11 with its I block first; the centre, if any, is ``c``."""
+    """Names of the points: column of S and side, eq. 11 with its I block first; the centre, if any, is ``c``.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    """
     n = count // 2
     return ["c"] * (count % 2) + [f"{c}p" for c in range(n)] + [f"{c}m" for c in range(n)]
 
 
 def cholesky(P: Matrix, order: tuple[int, ...]) -> Matrix:
-    """Lower S with S S^T = P, rows and columns of P taken in this ``order``, eq. 13 and 18."""
+    """Lower S with S S^T = P, rows and columns of P taken in this ``order``, eq. 13 and 18.
+
+    Parameters
+    ----------
+    P : list of lists
+        Covariance.
+    order : tuple of int
+    """
     n = len(P)
     P = [[P[i][j] for j in order] for i in order]
     S: Matrix = [[ca.SX(0)] * n for _ in range(n)]
@@ -89,6 +102,23 @@ def points(
     """The points centre +- sqrt(n) S_c, eq. 14 and 19; row k of S is that of state ``model.order[k]``.
 
     ``tag`` tells the drawings apart in names.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    rule : Rule
+        How points are spread and weighted.
+    equation : str
+        Number of the paper's equation.
+    S : list of lists
+        Square root of P.
+    centre : list of Expr
+        Mean of the points.
+    model : StateSpaceModel
+        The symbolic state space model.
+    tag : str
+        Appended to names.
     """
     n = len(centre)
     states = [state.name for state in model.states]
@@ -105,7 +135,23 @@ def points(
 def record_points(
     b: BlockBuilder, name: str, equation: str, meaning: str, pts: list[Vector], names: list[str], kind: str
 ) -> None:
-    """Record points as a stage, row-major (one row a state or output, one column a point)."""
+    """Record points as a stage, row-major (one row a state or output, one column a point).
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    name : str
+        The name.
+    equation : str
+        Number of the paper's equation.
+    meaning : str
+    pts : list of Vector
+    names : list of str
+        Names, in order.
+    kind : str
+        Filter kind, such as "ickf".
+    """
     entries = [point[i] for i in range(len(names)) for point in pts]
     labels = [f"{name}_{side}" for name in names for side in sides(len(pts))]
     b.stage(name, equation, meaning, entries, labels, scale=kind, columns=len(pts))
@@ -115,6 +161,18 @@ def mean(b: BlockBuilder, rule: Rule, equation: str, pts: list[Vector], names: l
     """Weighted mean, eq. 16 and 21, taken about the first point; ``names`` are the rows'.
 
     The plain sum of 2n angles is some 25 rad, whose float32 spacing alone is 2e-6 rad.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    rule : Rule
+        How points are spread and weighted.
+    equation : str
+        Number of the paper's equation.
+    pts : list of Vector
+    names : list of str
+        Names, in order.
     """
     _, weight = rule.weights(len(pts) // 2)
     first = pts[0]
@@ -145,7 +203,20 @@ def spread(rule: Rule, a: list[Vector], b: list[Vector]) -> Matrix:
 
 
 def deviations(b: BlockBuilder, equation: str, pts: list[Vector], centre: Vector, names: list[str]) -> list[Vector]:
-    """Points minus their mean, named ``dev_<name>_<point>``."""
+    """Points minus their mean, named ``dev_<name>_<point>``.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    equation : str
+        Number of the paper's equation.
+    pts : list of Vector
+    centre : list of Expr
+        Mean of the points.
+    names : list of str
+        Names, in order.
+    """
     dev = [[value - m for value, m in zip(point, centre, strict=True)] for point in pts]
     for side, point in zip(sides(len(pts)), dev, strict=True):
         labels = [f"dev_{name}_{side}" for name in names]
@@ -166,14 +237,35 @@ def coast(model: StateSpaceModel) -> Block:
 
 
 def wrapped(x: Vector, model: StateSpaceModel) -> Vector:
-    """The state with theta in [-pi, pi): float32 loses digits of an angle that is let grow."""
+    """The state with theta in [-pi, pi): float32 loses digits of an angle that is let grow.
+
+    Parameters
+    ----------
+    x : list of Expr
+        State, in the model's order.
+    model : StateSpaceModel
+        The symbolic state space model.
+    """
     return [ca.remainder(value, TWO_PI) if i == model.angle else value for i, value in enumerate(x)]
 
 
 def measured_points(
     b: BlockBuilder, model: StateSpaceModel, equation: str, pts: list[Vector], tag: str
 ) -> list[Vector]:
-    """h at every point, eq. 20, its intermediates named."""
+    """h at every point, eq. 20, its intermediates named.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    model : StateSpaceModel
+        The symbolic state space model.
+    equation : str
+        Number of the paper's equation.
+    pts : list of Vector
+    tag : str
+        Appended to names.
+    """
     Y = []
     for side, point in zip(sides(len(pts)), pts, strict=True):
         value, named = model.measure(point)
@@ -183,7 +275,19 @@ def measured_points(
 
 
 def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
-    """K = Pxy Pyy^-1 with the 2x2 inverse in closed form, eq. 24."""
+    """K = Pxy Pyy^-1 with the 2x2 inverse in closed form, eq. 24.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    equation : str
+        Number of the paper's equation.
+    Pxy : list of lists
+        Covariance of state and measurement.
+    Pyy : list of lists
+        Covariance of the measurement.
+    """
     det = b.stage(
         "det_Pyy", equation, "det Pyy", [Pyy[0][0] * Pyy[1][1] - Pyy[1][0] * Pyy[1][0]], ["det_Pyy"], scale="none"
     )[0]
@@ -202,7 +306,24 @@ def corrected(
     Pyy: Matrix,
     innovation: Vector,
 ) -> None:
-    """x = x_pred + K innovation and P = P_pred - K Pyy K^T: the end of every filter that updates once."""
+    """x = x_pred + K innovation and P = P_pred - K Pyy K^T: the end of every filter that updates once.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    model : StateSpaceModel
+        The symbolic state space model.
+    equations : tuple[str, str]
+        Numbers of the paper's equations.
+    prior : tuple[Vector, Matrix]
+    K : list of lists
+        Gain.
+    Pyy : list of lists
+        Covariance of the measurement.
+    innovation : list of Expr
+        y - y_pred, A.
+    """
     x_pred, P_pred = prior
     states = [state.name for state in model.states]
     labels = [f"innovation_{quantity.name}" for quantity in OUTPUTS]
@@ -217,7 +338,21 @@ def corrected(
 
 
 def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> Matrix:
-    """P = P_pred - K Pyy K^T, eq. 26 and 32."""
+    """P = P_pred - K Pyy K^T, eq. 26 and 32.
+
+    Parameters
+    ----------
+    b : BlockBuilder
+        Collects the block's inputs, stages and outputs.
+    equation : str
+        Number of the paper's equation.
+    P_pred : list of lists
+        Predicted covariance.
+    K : list of lists
+        Gain.
+    Pyy : list of lists
+        Covariance of the measurement.
+    """
     n = len(P_pred)
     KPyy = [[row[0] * Pyy[0][0] + row[1] * Pyy[1][0], row[0] * Pyy[1][0] + row[1] * Pyy[1][1]] for row in K]
     labels = [f"KPyy_{i}{j}" for i in range(n) for j in range(2)]

@@ -13,7 +13,15 @@ from model.quantities import Block
 
 
 def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
-    """The EKF's step: linearised at the estimate, then at the prediction. ``gain`` changes nothing."""
+    """The EKF's step: linearised at the estimate, then at the prediction. ``gain`` changes nothing.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    gain : str, optional
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    """
     update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))
     return FilterStep("ekf", "jacobian", model, (Call(time_update(model)), update))
 

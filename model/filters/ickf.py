@@ -36,6 +36,13 @@ def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
 
     Where the update provably does not depend on the iterate, iterating repeats the same numbers: one pass
     is emitted and the proof's statement kept.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    gain : str, optional
+        "cubature" or "jacobian"; matters to the ICKF alone.
     """
     iterate = _iterate(model, gain)
     proof = idle_iteration_proof(model, iterate)

@@ -98,7 +98,15 @@ class BlockBuilder:
         self._stages: list[Stage] = []
 
     def input(self, name: str, names: list[str]) -> list[Any]:
-        """Declare an input array; returns its symbolic scalars."""
+        """Declare an input array; returns its symbolic scalars.
+
+        Parameters
+        ----------
+        name : str
+            The name.
+        names : list of str
+            Names, in order.
+        """
         entries = tuple(ca.SX.sym(scalar) for scalar in names)
         self._inputs.append(Port(name, entries, tuple(names)))
         return list(entries)
@@ -143,7 +151,16 @@ class BlockBuilder:
         return matrix
 
     def working(self, equation: str, named: dict[str, Any], suffix: str) -> None:
-        """Name intermediates of f or h at one point; they are not compared with the reference."""
+        """Name intermediates of f or h at one point; they are not compared with the reference.
+
+        Parameters
+        ----------
+        equation : str
+            Number of the paper's equation.
+        named : dict
+        suffix : str
+            End of the names.
+        """
         names = [f"{name}_{suffix}" for name in named]
         stage = Stage(
             f"working_{equation}_{suffix}", equation, "", tuple(named.values()), tuple(names), (0,) * len(names), "none"

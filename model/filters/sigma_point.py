@@ -28,7 +28,15 @@ from model.quantities import Block
 
 
 def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
-    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred."""
+    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    rule : Rule, optional
+        How points are spread and weighted.
+    """
     states = [state.name for state in model.states]
     n = len(states)
     eq = rule.equation
@@ -71,7 +79,15 @@ def _propagated(b: BlockBuilder, model: StateSpaceModel, equation: str, X: list[
 
 
 def measurement_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
-    """Eq. 18-26: x_pred, P_pred, R, y -> x, P; the points are redrawn from P_pred."""
+    """Eq. 18-26: x_pred, P_pred, R, y -> x, P; the points are redrawn from P_pred.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    rule : Rule, optional
+        How points are spread and weighted.
+    """
     states = [state.name for state in model.states]
     outputs = [quantity.name for quantity in OUTPUTS]
     n = len(states)

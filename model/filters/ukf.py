@@ -12,6 +12,14 @@ UNSCENTED = Rule("ukf", kappa=1.0)
 
 
 def build_ukf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
-    """The UKF's step; points are drawn anew for the measurement. ``gain`` changes nothing."""
+    """The UKF's step; points are drawn anew for the measurement. ``gain`` changes nothing.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        The symbolic state space model.
+    gain : str, optional
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    """
     update = IfAccepted((Call(measurement_update(model, UNSCENTED)),), (Call(coast(model)),))
     return FilterStep("ukf", "cubature", model, (Call(time_update(model, UNSCENTED)), update))

@@ -58,7 +58,15 @@ class Gains:
 
 
 def design(drive: Drive, delay: int = 0) -> Gains:
-    """Pole placement: currents by internal model (alpha L, alpha R), speed with a double pole at its bandwidth."""
+    """Pole placement: currents by internal model (alpha L, alpha R), speed with a double pole at its bandwidth.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    delay : int, optional
+        Samples from measuring to acting, 0 or 1.
+    """
     m, c, T = drive.motor, drive.control, drive.model.sample_time
     return Gains(
         speed_p=2 * c.speed_bandwidth * m.inertia,

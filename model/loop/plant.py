@@ -102,7 +102,15 @@ def phasor_block() -> Block:
 
 
 def plant_initial_state(drive: Drive, theta: float = 0.0) -> list[float]:
-    """Standstill without current at the electrical angle ``theta`` (rad)."""
+    """Standstill without current at the electrical angle ``theta`` (rad).
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    theta : float, optional
+        Electrical angle, rad.
+    """
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
     rotor = Rotor.at(ca.SX(theta))
     z = machine.electrical_state((ca.SX(0), ca.SX(0)), rotor)

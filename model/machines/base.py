@@ -61,15 +61,33 @@ class Rotor:
 
     @classmethod
     def at(cls, theta: Any) -> Rotor:
-        """Make the rotor at an electrical angle."""
+        """Make the rotor at an electrical angle.
+
+        Parameters
+        ----------
+        theta : object
+            Electrical angle, rad.
+        """
         return cls(theta, ca.sin(theta), ca.cos(theta))
 
     def to_stator(self, dq: Pair) -> Pair:
-        """d-q to alpha-beta."""
+        """d-q to alpha-beta.
+
+        Parameters
+        ----------
+        dq : Pair
+            d-q.
+        """
         return self.cos * dq[0] - self.sin * dq[1], self.sin * dq[0] + self.cos * dq[1]
 
     def to_rotor(self, ab: Pair) -> Pair:
-        """alpha-beta to d-q."""
+        """alpha-beta to d-q.
+
+        Parameters
+        ----------
+        ab : Pair
+            alpha-beta.
+        """
         return self.cos * ab[0] + self.sin * ab[1], self.cos * ab[1] - self.sin * ab[0]
 
 
@@ -101,33 +119,101 @@ class Machine(ABC):
 
     @abstractmethod
     def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
-        """dz/dt of the electrical states z; v in V, omega_e in electrical rad/s."""
+        """dz/dt of the electrical states z; v in V, omega_e in electrical rad/s.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
 
     @abstractmethod
     def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
-        """Stator currents i_alpha, i_beta in A, and named intermediates."""
+        """Stator currents i_alpha, i_beta in A, and named intermediates.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
 
     @abstractmethod
     def torque(self, z: Pair, rotor: Rotor) -> Any:
-        """Electromagnetic torque in N m."""
+        """Electromagnetic torque in N m.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
-        """The same of states on the rotor's axes; worth a form of its own where no angle is left in it."""
+        """The same of states on the rotor's axes; worth a form of its own where no angle is left in it.
+
+        Parameters
+        ----------
+        z_dq : Pair
+            Electrical states on the rotor's axes.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return self.torque(rotor.to_stator(z_dq), rotor)
 
     @abstractmethod
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
-        """The electrical states that carry the currents i_alpha, i_beta (A): the inverse of :meth:`currents`."""
+        """The electrical states that carry the currents i_alpha, i_beta (A): the inverse of :meth:`currents`.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
 
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """Forward Euler over one sample."""
+        """Forward Euler over one sample.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         rotor = Rotor.at(theta)
         dz = self.derivative(z, v, omega_e, rotor)
         return Sampled((z[0] + T * dz[0], z[1] + T * dz[1]), (rotor.to_rotor(z), rotor), {})
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """Second-order step over one sample, voltage and speed held."""
+        """Second-order step over one sample, voltage and speed held.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         half = self.constant("HALF_T", self.par.T / 2, "T / 2, s")
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         middle = self._middle(theta, omega_e)
@@ -141,6 +227,13 @@ class Machine(ABC):
         """What is left of v when the resistance is a state: v - (R - R_0) i, R_0 the motor's.
 
         Decays are solved exactly at R_0; the deviation of R from it acts as a voltage.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
         """
         if self.par.R is self.nominal.R:
             return v

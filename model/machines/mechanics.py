@@ -29,16 +29,42 @@ class Mechanics(ABC):
         self.constant = constants
 
     def electrical_speed(self, omega: Any) -> Any:
-        """omega_e = p omega, electrical rad/s."""
+        """omega_e = p omega, electrical rad/s.
+
+        Parameters
+        ----------
+        omega : object
+            Mechanical speed, rad/s.
+        """
         return self.constant("POLE_PAIRS", self.par.p, "p") * omega
 
     @abstractmethod
     def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Forward Euler; ``torque()`` is the electromagnetic torque of the interval in N m."""
+        """Forward Euler; ``torque()`` is the electromagnetic torque of the interval in N m.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
 
     @abstractmethod
     def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """At least second order."""
+        """At least second order.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
 
     def _decay(self, exact: bool) -> Any:
         par = self.par
@@ -53,12 +79,32 @@ class ConstantSpeed(Mechanics):
     states = (OMEGA, THETA)
 
     def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Eq. 7, rows 3 and 4."""
+        """Eq. 7, rows 3 and 4.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         return [self._decay(exact=False) * x[0], x[1] + T * omega_e], {}
 
     def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Exact decay of the speed; the angle moves with the mean of the speed before and after."""
+        """Exact decay of the speed; the angle moves with the mean of the speed before and after.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
         decay = self._decay(exact=True)
         mean = self.constant("ADVANCE", self.par.T * (1 + decay) / 2, "T (1 + exp(-T D / J)) / 2, s")
         return [decay * x[0], x[1] + mean * omega_e], {}
@@ -70,14 +116,34 @@ class LoadTorque(Mechanics):
     states = (OMEGA, THETA, LOAD_TORQUE)
 
     def euler(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Advance speed, angle and load torque by forward Euler."""
+        """Advance speed, angle and load torque by forward Euler.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         gain = self.constant("GAIN_OMEGA", self.par.T / self.par.J, "T / J, rad/s per N m")
         T_e = torque()
         return [self._decay(exact=False) * x[0] + gain * (T_e - x[2]), x[1] + T * omega_e, x[2]], {"torque": T_e}
 
     def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Torque held over the interval; its gain (1 - exp(-T D / J)) / D to second order in T D / J, so D may be 0."""
+        """Torque held over the interval; its gain (1 - exp(-T D / J)) / D to second order in T D / J, so D may be 0.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        omega_e : object
+            Electrical speed, rad/s.
+        torque : Torque
+            Gives the electromagnetic torque of the interval, N m.
+        """
         decay = self._decay(exact=True)
         gain = self.constant(
             "GAIN_OMEGA", self.par.T * (1 + decay) / (2 * self.par.J), "T (1 + exp(-T D / J)) / (2 J), rad/s per N m"

@@ -67,6 +67,13 @@ def read_word(word: str) -> Word | None:
 def load_module(word: Word, text: str) -> ModuleType:
     """Run a machine file's text, once a process for each text.
 
+    Parameters
+    ----------
+    word : Word
+        File and class of a machine of one's own.
+    text : str
+        The text.
+
     Raises
     ------
     MachineError
@@ -88,6 +95,13 @@ def load_module(word: Word, text: str) -> ModuleType:
 
 def load_class(word: Word, text: str) -> type[Machine]:
     """The class of a machine file.
+
+    Parameters
+    ----------
+    word : Word
+        File and class of a machine of one's own.
+    text : str
+        The text.
 
     Raises
     ------
@@ -131,7 +145,13 @@ def running(word: Word, doing: str, function: Callable[..., Any], *arguments: An
 
 
 def kept_as(word: Word) -> str:
-    """Where a generated folder keeps the machine file it was made from."""
+    """Where a generated folder keeps the machine file it was made from.
+
+    Parameters
+    ----------
+    word : Word
+        File and class of a machine of one's own.
+    """
     return f"machine/{PurePosixPath(word.file).name}"
 
 

@@ -32,32 +32,88 @@ class SalientPMSM(Machine):
     )
 
     def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
-        """Stator voltage equation solved for di/dt, A/s."""
+        """Stator voltage equation solved for di/dt, A/s.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         par = self.par
         i, (v_d, v_q) = rotor.to_rotor(z), rotor.to_rotor(v)
         e_d, e_q = self._induced(i, omega_e)
         return rotor.to_stator(((v_d - par.R * i[0] - e_d) / par.L_d, (v_q - par.R * i[1] - e_q) / par.L_q))
 
     def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
-        """Eq. 5: the states themselves."""
+        """Eq. 5: the states themselves.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return z, {}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
-        """Return 1.5 p (psi_m + (L_d - L_q) i_d) i_q, N m."""
+        """Return 1.5 p (psi_m + (L_d - L_q) i_d) i_q, N m.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
-        """1.5 p (psi_m + (L_d - L_q) i_d) i_q."""
+        """1.5 p (psi_m + (L_d - L_q) i_d) i_q.
+
+        Parameters
+        ----------
+        z_dq : Pair
+            Electrical states on the rotor's axes.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p, "1.5 p")
         i_d, i_q = z_dq
         return gain * ((self._magnet() + self._saliency() * i_d) * i_q)
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
-        """Return the currents themselves: they are the states."""
+        """Return the currents themselves: they are the states.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return i
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """Exponential midpoint; the coupling of the axes by the currents half a sample on."""
+        """Exponential midpoint; the coupling of the axes by the currents half a sample on.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         par = self.par
         T = par.T
         middle = self._middle(theta, omega_e)

@@ -28,12 +28,32 @@ class SalientFluxPMSM(Machine):
     )
 
     def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
-        """Stator voltage equation, Wb/s."""
+        """Stator voltage equation, Wb/s.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         i, _ = self.currents(z, rotor)
         return v[0] - self.par.R * i[0], v[1] - self.par.R * i[1]
 
     def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
-        """Currents in A from flux linkages in Wb: those of a round rotor of L_q, and what the d axis has beyond it."""
+        """Currents in A from flux linkages in Wb: those of a round rotor of L_q, and what the d axis has beyond it.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         psi_m = self.constant("PSI_M", self.par.psi_m, "magnet flux linkage, Wb")
         per_L_q = self.constant("INV_L_Q", 1 / self.par.L_q, "1 / L_q, A/Wb")
         psi_d, _ = rotor.to_rotor(z)
@@ -43,23 +63,59 @@ class SalientFluxPMSM(Machine):
         return i, {"psi_d": psi_d, "i_salient": i_salient}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
-        """Return 1.5 p (psi_alpha i_beta - psi_beta i_alpha), N m."""
+        """Return 1.5 p (psi_alpha i_beta - psi_beta i_alpha), N m.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
-        """1.5 p (psi x i) = 1.5 p (psi_m / L_d - (1 / L_d - 1 / L_q) psi_d) psi_q."""
+        """1.5 p (psi x i) = 1.5 p (psi_m / L_d - (1 / L_d - 1 / L_q) psi_d) psi_q.
+
+        Parameters
+        ----------
+        z_dq : Pair
+            Electrical states on the rotor's axes.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p, "1.5 p")
         psi_m = self.constant("PSI_M", self.par.psi_m, "magnet flux linkage, Wb")
         per_L_d = self.constant("INV_L_D", 1 / self.par.L_d, "1 / L_d, A/Wb")
         return ((gain * per_L_d) * psi_m - (gain * self._saliency()) * z_dq[0]) * z_dq[1]
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
-        """psi = R(theta) (diag(L_d, L_q) R(-theta) i + [psi_m, 0])."""
+        """psi = R(theta) (diag(L_d, L_q) R(-theta) i + [psi_m, 0]).
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         i_d, i_q = rotor.to_rotor(i)
         return rotor.to_stator((self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q))
 
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """Forward Euler of the stator voltage equation."""
+        """Forward Euler of the stator voltage equation.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
         RT = self.constant("R_TIMES_T", self.par.R * self.par.T, "R T, ohm s")
         rotor = Rotor.at(theta)
@@ -79,6 +135,17 @@ class SalientFluxPMSM(Machine):
         In that frame the magnet turns from angle -T omega_e / 2 to +T omega_e / 2 while the currents decay, so its
         flux psi_m (0, T omega_e / 2) leaves a share 1 + a - 2 (1 - a) / z on the q axis, z = T R / L_q, a = exp(-z):
         about z^2 / 6, small unless the sample is long against the winding's time constant.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
         """
         par, R = self.par, self.nominal.R
         middle = self._middle(theta, omega_e)

@@ -67,7 +67,13 @@ class StateSpaceModel:
         return list(self._constants.items.values())
 
     def numeric(self, expression: Any) -> Any:
-        """``expression`` with the folded constants' symbols replaced by their numbers."""
+        """``expression`` with the folded constants' symbols replaced by their numbers.
+
+        Parameters
+        ----------
+        expression : object
+            A CasADi expression.
+        """
         return self._constants.numeric(expression)
 
     @property
@@ -76,7 +82,15 @@ class StateSpaceModel:
         return self.machine.exact_meaning
 
     def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:
-        """f: the state one sample later, eq. 6 and 7."""
+        """f: the state one sample later, eq. 6 and 7.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        u : list of Any
+            Mean voltage over the interval, V.
+        """
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
         sample = machine.euler if self.discretization == "euler" else machine.exact
@@ -94,7 +108,13 @@ class StateSpaceModel:
         }
 
     def measure(self, x: list[Any]) -> tuple[list[Any], Named]:
-        """h: the currents, eq. 5."""
+        """h: the currents, eq. 5.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        """
         i, named = self._machine_at(x).currents((x[0], x[1]), Rotor.at(x[3]))
         return list(i), named
 
@@ -111,7 +131,13 @@ class StateSpaceModel:
         return type(self.machine)(par, self._constants, self.machine.par)
 
     def measurement_jacobian(self, x: list[Any]) -> Any:
-        """H at the point ``x``, an SX of shape (2, n)."""
+        """H at the point ``x``, an SX of shape (2, n).
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        """
         return ca.substitute(self.H, self.x, ca.vertcat(*x))
 
     @cached_property

@@ -22,31 +22,87 @@ class SurfacePMSM(Machine):
     )
 
     def derivative(self, z: Pair, v: Pair, omega_e: Any, rotor: Rotor) -> Pair:
-        """Eq. 1, A/s."""
+        """Eq. 1, A/s.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         par = self.par
         e_alpha = -par.psi_m * omega_e * rotor.sin  # back-EMF, V
         e_beta = par.psi_m * omega_e * rotor.cos
         return (v[0] - par.R * z[0] - e_alpha) / par.L_d, (v[1] - par.R * z[1] - e_beta) / par.L_d
 
     def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
-        """Eq. 5: the states themselves."""
+        """Eq. 5: the states themselves.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return z, {}
 
     def torque(self, z: Pair, rotor: Rotor) -> Any:
-        """Return 1.5 p psi_m i_q, N m (eq. 1)."""
+        """Return 1.5 p psi_m i_q, N m (eq. 1).
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return self.rotor_torque(rotor.to_rotor(z), rotor)
 
     def rotor_torque(self, z_dq: Pair, rotor: Rotor) -> Any:
-        """1.5 p psi i_q (eq. 1)."""
+        """1.5 p psi i_q (eq. 1).
+
+        Parameters
+        ----------
+        z_dq : Pair
+            Electrical states on the rotor's axes.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p * self.par.psi_m, "1.5 p psi_m, N m/A")
         return gain * z_dq[1]
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
-        """Return the currents themselves: they are the states."""
+        """Return the currents themselves: they are the states.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         return i
 
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """Eq. 7, rows 1 and 2."""
+        """Eq. 7, rows 1 and 2.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         par = self.par
         decay = self.constant("DECAY_I", 1 - par.T * par.R / par.L_d, "1 - T R / L")
         emf = self.constant("GAIN_E", par.T * par.psi_m / par.L_d, "T psi_m / L, A s/rad")
@@ -56,7 +112,19 @@ class SurfacePMSM(Machine):
         return Sampled(z_next, (rotor.to_rotor(z), rotor), named)
 
     def exact(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
-        """The linear part of eq. 1 solved exactly over T, the back-EMF taken at the mid-interval angle."""
+        """The linear part of eq. 1 solved exactly over T, the back-EMF taken at the mid-interval angle.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        v : Pair
+            Stator voltages v_alpha, v_beta, V.
+        omega_e : object
+            Electrical speed, rad/s.
+        theta : object
+            Electrical angle, rad.
+        """
         par = self.par
         T, L, R = par.T, par.L_d, self.nominal.R
         decay = self.constant("DECAY_I", ca.exp(-T * R / L), "exp(-T R / L)")

@@ -90,11 +90,25 @@ class Board:
         return self._answer(self.link.request(RESET))
 
     def set_state(self, words: Words) -> Answer:
-        """Put the filter into a state: x, P, u_held."""
+        """Put the filter into a state: x, P, u_held.
+
+        Parameters
+        ----------
+        words : Words
+            Words of the struct.
+        """
         return self._answer(self.link.request(SET_STATE, words.astype("<f4").tobytes()))
 
     def step(self, u: Words, y: Words) -> Answer:
-        """One step with u (2,) V and y (2,) A."""
+        """One step with u (2,) V and y (2,) A.
+
+        Parameters
+        ----------
+        u : Words
+            Voltage, V, (2,).
+        y : Words
+            Currents, A, (2,).
+        """
         return self._answer(self.link.request(STEP, np.concatenate([u, y]).astype("<f4").tobytes()))
 
     def _answer(self, payload: bytes) -> Answer:

@@ -48,7 +48,13 @@ def decode(coded: bytes) -> Frame | None:
 
 
 def stuff(body: bytes) -> bytes:
-    """COBS for fewer than 254 bytes: each run up to a zero, headed by its length plus one."""
+    """COBS for fewer than 254 bytes: each run up to a zero, headed by its length plus one.
+
+    Parameters
+    ----------
+    body : bytes
+        What is sent.
+    """
     return b"".join(bytes([len(run) + 1]) + run for run in body.split(b"\0"))
 
 

@@ -28,7 +28,14 @@ Show = Callable[[Recording], None]
 
 @contextmanager
 def live_view(console: Console, plot: bool) -> Iterator[Show]:
-    """Something to show a recording with, twice a second."""
+    """Something to show a recording with, twice a second.
+
+    Parameters
+    ----------
+    console : Console
+        Where it is printed.
+    plot : bool
+    """
     figure = _window(console) if plot else None
     if figure is not None:
         yield lambda recording: _draw(figure, recording)

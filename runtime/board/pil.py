@@ -88,7 +88,13 @@ class PilResult:
         return np.maximum(np.array(self.ticks, dtype=np.int64) - self.identity.ticks_of_nothing, 0)
 
     def to_json(self, ticks_hz: float | None) -> dict[str, Any]:
-        """Plain data for ``--json``."""
+        """Plain data for ``--json``.
+
+        Parameters
+        ----------
+        ticks_hz : float or None
+            Rate of the board's timer, Hz; None: not known.
+        """
         facts = asdict(self)
         ticks = self.net_ticks()
         facts["ticks"] = tick_facts(ticks, ticks_hz)
@@ -99,6 +105,12 @@ def tick_facts(ticks: Array, ticks_hz: float | None) -> dict[str, Any]:
     """Minimum, median, maximum and histogram of ticks a step, in seconds too where the rate is known.
 
     The last bin holds the slowest hundredth, which may be far away: steps that an interrupt cut in two.
+
+    Parameters
+    ----------
+    ticks : ndarray
+    ticks_hz : float or None
+        Rate of the board's timer, Hz; None: not known.
     """
     if not ticks.size:
         return {}
@@ -207,6 +219,12 @@ def _triple(answer: Answer) -> tuple[Array, int, int]:
 def check_settings(mode: str | None, tolerance: str) -> str:
     """The mode that fits the tolerance: a free run for bits, single steps for the certificate.
 
+    Parameters
+    ----------
+    mode : str or None
+    tolerance : str
+        "bits" or "certificate".
+
     Raises
     ------
     UserError
@@ -233,6 +251,24 @@ def run_pil(
     progress: Progress = lambda done: None,
 ) -> PilResult:
     """Step the board through u, y (N, 2) and compare each step. Ends early on Ctrl-C or a dead line, and says so.
+
+    Parameters
+    ----------
+    board : Board
+        The board, open.
+    folder : GeneratedFolder
+        The generated folder.
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
+    mode : str, optional
+    tolerance : str, optional
+        "bits" or "certificate".
+    backend : str, optional
+        "numpy" or "c".
+    progress : Progress, optional
+        Told how far the work is.
 
     Raises
     ------

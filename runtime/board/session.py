@@ -45,7 +45,17 @@ class LineSettings:
 
 @contextmanager
 def open_port(line: LineSettings, drive: str | None, kind: str | None, telemetry: bool) -> Iterator[SerialPort]:
-    """The named serial port, or a simulated board's."""
+    """The named serial port, or a simulated board's.
+
+    Parameters
+    ----------
+    line : LineSettings
+    drive : str or None
+        A shipped name or a generated folder; None: the one that the board names.
+    kind : str or None
+        Filter kind, such as "ickf".
+    telemetry : bool
+    """
     if line.port != NAME:
         port = SerialPort(line.port, line.baud)
         try:
@@ -63,7 +73,14 @@ def open_port(line: LineSettings, drive: str | None, kind: str | None, telemetry
 
 
 def folder_of(identity: Identity, drive: str | None) -> GeneratedFolder:
-    """The named folder; else the one the board names, shipped or under ./generated."""
+    """The named folder; else the one the board names, shipped or under ./generated.
+
+    Parameters
+    ----------
+    identity : Identity
+    drive : str or None
+        A shipped name or a generated folder; None: the one that the board names.
+    """
     if drive is not None:
         return drive_folder(drive)
     for place in (GENERATED, Path("generated")):
@@ -100,6 +117,24 @@ def pil(
 ) -> PilResult:
     """Link G over a port.
 
+    Parameters
+    ----------
+    line : LineSettings
+    drive : str or None
+        A shipped name or a generated folder; None: the one that the board names.
+    kind : str or None
+        Filter kind, such as "ickf".
+    data : Path or None
+    steps : int
+        Number of steps.
+    mode : str or None
+    tolerance : str
+        "bits" or "certificate".
+    backend : str
+        "numpy" or "c".
+    progress : callable
+        Told how far the work is.
+
     Raises
     ------
     UserError
@@ -127,7 +162,19 @@ def write_json(result: PilResult, ticks_hz: float | None, path: Path) -> None:
 def record_data(
     line: LineSettings, drive: str | None, out: Path, seconds: float | None, show: Callable[[Recording], None]
 ) -> Recording:
-    """Receive telemetry into a file of recorded data."""
+    """Receive telemetry into a file of recorded data.
+
+    Parameters
+    ----------
+    line : LineSettings
+    drive : str or None
+        A shipped name or a generated folder; None: the one that the board names.
+    out : Path
+        Where files are written.
+    seconds : float or None
+        s.
+    show : callable
+    """
     with open_port(line, drive, None, telemetry=True) as port:
         file = RecordFile(out, COLUMNS)
         try:

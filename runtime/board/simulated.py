@@ -20,7 +20,15 @@ MAIN = Path(__file__).with_name("simulated_board.c")
 
 
 def board_sources(folder: GeneratedFolder, kind: str) -> dict[str, str]:
-    """The texts of a board's program, by flat file name: the filter and the bench's files."""
+    """The texts of a board's program, by flat file name: the filter and the bench's files.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    """
     p = f"{folder.drive}_{kind}"
     shared = [f"pmsm_{part}{end}" for part in ("link", "pil", "telemetry") for end in (".h", ".c")]
     sources = {name: folder.text(f"board/{name}") for name in (*shared, f"{p}_pil.h", f"{p}_pil.c")}
@@ -29,7 +37,17 @@ def board_sources(folder: GeneratedFolder, kind: str) -> dict[str, str]:
 
 
 def build_board(folder: GeneratedFolder, kind: str, sources: dict[str, str] | None = None) -> Path:
-    """Compile the board's program; ``sources`` replaces the folder's own texts."""
+    """Compile the board's program; ``sources`` replaces the folder's own texts.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    sources : dict of str to str, optional
+        Texts by file name.
+    """
     folder.require(kind)
     p = f"{folder.drive}_{kind}"
     defines = {"FILTER": p, "HEADER": f'"{p}_pil.h"'}

@@ -14,7 +14,15 @@ BAR = 40
 
 
 def pil_tables(result: PilResult, ticks_hz: float | None) -> RenderableType:
-    """Steps, line and time of a run."""
+    """Steps, line and time of a run.
+
+    Parameters
+    ----------
+    result : PilResult
+        The result.
+    ticks_hz : float or None
+        Rate of the board's timer, Hz; None: not known.
+    """
     identity, counts = result.identity, result.counts
     how = "from equal starts, on its own bits" if result.mode == "free" else "each from the board's state before it"
     steps = f"{result.compared:,} compared, {len(result.lost):,} lost on the line, of {result.wanted:,}; {how}"
@@ -65,7 +73,14 @@ def _time_table(result: PilResult, ticks_hz: float | None) -> RenderableType:
 
 
 def recording_table(recording: Recording, last: bool = True) -> RenderableType:
-    """Counts, and the latest sample."""
+    """Counts, and the latest sample.
+
+    Parameters
+    ----------
+    recording : Recording
+        What was recorded.
+    last : bool, optional
+    """
     seconds = f" over {recording.recent[-1][0]:.6g} s of the board's time" if recording.recent else ""
     gaps = f"{recording.lost:,} frames in {recording.gaps:,} gaps"
     if recording.first_gaps:

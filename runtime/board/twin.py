@@ -42,12 +42,26 @@ class Twin:
         return self.estimator.P
 
     def step(self, u: Words, y: Words) -> tuple[Array, int, int]:
-        """State words after the step, status, iterations."""
+        """State words after the step, status, iterations.
+
+        Parameters
+        ----------
+        u : Words
+            Voltage, V, (2,).
+        y : Words
+            Currents, A, (2,).
+        """
         self.estimator.step(u, y)
         return self.words, int(self.estimator.status), int(self.estimator.iterations)
 
     def covariance(self, words: Array) -> Array:
-        """The matrix that state words stand for, (n, n)."""
+        """The matrix that state words stand for, (n, n).
+
+        Parameters
+        ----------
+        words : ndarray
+            Words of the struct.
+        """
         kept = self.words
         self.words = words
         matrix = self.P
@@ -68,6 +82,15 @@ def covariance_field(folder: GeneratedFolder) -> str:
 def word_names(states: tuple[str, ...], covariance: str) -> list[str]:
     """A name for every state word; ``covariance`` is the struct's field that carries P.
 
+    Parameters
+    ----------
+    states : tuple of str
+        The states.
+    covariance : str
+        The field that carries P: "P" or "LD".
+
+    Examples
+    --------
     >>> word_names(("i", "w"), "P")
     ['i', 'w', 'P_00', 'P_10', 'P_11', 'u_held_alpha', 'u_held_beta']
     """

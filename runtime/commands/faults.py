@@ -23,7 +23,7 @@ def faults(
     json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every run's figures.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a figure a drive (svg).")] = None,
 ) -> None:
-    """Inject faults at speed under load: sensors, converter, DC link, power; does the drive recover, and how fast?
+    """Inject faults at speed under load: sensors, converter, DC link, power: whether and how fast the drive recovers.
 
     The generated example interrupt drives the generated motor. Exit code 1: a run did not recover.
     """

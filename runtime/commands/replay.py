@@ -41,7 +41,7 @@ def replay(
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
     json: Json = None,
 ) -> None:
-    """Run recorded data through a generated filter; is the filter right about them?
+    """Run recorded data through a generated filter and judge whether it is right about them.
 
     DATA has columns t s; u_alpha, u_beta V, mean over the interval ending at t; i_alpha, i_beta A at t. Phase currents
     i_a, i_b[, i_c] and voltages u_a, u_b, u_c (to any common point) or u_ab, u_bc will do. With omega (rad/s,

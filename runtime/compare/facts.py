@@ -20,9 +20,12 @@ PRICES = ("2.5", "5")
 
 @dataclass(frozen=True)
 class Cost:
-    """One filter's step. ``cycles``, ``interrupt`` (with the controller around it): computed, by price; ``share``: per
+    """One filter's step.
+
+    ``cycles``, ``interrupt`` (with the controller around it): computed, by price; ``share``: per
     cent of the sample time that the filter takes at the typical price. Stack and text in bytes on a Cortex-M4F, None
-    where they were not measured."""
+    where they were not measured.
+    """
 
     label: str
     kind: str

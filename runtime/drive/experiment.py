@@ -53,6 +53,21 @@ def simulate(
 ) -> list[Run]:
     """Run a scenario with each filter. A filter the drive does not ship is generated for the occasion.
 
+    Parameters
+    ----------
+    drive_name : str
+        A shipped name or the path of a TOML file.
+    scenario : str, optional
+        Name of the scenario.
+    kinds : sequence of str, optional
+        Filter kinds.
+    conditions : Conditions, optional
+        Inverter, sensors, noise and start.
+    controller : str, optional
+        "c" (the generated C) or "numpy" (its twin).
+    progress : Progress, optional
+        Told how far the work is.
+
     Raises
     ------
     UserError
@@ -101,7 +116,20 @@ def sample_time_sweep(
     conditions: Conditions | None = None,
     progress: Progress = lambda text: None,
 ) -> list[SweepPoint]:
-    """The same motor and tuning at several sample times, Euler and exact, after a step of the speed reference."""
+    """The same motor and tuning at several sample times, Euler and exact, after a step of the speed reference.
+
+    Parameters
+    ----------
+    drive_name : str
+        A shipped name or the path of a TOML file.
+    sample_times : sequence of float, optional
+    kind : str, optional
+        Filter kind, such as "ickf".
+    conditions : Conditions, optional
+        Inverter, sensors, noise and start.
+    progress : Progress, optional
+        Told how far the work is.
+    """
     find_compiler()
     drive = find_drive(drive_name).drive
     points = []

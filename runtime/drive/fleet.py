@@ -71,6 +71,11 @@ class Cases:
     def columns(self, scenario: Scenario) -> dict[str, Array]:
         """Every number of every run, (B,); speed in r/min.
 
+        Parameters
+        ----------
+        scenario : Scenario
+            Speed reference and load over time.
+
         Raises
         ------
         UserError
@@ -123,7 +128,15 @@ class Outcomes:
 
 
 def fleet_files(folder: GeneratedFolder, kind: str) -> list[str]:
-    """The generated C that a fleet is compiled from, by name in the folder."""
+    """The generated C that a fleet is compiled from, by name in the folder.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    """
     folder.require(kind)
     prefix = f"{folder.drive}_{kind}"
     stems = [prefix, f"{prefix}_foc"]
@@ -196,14 +209,32 @@ class Fleet:
         return _outcomes(arrays["figures"], arrays["flags"], columns["speed"], task, self.folder.module.SAMPLE_TIME)
 
     def noise(self, seed: int, steps: int) -> Array:
-        """Standard normals (steps, 2) float32 that a run of this seed gets from its two sensors."""
+        """Standard normals (steps, 2) float32 that a run of this seed gets from its two sensors.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of what is random.
+        steps : int
+            Number of steps.
+        """
         normal = np.empty((steps, 2), dtype=np.float32)
         seeds = self._ffi.new("uint64_t[1]", [seed])
         self._library.fleet_noise(seeds, 1, steps, self._ffi.cast("float *", normal.ctypes.data))
         return normal
 
     def trace(self, scenario: Scenario, cases: Cases, index: int) -> Run:
-        """One of the cases again, every sample kept: the scalar simulator with the same motor, tuning and noise."""
+        """One of the cases again, every sample kept: the scalar simulator with the same motor, tuning and noise.
+
+        Parameters
+        ----------
+        scenario : Scenario
+            Speed reference and load over time.
+        cases : Cases
+            What differs from run to run.
+        index : int
+            Number of the node.
+        """
         case = {name: column[index] for name, column in cases.columns(scenario).items()}
         self._simulator = self._simulator or Simulator(self.folder, self.kind)
         steps = round(scenario.duration / self.folder.module.SAMPLE_TIME)

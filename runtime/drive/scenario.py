@@ -25,11 +25,23 @@ class Scenario:
     duration: float = 0.4
 
     def speed_reference(self, t: Array) -> Array:
-        """Mechanical rad/s at the times t."""
+        """Mechanical rad/s at the times t.
+
+        Parameters
+        ----------
+        t : ndarray
+            Time, s.
+        """
         return self.speed / RPM * np.clip(t / self.ramp, 0.0, 1.0)
 
     def load_torque(self, t: Array) -> Array:
-        """N m at the times t."""
+        """N m at the times t.
+
+        Parameters
+        ----------
+        t : ndarray
+            Time, s.
+        """
         return np.where(t >= self.load_at - 1e-12, self.load, 0.0)
 
 

@@ -35,7 +35,28 @@ def simulate_drive(
     out: Path | None,
     progress: Progress,
 ) -> Simulated:
-    """Run one or all scenarios; write figures, data and JSON where asked."""
+    """Run one or all scenarios; write figures, data and JSON where asked.
+
+    Parameters
+    ----------
+    drive : str
+        A shipped name, the path of a TOML file, or a generated folder.
+    scenario : str
+        Name of the scenario.
+    kinds : sequence of str
+        Filter kinds.
+    conditions : dict
+        Inverter, sensors, noise and start.
+    controller : str
+        "c" (the generated C) or "numpy" (its twin).
+    sweep : bool
+    json_path : Path or None
+        Where every figure is written as JSON; None: nowhere.
+    out : Path or None
+        Where files are written; None: the default place.
+    progress : Progress
+        Told how far the work is.
+    """
     setting = Conditions(**conditions)
     names = list(SCENARIOS) if scenario == "all" else [scenario]
     runs = [run for name in names for run in simulate(drive, name, kinds, setting, controller, progress)]

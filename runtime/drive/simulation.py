@@ -78,8 +78,11 @@ class Run(AgainstTruth):
         return finite and bool(near and np.max(np.abs(self.angle_error[late])) <= 30.0)
 
     def figures(self) -> dict[str, float]:
-        """Largest speed error before and after the load step (r/min), rms over the last 50 ms, largest angle error
-        after the start (degrees electrical)."""
+        """Return the run's figures.
+
+        Largest speed error before and after the load step (r/min), rms over the last 50 ms, largest angle error
+        after the start (degrees electrical).
+        """
         start = self.t < min(self.scenario.load_at, self.scenario.duration)
         late = self.t >= self.t[-1] - 0.05
         moving = self.t >= min(STARTED, self.t[-1])
@@ -283,7 +286,16 @@ def numpy_controller(module: Any, tuned: dict[str, Any], gain: tuple[float, ...]
 
 
 def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -> str:
-    """Filter and controller as cffi wants them."""
+    """Filter and controller as cffi wants them.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        Texts by file name.
+    prefix : str
+        Beginning of the names.
+    foc : str
+    """
     filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").partition("void runner_run")[0]
     foc_part = declarations(sources[f"{foc}.h"], foc, "float32").partition("void runner_run")[0]
     return filter_part + foc_part.split(";", 1)[1]

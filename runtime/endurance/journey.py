@@ -55,7 +55,13 @@ class Journey:
 
 
 def make_journey(parameters: Mapping[str, Any]) -> Journey:
-    """The period of a drive file's parsed sections ``motor``, ``model`` and ``control``."""
+    """The period of a drive file's parsed sections ``motor``, ``model`` and ``control``.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    """
     m, T = parameters["motor"], parameters["model"]["sample_time"]
     steps = round(PERIOD / T)
     t = T / 2 * np.arange(2 * steps + 1)  # and the middle of each interval

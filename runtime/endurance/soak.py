@@ -120,8 +120,11 @@ class Decade:
 
 @dataclass
 class Soak:
-    """One filter's run. ``reference`` (n + 1,): deviation of 100 000 steps at two speeds, the larger one, and P's;
-    ``turned`` rad: error of the truth's own angle after all periods."""
+    """One filter's run.
+
+    ``reference`` (n + 1,): deviation of 100 000 steps at two speeds, the larger one, and P's;
+    ``turned`` rad: error of the truth's own angle after all periods.
+    """
 
     drive: str
     kind: str
@@ -281,6 +284,16 @@ def reference_deviation(folder: GeneratedFolder, kind: str, slow: float, steps: 
     """Largest |float32 - float64| of each state, then of P over sigma sigma: of so many steps at either speed.
 
     ``slow``: the second speed, rad/s.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    slow : float
+    steps : int, optional
+        Number of steps.
     """
     parameters = folder.manifest["parameters"]
     settled = round(0.3 / parameters["model"]["sample_time"])
@@ -295,6 +308,15 @@ def reference_deviation(folder: GeneratedFolder, kind: str, slow: float, steps: 
 
 def soak(runs: Sequence[tuple[str, int]], kind: str | None, progress: Progress = lambda name, more: None) -> list[Soak]:
     """Run every (drive, steps), as many at once as there are cores.
+
+    Parameters
+    ----------
+    runs : Sequence[tuple[str, int]]
+        The runs.
+    kind : str or None
+        Filter kind, such as "ickf".
+    progress : Progress, optional
+        Told how far the work is.
 
     Raises
     ------

@@ -15,7 +15,13 @@ from runtime.style.tables import columns_table
 
 
 def campaigns_table(campaigns: Iterable[Campaign]) -> Table:
-    """One row a filter or controller."""
+    """One row a filter or controller.
+
+    Parameters
+    ----------
+    campaigns : iterable of Campaign
+        Finished campaigns.
+    """
     table = columns_table("target", "executions", "a second", "inputs kept", "features", "findings")
     for one in campaigns:
         pace = one.executions / one.seconds if one.seconds else 0.0
@@ -25,7 +31,13 @@ def campaigns_table(campaigns: Iterable[Campaign]) -> Table:
 
 
 def finding_lines(campaigns: Iterable[Campaign]) -> list[str]:
-    """A line for each kind of finding of a target: the operations that bring it about, and the input itself."""
+    """A line for each kind of finding of a target: the operations that bring it about, and the input itself.
+
+    Parameters
+    ----------
+    campaigns : iterable of Campaign
+        Finished campaigns.
+    """
     lines = []
     for one in campaigns:
         kinds: dict[str, list[Finding]] = {}
@@ -39,7 +51,13 @@ def finding_lines(campaigns: Iterable[Campaign]) -> list[str]:
 
 
 def campaign_facts(campaigns: Sequence[Campaign]) -> dict[str, Any]:
-    """Every figure of a campaign, for machines."""
+    """Every figure of a campaign, for machines.
+
+    Parameters
+    ----------
+    campaigns : sequence of Campaign
+        Finished campaigns.
+    """
     rows = []
     for one in campaigns:
         found = [{"what": f.what, "words": f.words, "input": f.data.hex()} for f in one.findings]

@@ -153,6 +153,12 @@ class Replayer:
 
 
 def targets(drive: str) -> list[Target]:
-    """Every filter of a generated folder, then each beside its lane form, then every controller."""
+    """Every filter of a generated folder, then each beside its lane form, then every controller.
+
+    Parameters
+    ----------
+    drive : str
+        A shipped name, the path of a TOML file, or a generated folder.
+    """
     folder = drive_folder(drive)
     return [Target(folder, kind, form) for form in FORMS for kind in folder.kinds]

@@ -35,7 +35,15 @@ class Fault:
 
 
 def healthy(c: Circumstances, samples: int) -> Array:
-    """Rows in which nothing is wrong yet."""
+    """Rows in which nothing is wrong yet.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    samples : int
+        Number of draws.
+    """
     rows = np.zeros(samples, dtype=FAULT)
     rows["gain"] = 1.0
     rows["link"] = rows["told"] = c.link
@@ -43,7 +51,17 @@ def healthy(c: Circumstances, samples: int) -> Array:
 
 
 def lost_samples(c: Circumstances, rng: np.random.Generator, samples: int) -> Array:
-    """No current arrives: NaN."""
+    """No current arrives: NaN.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    samples : int
+        Number of draws.
+    """
     rows = healthy(c, samples)
     rows["what"] = REPLACE_A | REPLACE_B
     rows["phase"] = np.nan
@@ -51,14 +69,36 @@ def lost_samples(c: Circumstances, rng: np.random.Generator, samples: int) -> Ar
 
 
 def stuck_sensor(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
-    """Phase a's sensor stays at its last value."""
+    """Phase a's sensor stays at its last value.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    """
     rows = healthy(c, round(time / c.T))
     rows["what"] = HOLD_A
     return rows
 
 
 def clipped(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
-    """The converter is full at a share of the present amplitude."""
+    """The converter is full at a share of the present amplitude.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    share : float
+        A share, 0 .. 1.
+    """
     rows = healthy(c, round(time / c.T))
     rows["what"] = CLIP
     rows["range"] = share * c.amplitude
@@ -66,7 +106,20 @@ def clipped(c: Circumstances, rng: np.random.Generator, time: float, share: floa
 
 
 def sagging_link(c: Circumstances, rng: np.random.Generator, time: float, share: float, known: bool) -> Array:
-    """The DC link falls to a share of its voltage; the controller measures it, or goes on believing in the old one."""
+    """The DC link falls to a share of its voltage; the controller measures it, or goes on believing in the old one.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    share : float
+        A share, 0 .. 1.
+    known : bool
+    """
     rows = healthy(c, round(time / c.T))
     rows["link"] = share * c.link
     rows["told"] = share * c.link if known else c.link
@@ -74,7 +127,17 @@ def sagging_link(c: Circumstances, rng: np.random.Generator, time: float, share:
 
 
 def garbage(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
-    """Random bits as currents, NaN, infinity and huge numbers among them; every other sample nonsense within range."""
+    """Random bits as currents, NaN, infinity and huge numbers among them; every other sample nonsense within range.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    """
     rows = healthy(c, round(time / c.T))
     rows["what"] = REPLACE_A | REPLACE_B
     bits = rng.integers(0, 2**32, (len(rows), 2), dtype=np.uint32).view(np.float32)
@@ -84,21 +147,54 @@ def garbage(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
 
 
 def power_cycle(c: Circumstances, rng: np.random.Generator, time: float) -> Array:
-    """Processor and inverter without power; then the firmware starts anew, and the motor still turns."""
+    """Processor and inverter without power; then the firmware starts anew, and the motor still turns.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    """
     rows = healthy(c, round(time / c.T))
     rows["what"] = POWER_OFF
     return rows
 
 
 def wrong_gain(c: Circumstances, rng: np.random.Generator, time: float, gain: float) -> Array:
-    """Phase a's sensor reads a multiple of the current."""
+    """Phase a's sensor reads a multiple of the current.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    gain : float
+    """
     rows = healthy(c, round(time / c.T))
     rows["gain"][:, 0] = gain
     return rows
 
 
 def offset(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
-    """Phase a's sensor reads a share of the amplitude too much."""
+    """Phase a's sensor reads a share of the amplitude too much.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    share : float
+        A share, 0 .. 1.
+    """
     rows = healthy(c, round(time / c.T))
     rows["offset"][:, 0] = share * c.amplitude
     return rows
@@ -125,6 +221,11 @@ FAULTS = (
 
 def find_faults(names: str | None) -> tuple[Fault, ...]:
     """Faults by their names, comma-separated; all of them for None.
+
+    Parameters
+    ----------
+    names : str or None
+        Names, in order.
 
     Raises
     ------

@@ -151,7 +151,15 @@ class FaultyLoop:
 
 
 def example_for(folder: GeneratedFolder, kind: str) -> str:
-    """The example interrupt around any of the folder's filters: it names the one it has by its prefix alone."""
+    """The example interrupt around any of the folder's filters: it names the one it has by its prefix alone.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    """
     text = folder.text("example_isr.c")
     own = next(name for name in folder.kinds if f'"{folder.drive}_{name}_selftest.h"' in text)
     old, new = f"{folder.drive}_{own}", f"{folder.drive}_{kind}"

@@ -33,11 +33,14 @@ AFTERMATH = 0.01
 
 @dataclass(frozen=True)
 class Recovery:
-    """One run: ``time`` s from the fault's end until the drive runs and the estimate is in its band for the rest, NaN
+    """One run.
+
+    ``time`` s from the fault's end until the drive runs and the estimate is in its band for the rest, NaN
     if never; ``told`` samples from the fault's begin until a status bit or a reaction, -1 if none; ``status`` bits in
     and shortly after the fault, but for "not converged". Largest since the fault's begin: errors of the estimate while
     the drive ran (r/min, degrees electrical), ``deviation`` of the true speed from its reference (r/min), ``current``
-    (A, amplitude). ``idle`` s without torque."""
+    (A, amplitude). ``idle`` s without torque.
+    """
 
     time: float
     told: int
@@ -56,8 +59,10 @@ class Recovery:
 
 @dataclass(frozen=True)
 class Outcome:
-    """All runs of one fault with one filter, and the same runs ``alone``: the generated controller without the
-    application's reaction. ``example`` is the first run."""
+    """All runs of one fault with one filter.
+
+    ``alone``: the same runs by the generated controller without the application's reaction. ``example``: the first run.
+    """
 
     drive: str
     kind: str
@@ -78,7 +83,15 @@ def column(recoveries: Sequence[Recovery], name: str) -> Array:
 
 
 def judge(run: FaultyRun, T: float) -> Recovery:
-    """What a run says of its fault."""
+    """What a run says of its fault.
+
+    Parameters
+    ----------
+    run : FaultyRun
+        The run.
+    T : float
+        Sample time, s.
+    """
     since = slice(run.first, None)
     good = (run.mode == RUNNING) & (np.abs(run.speed_error) < SPEED_BAND) & (np.abs(run.angle_error) < ANGLE_BAND)
     bad = np.flatnonzero(~good)
@@ -107,7 +120,15 @@ def _largest(values: Array) -> float:
 
 
 def circumstances(folder: GeneratedFolder, scenario: Scenario) -> Circumstances:
-    """What the faults of a drive are measured by."""
+    """What the faults of a drive are measured by.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    scenario : Scenario
+        Speed reference and load over time.
+    """
     parameters = folder.manifest["parameters"]
     motor = parameters["motor"]
     return Circumstances(

@@ -39,8 +39,11 @@ BAD = (np.nan, np.inf, -np.inf, 1e6, -1e6, 3e38)
 
 @dataclass(frozen=True)
 class Segment:
-    """Consecutive steps: ``inputs`` (N, 4); ``fields`` sets words of the struct by C name (``x_0[2]``) before the
-    filter's reset; ``option`` is the second argument of a controller's init (delay)."""
+    """Consecutive steps.
+
+    ``inputs`` (N, 4); ``fields`` sets words of the struct by C name (``x_0[2]``) before the
+    filter's reset; ``option`` is the second argument of a controller's init (delay).
+    """
 
     inputs: Array
     fields: Mapping[str, float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Is a generated folder there, unedited, and what the generator would write now?"""
+"""Whether a generated folder is there, unedited, and what the generator would write now."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ def check_ready(drive: str | Path) -> None:
 
     No compiler, a wrong drive file, no folder, or one edited by hand. Whether it is stale takes a generation:
     :func:`current_package`.
+
+    Parameters
+    ----------
+    drive : str | Path
+        A shipped name or the path of a TOML file.
     """
     find_compiler()
     _check_unedited(find_drive(drive))

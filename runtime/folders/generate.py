@@ -43,6 +43,21 @@ def generate_drives(
     """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
 
     With ``check`` nothing is written.
+
+    Parameters
+    ----------
+    drives : sequence of str
+        Shipped names, TOML files or generated folders; none: every shipped drive.
+    out : Path or None
+        Where files are written; None: the default place.
+    check : bool, optional
+        Compare only; write nothing.
+    force : bool, optional
+        Overwrite a folder that was edited by hand.
+    form : str, optional
+        "fast" (what is shipped) or "literal" (the paper's shape).
+    progress : Progress, optional
+        Told how far the work is.
     """
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")

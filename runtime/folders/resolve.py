@@ -71,6 +71,12 @@ def find_drive(word: str | Path) -> NamedDrive:
 def target_folder(named: NamedDrive, out: Path | None) -> Path:
     """Where ``generate`` writes: ``out``/name, else where the folder belongs.
 
+    Parameters
+    ----------
+    named : NamedDrive
+    out : Path or None
+        Where files are written; None: the default place.
+
     Raises
     ------
     DriveError

@@ -19,7 +19,15 @@ THIRD = np.exp(2j * math.pi / 3)
 
 
 def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
-    """Pole placement in the order of the struct: speed p, i; current p on d, on q, i; limit; dead time; advance."""
+    """Pole placement in the order of the struct: speed p, i; current p on d, on q, i; limit; dead time; advance.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    delay : int
+        Samples from measuring to acting, 0 or 1.
+    """
     m, c, T = parameters["motor"], parameters["control"], parameters["model"]["sample_time"]
     speed, current = c["speed_bandwidth"], c["current_bandwidth"]
     J, R = m["inertia"], m["stator_resistance"]
@@ -28,7 +36,13 @@ def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
 
 
 def clarke(phase: Array) -> complex:
-    """Phase currents a and b (A), star point open: the third is what is missing to zero. Alpha is phase a."""
+    """Phase currents a and b (A), star point open: the third is what is missing to zero. Alpha is phase a.
+
+    Parameters
+    ----------
+    phase : ndarray
+        Phase currents i_a, i_b, A.
+    """
     a, b = phase
     c = -a - b
     return complex(a, (b - c) / math.sqrt(3))
@@ -36,8 +50,10 @@ def clarke(phase: Array) -> complex:
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample by hand: duty cycles (3,), the voltage they stand for (V), integrators (3,), and on the way the
-    largest torque, and the torque that is asked for (N m).
+    """One sample by hand.
+
+    Duty cycles (3,), the voltage they stand for (V), integrators (3,), and on the way the largest torque and the torque
+    that is asked for (N m).
     """
 
     duty: Array

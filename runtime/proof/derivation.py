@@ -31,18 +31,39 @@ class Second:
     r: sp.Expr
 
     def advance(self, z: sp.Expr, v: sp.Expr) -> sp.Expr:
-        """The electrical state one sample later."""
+        """The electrical state one sample later.
+
+        Parameters
+        ----------
+        z : sp.Expr
+        v : sp.Expr
+            Voltage, V.
+        """
         return {"surface": self._surface, "salient": self._salient, "salient_flux": self._flux}[self.machine](z, v)
 
     def current(self, z: sp.Expr, angle: sp.Expr) -> sp.Expr:
-        """What is measured. Of flux linkages: magnet and inductances act in the rotor frame."""
+        """What is measured. Of flux linkages: magnet and inductances act in the rotor frame.
+
+        Parameters
+        ----------
+        z : sp.Expr
+        angle : sp.Expr
+            Electrical angle, rad.
+        """
         if self.machine != "salient_flux":
             return z
         rotor = _seen_from(z, angle)
         return ((sp.re(rotor) - self.psi) / L_d + sp.I * sp.im(rotor) / L_q) * sp.exp(sp.I * angle)
 
     def torque(self, z: sp.Expr, angle: sp.Expr) -> sp.Expr:
-        """1.5 p Im(conj(psi) i), psi whatever of the flux linkage makes torque with the current."""
+        """1.5 p Im(conj(psi) i), psi whatever of the flux linkage makes torque with the current.
+
+        Parameters
+        ----------
+        z : sp.Expr
+        angle : sp.Expr
+            Electrical angle, rad.
+        """
         if self.machine == "salient_flux":
             flux, i = sp.expand_complex(z), self.current(z, angle)
         elif self.machine == "salient":

@@ -26,6 +26,16 @@ def verify_drives(
     """Prove every drive, several at once where there are cores; write the machine-readable result if asked.
 
     What an earlier run proved from the same sources is taken from it, unless ``fresh``.
+
+    Parameters
+    ----------
+    drives : sequence of str
+        Shipped names, TOML files or generated folders; none: every shipped drive.
+    json_path : Path or None
+        Where every figure is written as JSON; None: nowhere.
+    progress : Progress
+        Told how far the work is.
+    fresh : bool, optional
     """
     names = list(drives) or shipped_drives()
     for name in names:
@@ -44,6 +54,15 @@ def prove_or_recall(
     """:func:`verify`, or what an earlier run found with the same folder, sources, libraries and tools, if it held.
 
     ``current``: the folder has just been generated.
+
+    Parameters
+    ----------
+    drive : str
+        A shipped name, the path of a TOML file, or a generated folder.
+    fresh : bool, optional
+    progress : Progress, optional
+        Told how far the work is.
+    current : bool, optional
     """
 
     def prove() -> tuple[Proof, Evidence]:

@@ -18,7 +18,13 @@ COLOURS = {"ckf": "#3b6ea8", "ickf, cubature gain": "#c8553d", "ickf, jacobian g
 
 
 def stage_figure(proof: Proof) -> str:
-    """Worst A-B deviation of every stage, by equation, against what is allowed."""
+    """Worst A-B deviation of every stage, by equation, against what is allowed.
+
+    Parameters
+    ----------
+    proof : Proof
+        All links of a drive.
+    """
     stages = {key: cells for key, cells in stages_by_equation(proof.links).items() if key[1] not in COUNTS}
     figure, axes = pyplot().subplots(figsize=(7.5, 0.19 * len(stages) + 1.1))
     labels = [f"({equation})  {stage}" for equation, stage in stages]
@@ -36,7 +42,16 @@ def stage_figure(proof: Proof) -> str:
 
 
 def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) -> str:
-    """Float32 minus float64 over the long run: envelopes of each state, and of P."""
+    """Float32 minus float64 over the long run: envelopes of each state, and of P.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the links leave for figures.
+    sample_time : float
+        T, s.
+    units : dict of str to str
+    """
     panels = [*units, "P"]
     figure, axes = pyplot().subplots(len(panels), 1, figsize=(7.5, 1.25 * len(panels) + 0.6), sharex=True)
     for variant, drift in evidence.drift.items():
@@ -54,7 +69,13 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
 
 
 def effect_figure(evidence: Evidence) -> str:
-    """ICKF minus CKF in sigmas along the trajectory."""
+    """ICKF minus CKF in sigmas along the trajectory.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the links leave for figures.
+    """
     figure, axes = pyplot().subplots(figsize=(7.5, 2.4))
     for gain, difference in evidence.effects.items():
         steps, top = envelope(difference)
@@ -68,7 +89,13 @@ def effect_figure(evidence: Evidence) -> str:
 
 
 def trajectory_figure(evidence: Evidence) -> str:
-    """What the proof ran on: speed, currents and voltages."""
+    """What the proof ran on: speed, currents and voltages.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What the links leave for figures.
+    """
     data = evidence.trajectory
     figure, axes = pyplot().subplots(3, 1, figsize=(7.5, 4.2), sharex=True)
     axes[0].plot(data.t, data.omega * 30 / np.pi, color=COLOURS["truth"], lw=1.2)

@@ -110,7 +110,21 @@ def pieces_of(run: tuple[Array, Array], start: tuple[Array, Array], piece: int) 
 
 
 def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situations, R: Array) -> Link:
-    """Evaluate the generated step on every situation at once and compare stage by stage."""
+    """Evaluate the generated step on every situation at once and compare stage by stage.
+
+    Parameters
+    ----------
+    module : ModuleType
+        The generated Python module.
+    step : FilterStep
+        The step of the filter.
+    drive : str
+        A shipped name, the path of a TOML file, or a generated folder.
+    situations : Situations
+        States, covariances and inputs to compare at.
+    R : ndarray
+        Variances of the measurement noise, A^2.
+    """
     found, iterates, counts = _evaluate(module, step.kind, situations)
     sigmas = _sigmas(situations, R)
     comparisons = [*_pairs(step, situations, found, iterates)]
@@ -204,7 +218,20 @@ def _first(
 
 
 def own_run(module: ModuleType, kind: str, starts: tuple[Array, Array], u: Array, y: Array) -> tuple[Array, Array]:
-    """B on its own along u, y (N, 2) from x_0 (n,), P_0 (n, n): x (N, n) and P (N, n, n) after each step."""
+    """B on its own along u, y (N, 2) from x_0 (n,), P_0 (n, n): x (N, n) and P (N, n, n) after each step.
+
+    Parameters
+    ----------
+    module : ModuleType
+        The generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    starts : tuple[Array, Array]
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
+    """
     backend = NumpyBackend(module, kind, "float64")
     backend.reset(starts[0].copy(), module.pack(starts[1]))
     x, words, _, _ = backend.run(u, y)
@@ -215,6 +242,18 @@ def free_run(step: FilterStep, drive: str, situations: Situations, run: tuple[Ar
     """B's own run against A's pieces, each begun where B's run then was: errors must not build up in any.
 
     Piece by piece A ends where the next begins, so B's whole run is A's as well.
+
+    Parameters
+    ----------
+    step : FilterStep
+        The step of the filter.
+    drive : str
+        A shipped name, the path of a TOML file, or a generated folder.
+    situations : Situations
+        States, covariances and inputs to compare at.
+    run : tuple[Array, Array]
+    angle : int
+        Electrical angle, rad.
     """
     x, P = run
     A_x, A_P = situations.stages["x"], situations.stages["P"]

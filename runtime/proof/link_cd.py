@@ -62,7 +62,17 @@ def envelope(values: Array, slices: int = 600) -> tuple[Array, Array]:
 
 
 def drift(single: Estimator, double: Estimator, u: Array, y: Array) -> Drift:
-    """Run both precisions on the same inputs (rounded to float32 first, so that only arithmetic differs)."""
+    """Run both precisions on the same inputs (rounded to float32 first, so that only arithmetic differs).
+
+    Parameters
+    ----------
+    single : Estimator
+    double : Estimator
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
+    """
     u, y = u.astype(np.float32), y.astype(np.float32)
     a, b = single.run(u, y), double.run(u, y)
     dx = np.abs(a.x - b.x)
@@ -74,7 +84,22 @@ def drift(single: Estimator, double: Estimator, u: Array, y: Array) -> Drift:
 
 
 def link_cd(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array, settled: int) -> tuple[Link, Drift]:
-    """Judge the run from step ``settled`` on; before it the covariance still falls from P_0."""
+    """Judge the run from step ``settled`` on; before it the covariance still falls from P_0.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
+    settled : int
+    """
     single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
     result = drift(single, double, u, y)
     rows = drift_rows(double, result, settled)

@@ -36,18 +36,49 @@ class ChipBackend(NumpyBackend):
         return value if isinstance(value, int) else self.number(value)
 
     def reset(self, x0: Array, words: Array) -> None:
-        """Start from a state and covariance words."""
+        """Start from a state and covariance words.
+
+        Parameters
+        ----------
+        x0 : ndarray
+            State to start from.
+        words : ndarray
+            Words of the struct.
+        """
         super().reset(x0, words)
         for name in ("x", self._covariance, "u_held"):
             setattr(self.filter, name, self._wrap(getattr(self.filter, name)))
 
     def step(self, u: Array, y: Array, stages: dict[str, Any] | None = None) -> None:
-        """Step in the chip's arithmetic as modelled."""
+        """Step in the chip's arithmetic as modelled.
+
+        Parameters
+        ----------
+        u : ndarray
+            Voltages, V, (N, 2).
+        y : ndarray
+            Currents, A, (N, 2).
+        stages : dict, optional
+        """
         super().step(self._wrap(tuple(u)), self._wrap(tuple(y)), stages)
 
 
 def link_chip(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array) -> Link:
-    """Run both from the drive's start over ``u``, ``y`` (N, 2); judged like link C-D, by the filter's own sigmas."""
+    """Run both from the drive's start over ``u``, ``y`` (N, 2); judged like link C-D, by the filter's own sigmas.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
+    """
     chip = Estimator(folder, kind, ChipBackend(folder.module, kind), "float32")
     host = load_folder(folder, kind, "numpy", "float32")
     rows = drift_rows(host, drift(chip, host, u, y), 0)

@@ -41,7 +41,15 @@ def settings() -> list[tuple[int, int, float]]:
 
 
 def inputs(parameters: Mapping[str, Any], seed: int) -> tuple[Array, Array, Array]:
-    """phase (N, 2) A, command (N, 2) rad/s and V, sensed (N, 2): in and out of reach, missing, and just allowed."""
+    """phase (N, 2) A, command (N, 2) rad/s and V, sensed (N, 2): in and out of reach, missing, and just allowed.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    seed : int
+        Seed of what is random.
+    """
     rng = np.random.default_rng(seed)
     box, c = parameters["operating_box"], parameters["control"]
     scale = rng.choice([0.01, 0.3, 1.0], (SAMPLES, 1))
@@ -72,7 +80,21 @@ def inputs(parameters: Mapping[str, Any], seed: int) -> tuple[Array, Array, Arra
 def link_control(
     folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str, Any], motor: Plant
 ) -> list[Link]:
-    """By hand against generated float64; generated float32 against C."""
+    """By hand against generated float64; generated float32 against C.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    motor : Plant
+        The motor's data.
+    """
     return [
         _by_hand(folder.module, folder.drive, kind, gain, parameters, motor),
         _bits(folder, kind, gain, parameters),

@@ -166,7 +166,21 @@ def _worst(error: Array) -> float:
 
 
 def link_data(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str, Any], motor: Plant) -> Link:
-    """What module and ``_init`` hold, number by number, as float32 of the drive file's."""
+    """What module and ``_init`` hold, number by number, as float32 of the drive file's.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    motor : Plant
+        The motor's data.
+    """
     wanted = _stated(parameters)
     defaults = folder.module.DEFAULTS
     backend = CBackend(folder, kind, "float32", lanes=False)

@@ -27,13 +27,33 @@ class Plant(Protocol):
     """
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,)."""
+        """Return the currents, A, (2,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
 
     def H(self, x: Array) -> Array:
-        """Return dh/dx, (2, n)."""
+        """Return dh/dx, (2, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
 
 
 @dataclass(frozen=True)
@@ -57,11 +77,26 @@ class MotorData:
     slow_rate: float = 0.0
 
     def now(self, x: Array, name: str) -> Any:
-        """``psi`` or ``R`` where the state is x."""
+        """``psi`` or ``R`` where the state is x.
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        name : str
+            The name.
+        """
         return x[4 + self.loaded + self.slow.index(name)] if name in self.slow else getattr(self, name)
 
     def mechanics(self, x: Array, T_e: Any) -> list[Any]:
-        """All of the state but its electrical part one sample later, under the electromagnetic torque T_e."""
+        """All of the state but its electrical part one sample later, under the electromagnetic torque T_e.
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        T_e : object
+        """
         w, th = x[2], x[3]
         if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
             w_next = (1 - self.T * self.D / self.J) * w
@@ -73,7 +108,13 @@ class MotorData:
         return [w_next, th + self.T * self.p * (w + w_next) / 2, *self.rest(x)]
 
     def rest(self, x: Array) -> list[Any]:
-        """The load torque stays; slow states relax towards the motor's data."""
+        """The load torque stays; slow states relax towards the motor's data.
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         first = 4 + self.loaded
         own = [getattr(self, name) for name in self.slow]
         return [*x[4:first], *(x[first + k] + self.slow_rate * (value - x[first + k]) for k, value in enumerate(own))]
@@ -86,7 +127,15 @@ class SurfaceMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         d = self.data
         i_alpha, i_beta, w, th = x[:4]
         w_e = d.p * w
@@ -107,15 +156,37 @@ class SurfaceMotor:
         return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle, psi))])
 
     def torque(self, i: Array, th: Any, psi: Any) -> Any:
-        """(1): 1.5 p psi i_q."""
+        """(1): 1.5 p psi i_q.
+
+        Parameters
+        ----------
+        i : ndarray
+            Currents, A.
+        th : object
+            Electrical angle, rad.
+        psi : object
+            Flux linkages psi_alpha, psi_beta, Wb.
+        """
         return 1.5 * self.data.p * psi * (i[1] * np.cos(th) - i[0] * np.sin(th))
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,)."""
+        """Return the currents, A, (2,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
-        """Return dh/dx, (2, n)."""
+        """Return dh/dx, (2, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return np.eye(2, len(x))
 
 
@@ -126,7 +197,15 @@ class SalientMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         d = self.data
         i, w, th = x[:2], x[2], x[3]
         w_e = d.p * w
@@ -155,17 +234,39 @@ class SalientMotor:
         return np.array([*i_next, *d.mechanics(x, self.torque((i + i_next) / 2, middle, psi))])
 
     def torque(self, i: Array, th: Any, psi: Any) -> Any:
-        """1.5 p (psi_m + (L_d - L_q) i_d) i_q."""
+        """1.5 p (psi_m + (L_d - L_q) i_d) i_q.
+
+        Parameters
+        ----------
+        i : ndarray
+            Currents, A.
+        th : object
+            Electrical angle, rad.
+        psi : object
+            Flux linkages psi_alpha, psi_beta, Wb.
+        """
         d = self.data
         i_d, i_q = times(rotation(-th), i)
         return 1.5 * d.p * (psi + (d.L_d - d.L_q) * i_d) * i_q
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,)."""
+        """Return the currents, A, (2,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
-        """Return dh/dx, (2, n)."""
+        """Return dh/dx, (2, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return np.eye(2, len(x))
 
 
@@ -176,7 +277,15 @@ class SalientFluxMotor:
     data: MotorData
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         d = self.data
         th, w_e = x[3], d.p * x[2]
         R, psi_m = d.now(x, "R"), d.now(x, "psi")
@@ -199,7 +308,17 @@ class SalientFluxMotor:
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
 
     def torque(self, psi: Array, th: Any, psi_m: Any) -> Any:
-        """1.5 p (psi x i)."""
+        """1.5 p (psi x i).
+
+        Parameters
+        ----------
+        psi : ndarray
+            Flux linkages psi_alpha, psi_beta, Wb.
+        th : object
+            Electrical angle, rad.
+        psi_m : object
+            Magnet flux linkage, Wb.
+        """
         i = self.currents(psi, th, psi_m)
         return 1.5 * self.data.p * (psi[0] * i[1] - psi[1] * i[0])
 

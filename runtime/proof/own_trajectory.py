@@ -21,6 +21,13 @@ def trajectory_of(drive: Drive, steps: int | None = None) -> Trajectory:
     """A drive's trajectory, :func:`runtime.proof.trajectory.make_trajectory`'s for a shipped machine.
 
     For any other machine ``psi`` holds its two electrical states, whatever they are.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    steps : int, optional
+        Number of steps; None: the default.
     """
     if drive.model.machine in MACHINES:
         return make_trajectory(drive.model_dump(), steps=steps)

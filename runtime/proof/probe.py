@@ -36,7 +36,17 @@ _FUNCTION = re.compile(r"^(?:static )?\w+ (\w+)\(.*$", re.MULTILINE)
 
 
 def numpy_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
-    """Every local of every block at its return, single step from ``start``; of a loop, those of the last pass."""
+    """Every local of every block at its return, single step from ``start``; of a loop, those of the last pass.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    start : Start
+        Where the filter starts.
+    """
     backend = NumpyBackend(folder.module, kind, "float32")
     start.load(backend)
     found: Entries = {}
@@ -73,6 +83,15 @@ def watched_locals(module: ModuleType) -> Iterator[dict[tuple[str, str], Any]]:
 
 def c_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
     """The same of the C, compiled plainly. Bits :data:`UNTOUCHED` where a lane did not come by.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        The generated folder.
+    kind : str
+        Filter kind, such as "ickf".
+    start : Start
+        Where the filter starts.
 
     Raises
     ------

@@ -40,7 +40,15 @@ class Reference:
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
-        """One time update with u (V), one measurement update with y (A)."""
+        """One time update with u (V), one measurement update with y (A).
+
+        Parameters
+        ----------
+        u : ndarray
+            Voltages, V, (N, 2).
+        y : ndarray
+            Currents, A, (N, 2).
+        """
         self.stages = {}
         update = {"ekf": self._ekf_update, "ukf": self._ukf_update, "ickf": self._ickf_update}.get(
             self.kind, self._ckf_update
@@ -52,7 +60,13 @@ class Reference:
         return self.stages
 
     def coast(self, u: Array) -> None:
-        """A sample whose measurement is missing: the prediction is the estimate."""
+        """A sample whose measurement is missing: the prediction is the estimate.
+
+        Parameters
+        ----------
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         self.x, self.P = self._predict(u)
         self.x[..., 3] = wrap(self.x[..., 3])
 
@@ -217,7 +231,14 @@ def times(matrix: Array, vector: Array) -> Array:
 
 
 def jacobian(function: Callable[[Array], Array], x: Array) -> Array:
-    """df/dx by complex steps: exact to rounding, whatever f's formula."""
+    """df/dx by complex steps: exact to rounding, whatever f's formula.
+
+    Parameters
+    ----------
+    function : callable
+    x : ndarray
+        State, in the model's order.
+    """
     h = 1e-30
     columns = [function(x + 1j * h * row).imag / h for row in np.eye(x.shape[-1])]
     return np.stack(columns, axis=-1)
@@ -232,7 +253,13 @@ def covariance(a: Array, a_mean: Array, b: Array, b_mean: Array) -> Array:
 
 
 def wrap(angle: Any) -> Any:
-    """The angle in [-pi, pi)."""
+    """The angle in [-pi, pi).
+
+    Parameters
+    ----------
+    angle : object
+        Electrical angle, rad.
+    """
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
@@ -250,7 +277,20 @@ def _order(parameters: Mapping[str, Any]) -> list[int]:
 def make_reference(
     parameters: Mapping[str, Any], kind: str, gain: str, initial_state: Array, motor: Plant | None = None
 ) -> Reference:
-    """The reference of a drive file's parsed sections, at its P_0; ``motor`` by default the one they name."""
+    """The reference of a drive file's parsed sections, at its P_0; ``motor`` by default the one they name.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    kind : str
+        Filter kind, such as "ickf".
+    gain : str
+        "cubature" or "jacobian"; matters to the ICKF alone.
+    initial_state : ndarray
+    motor : Plant, optional
+        The motor's data.
+    """
     tuning = parameters["filter"]
     motor = motor or make_motor(parameters)
     return Reference(

@@ -72,19 +72,47 @@ class CasadiMotor:
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         return np.array(self._f(x, u)).reshape(x.shape)
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,)."""
+        """Return the currents, A, (2,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return np.array(self._h(x)).reshape(2, *x.shape[1:])
 
     def F(self, x: Array, u: Array) -> Array:
-        """Return df/dx, (n, n)."""
+        """Return df/dx, (n, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         return _beside(self._F(x, u), x)
 
     def H(self, x: Array) -> Array:
-        """Return dh/dx, (2, n)."""
+        """Return dh/dx, (2, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return _beside(self._H(x), x)
 
 
@@ -109,15 +137,35 @@ class StatedMotor:
         return hasattr(self._motor, "H")
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,)."""
+        """Return the state one sample later, (n,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
         return _in_turn(lambda x, u: self._checked("f", self._n, x, u), x, u)
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,)."""
+        """Return the currents, A, (2,).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return _in_turn(lambda x: self._checked("h", 2, x), x)
 
     def H(self, x: Array) -> Array:
-        """Return dh/dx, (2, n)."""
+        """Return dh/dx, (2, n).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        """
         return _in_turn(self._slope if self.states_H else lambda x: jacobian(self.h, x), x)
 
     def _slope(self, x: Array) -> Array:

@@ -54,7 +54,13 @@ class Start:
         return int(self.x.shape[1])
 
     def load(self, backend: CBackend | NumpyBackend) -> None:
-        """Every lane as it starts."""
+        """Every lane as it starts.
+
+        Parameters
+        ----------
+        backend : CBackend | NumpyBackend
+            "numpy" or "c".
+        """
         backend.reset(self.x.copy(), self.words.copy())
         if isinstance(backend, NumpyBackend):
             for name, value in self.tuning.items():
@@ -68,14 +74,29 @@ class Start:
 
 
 def set_tuning(filters: Any, tuning: dict[str, Array]) -> None:
-    """Fields of C structs, a lane each."""
+    """Fields of C structs, a lane each.
+
+    Parameters
+    ----------
+    filters : object
+        Filter kinds.
+    tuning : dict of str to Array
+    """
     for name, value in tuning.items():
         for k, entry in enumerate(value.T.tolist()):
             setattr(filters[k], name, entry)
 
 
 def from_box(module: ModuleType, box: BoxSamples) -> Iterator[Start]:
-    """Single steps from draws of the operating box: as they are, turned far, angle alone unknown, one corner a lane."""
+    """Single steps from draws of the operating box: as they are, turned far, angle alone unknown, one corner a lane.
+
+    Parameters
+    ----------
+    module : ModuleType
+        The generated Python module.
+    box : BoxSamples
+        Where the state and the inputs may lie.
+    """
     x, u, y = (a.astype(np.float32) for a in (box.x, box.u[None], box.y[None]))
     words = module.pack(full_matrices(box.P, len(x))).astype(np.float32)
     yield Start("box", x, words, u, y)
@@ -169,6 +190,15 @@ def pieces(module: ModuleType, u: Array, y: Array) -> Start:
 
     Every third piece starts with an angle so uncertain that its turns are wide, one each with turns that are
     exactly what counts as small, and as not too wide. Three inputs are to be rejected, four are just allowed.
+
+    Parameters
+    ----------
+    module : ModuleType
+        The generated Python module.
+    u : ndarray
+        Voltages, V, (N, 2).
+    y : ndarray
+        Currents, A, (N, 2).
     """
     steps, limits = len(u) // PIECES, module.DEFAULTS
     u, y = (a[: steps * PIECES].reshape(PIECES, steps, 2).transpose(1, 2, 0).copy() for a in (u, y))

@@ -19,13 +19,27 @@ ON_CHIP = "the chip's arithmetic as modelled (not measured) against float32, run
 
 
 def equation_order(equation: str) -> tuple[int, str]:
-    """Sort key: by the first number in '13', '25, 34', 'dh/dx'."""
+    """Sort key: by the first number in '13', '25, 34', 'dh/dx'.
+
+    Parameters
+    ----------
+    equation : str
+        Number of the paper's equation.
+    """
     number = re.search(r"\d+", equation)
     return (int(number.group()) if number else 0, equation)
 
 
 def stages_by_equation(links: Iterable[Link], name: str = "A-B") -> dict[tuple[str, str], dict[str, float]]:
-    """Links of a name as (equation, stage) -> variant -> worst; iterates of one stage are taken together."""
+    """Links of a name as (equation, stage) -> variant -> worst; iterates of one stage are taken together.
+
+    Parameters
+    ----------
+    links : iterable of Link
+        Links of a proof.
+    name : str, optional
+        The name.
+    """
     table: dict[tuple[str, str], dict[str, float]] = {}
     for link in links:
         if link.name != name:
@@ -38,7 +52,13 @@ def stages_by_equation(links: Iterable[Link], name: str = "A-B") -> dict[tuple[s
 
 
 def proof_tables(proof: Proof) -> RenderableType:
-    """Everything a proof says, as one renderable."""
+    """Everything a proof says, as one renderable.
+
+    Parameters
+    ----------
+    proof : Proof
+        All links of a drive.
+    """
     tables = [
         _unchecked(proof) if proof.unchecked else _derivation(proof),
         *(_stages(proof, name) for name in TITLES),
@@ -134,7 +154,13 @@ WHOLE = ("guard", "data", "controller", "text")
 
 
 def whole_links(proof: Proof) -> list[tuple[Link, str]]:
-    """Links of :data:`WHOLE`, each with its figure: of what is allowed, or how many differ where nothing may."""
+    """Links of :data:`WHOLE`, each with its figure: of what is allowed, or how many differ where nothing may.
+
+    Parameters
+    ----------
+    proof : Proof
+        All links of a drive.
+    """
     links = sorted((link for link in proof.links if link.name in WHOLE), key=lambda link: WHOLE.index(link.name))
     return [(link, _used(link)) for link in links]
 

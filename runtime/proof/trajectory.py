@@ -67,12 +67,34 @@ def make_trajectory(
 
 
 def noisy(i: Array, noise: float = 0.05, seed: int = 1) -> Array:
-    """Currents (N, 2) as sensors with that standard deviation (A) give them."""
+    """Currents (N, 2) as sensors with that standard deviation (A) give them.
+
+    Parameters
+    ----------
+    i : ndarray
+        Currents, A.
+    noise : float, optional
+    seed : int, optional
+        Seed of what is random.
+    """
     return i + np.random.default_rng(seed).normal(0.0, noise, i.shape)
 
 
 def motion(m: Mapping[str, Any], T: float, steps: int, speed: float = 1000.0, load: float = 5.0) -> Array:
-    """Rows omega, theta, torque every T / 2, 2 steps + 1 of them; speed in r/min, load in N m."""
+    """Rows omega, theta, torque every T / 2, 2 steps + 1 of them; speed in r/min, load in N m.
+
+    Parameters
+    ----------
+    m : mapping of str to Any
+    T : float
+        Sample time, s.
+    steps : int
+        Number of steps.
+    speed : float, optional
+        Mechanical speed, rad/s.
+    load : float, optional
+        Load torque, N m.
+    """
     return _mechanics(m, T / 2, 2 * steps, speed * math.pi / 30, load)
 
 

@@ -176,7 +176,15 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B, B-C, guard, data, text, D-E each way it is compiled, controller; C-D and D-chip on the long run."""
+        """A-B, B-C, guard, data, text, D-E each way it is compiled, controller; C-D and D-chip on the long run.
+
+        Parameters
+        ----------
+        kind : str
+            Filter kind, such as "ickf".
+        evidence : Evidence
+            What the links leave for figures.
+        """
         step = self.package.steps[kind]
         label = f"{kind}, {step.gain} gain" if kind == "ickf" else kind
         self.progress(f"{label}: A-B-C, reference along the trajectory")
@@ -201,7 +209,13 @@ class Prover:
         return [*found, drift_link, link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps])]
 
     def along_trajectory(self, kind: str) -> list[Link]:
-        """A-B stage by stage along the trajectory, and B on its own; then B-C."""
+        """A-B stage by stage along the trajectory, and B on its own; then B-C.
+
+        Parameters
+        ----------
+        kind : str
+            Filter kind, such as "ickf".
+        """
         step, module, name = self.literal.steps[kind], self.literal.module, self.package.drive.name
         u, y = self.trajectory.u, self.trajectory.y
         first = self._start, np.diag(self.package.drive.filter.initial_covariance)
@@ -242,7 +256,13 @@ class Prover:
         return Bits(self.folder, self.package.steps[kind], long.u[:steps], long.y[:steps], box)
 
     def effect(self, evidence: Evidence) -> IterationEffect:
-        """ICKF against CKF, both generated float64, on the same trajectory."""
+        """ICKF against CKF, both generated float64, on the same trajectory.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            What the links leave for figures.
+        """
         gain, idle = self.package.drive.filter.gain, self.package.steps["ickf"].iteration_proof is not None
         ckf, ickf = (
             load_folder(self.folder, kind, "numpy", "float64").run(self.trajectory.u, self.trajectory.y)

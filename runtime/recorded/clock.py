@@ -21,8 +21,11 @@ JITTER = 0.05
 
 @dataclass(frozen=True)
 class Clock:
-    """``steps`` (N,): the filter's step at which each row is taken, 0 first; more steps than rows where some are
-    missing. ``notes`` tell of jitter and gaps."""
+    """When the filter takes each row.
+
+    ``steps`` (N,): the filter's step at which each row is taken, 0 first; more steps than rows where some are
+    missing. ``notes`` tell of jitter and gaps.
+    """
 
     steps: Array
     notes: list[str]

@@ -62,8 +62,11 @@ _ALIASES = {
 
 @dataclass(frozen=True)
 class Recorded:
-    """Recorded data of N samples: t (N,) s, u (N, 2) V, y (N, 2) A; ``truth`` has what is known of
-    omega rad/s, theta rad, load_torque N m. ``notes`` say what was converted."""
+    """Recorded data of N samples.
+
+    t (N,) s, u (N, 2) V, y (N, 2) A; ``truth`` has what is known of
+    omega rad/s, theta rad, load_torque N m. ``notes`` say what was converted.
+    """
 
     path: Path
     t: Array

@@ -20,9 +20,12 @@ LOST = 30.0
 
 @dataclass(frozen=True)
 class Errors:
-    """Speed in r/min: largest before the load step, rms at the end, largest after the load step. Position in degrees
+    """Errors against the truth.
+
+    Speed in r/min: largest before the load step, rms at the end, largest after the load step. Position in degrees
     electrical: largest, rms at the end, of the last row. Load torque in N m: rms at the end, of the last row.
-    ``load_step_at`` s. None: not known."""
+    ``load_step_at`` s. None: not known.
+    """
 
     load_step_at: float | None = None
     speed_start: float | None = None

@@ -24,8 +24,11 @@ BLOCK = 8192
 
 @dataclass(frozen=True)
 class Innovations:
-    """nu (N, 2) A: y minus its expected value; S (N, 3) A^2: S_00, S_10, S_11 of its covariance, R included.
-    NaN where a measurement was rejected."""
+    """Innovations of a run and their covariance.
+
+    nu (N, 2) A: y minus its expected value; S (N, 3) A^2: S_00, S_10, S_11 of its covariance, R included.
+    NaN where a measurement was rejected.
+    """
 
     nu: Array
     S: Array

@@ -1,5 +1,8 @@
-"""Is a filter consistent with its data? Normalised innovation squared and whiteness (Bar-Shalom, Li, Kirubarajan 2001,
-section 5.4). Two measurements make every chi-square here one of even degree, so its distribution is elementary."""
+"""Whether a filter is consistent with its data: normalised innovation squared and whiteness.
+
+After Bar-Shalom, Li, Kirubarajan 2001, section 5.4. Two measurements make every chi-square here one of even degree,
+so its distribution is elementary.
+"""
 
 from __future__ import annotations
 

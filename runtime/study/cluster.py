@@ -1,5 +1,8 @@
-"""A study's chunks on a Dask cluster. What is finished lies in the study's folder here; what a worker took with it
-when it died is run again."""
+"""A study's chunks on a Dask cluster.
+
+What is finished lies in the study's folder here; what a worker took with it
+when it died is run again.
+"""
 
 from __future__ import annotations
 

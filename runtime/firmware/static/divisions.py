@@ -131,8 +131,11 @@ class Function:
         return Range(max(result.low, 0.0), max(result.high, 0.0)) if self._not_negative(node) else result
 
     def _not_negative(self, node: c_ast.Node) -> bool:
-        """Factors that occur an even number of times, above or below the line, do not matter; the others must not be
-        negative, and below the line not zero, which has a sign."""
+        """Whether a product is not negative.
+
+        Factors that occur an even number of times, above or below the line, do not matter; the others must not be
+        negative, and below the line not zero, which has a sign.
+        """
         above, below = self._factors(node)
         texts = [_write(factor) for factor in above + below]
         odd = [texts.count(text) % 2 == 1 for text in texts]

@@ -30,6 +30,7 @@ class Array:
 
 class Pointer:
     """A place in an array."""
+
     def __init__(self, array: Array, offset: int = 0) -> None:
         self.array, self.offset = array, offset
 
@@ -55,14 +56,28 @@ class Unit(Protocol):
         """Write a cell."""
 
     def call(self, name: str, arguments: list[Value]) -> Value:
-        """Carry out a function."""
+        """Carry out a function.
+
+        Parameters
+        ----------
+        name : str
+            The name.
+        arguments : list of Value
+            Words of the command line; default: the process's own.
+        """
 
     def new_array(self, name: str, size: int | None, kind: str) -> Array:
         """Make cells of memory."""
 
 
 def items(statement: Any) -> list[Any]:
-    """Return the statements of a block, or the one statement."""
+    """Return the statements of a block, or the one statement.
+
+    Parameters
+    ----------
+    statement : object
+        What is printed on a line.
+    """
     if statement is None:
         return []
     return statement.block_items or [] if isinstance(statement, c_ast.Compound) else [statement]
@@ -92,7 +107,13 @@ def length(node: Any) -> int:
 
 
 def declared(kind: Any) -> tuple[str, int | None]:
-    """Name of the base type, and length of an array (0 where none is told; None: no array)."""
+    """Name of the base type, and length of an array (0 where none is told; None: no array).
+
+    Parameters
+    ----------
+    kind : object
+        Filter kind, such as "ickf".
+    """
     size: int | None = None
     while not hasattr(kind, "names"):
         if isinstance(kind, c_ast.ArrayDecl):

@@ -53,7 +53,15 @@ class CText:
         return array
 
     def new_struct(self, kind: str, prefix: str = "") -> Struct:
-        """A struct whose fields are symbols of their names."""
+        """A struct whose fields are symbols of their names.
+
+        Parameters
+        ----------
+        kind : str
+            Filter kind, such as "ickf".
+        prefix : str, optional
+            Beginning of the names.
+        """
         fields: Struct = {}
         for declaration in self.types[kind].decls:
             name, base, size = declaration.name, *declared(declaration.type)
@@ -99,7 +107,15 @@ class CText:
     # --- functions
 
     def call(self, name: str, arguments: list[Value]) -> Value:
-        """Carry out a function; a block becomes one term an output."""
+        """Carry out a function; a block becomes one term an output.
+
+        Parameters
+        ----------
+        name : str
+            The name.
+        arguments : list of Value
+            Words of the command line; default: the process's own.
+        """
         if name in self.elsewhere:
             return self.elsewhere[name](self, arguments)
         definition = self.functions.get(name)

@@ -34,7 +34,13 @@ def aliases(tree: ast.Module, arithmetic: str) -> dict[str, str]:
 
 
 def keeps_stages(statement: ast.stmt) -> bool:
-    """``if stages is not None: stages[...] = ...``: nothing is computed there."""
+    """``if stages is not None: stages[...] = ...``: nothing is computed there.
+
+    Parameters
+    ----------
+    statement : ast.stmt
+        What is printed on a line.
+    """
     return (
         isinstance(statement, ast.If)
         and ast.unparse(statement.test) == "stages is not None"

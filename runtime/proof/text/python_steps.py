@@ -32,7 +32,15 @@ class PythonText:
         self.elsewhere: dict[str, Callable[[list[Any]], Any]] = {}
 
     def call(self, name: str, arguments: list[Any]) -> Any:
-        """Carry out a function; a block becomes one term an output."""
+        """Carry out a function; a block becomes one term an output.
+
+        Parameters
+        ----------
+        name : str
+            The name.
+        arguments : list of Any
+            Words of the command line; default: the process's own.
+        """
         definition = self.functions.get(name)
         if definition is None or len(arguments) > len(definition.args.args):
             return self.terms.unknown(f"a call of {name}")

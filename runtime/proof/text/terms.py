@@ -60,7 +60,14 @@ class Terms:
         self.zero, self.one = self.integer(0), self.integer(1)
 
     def make(self, kind: str, *args: Any, whole: bool = False) -> Term:
-        """Return the one term of a kind and its arguments."""
+        """Return the one term of a kind and its arguments.
+
+        Parameters
+        ----------
+        kind : str
+            Filter kind, such as "ickf".
+        whole : bool, optional
+        """
         key = (kind, whole, *(id(arg) if isinstance(arg, Term) else arg for arg in args))
         if key not in self._made:
             parts = (arg.order[1] if isinstance(arg, Term) else repr(arg).encode() for arg in args)
