@@ -69,6 +69,7 @@ def test_python_prints_every_operator(point: list[float]) -> None:
         assert np.broadcast_to(lane, (len(POINTS),))[POINTS.index(point)] == pytest.approx(value, rel=1e-15, abs=1e-15)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("point", POINTS)
 def test_c_prints_every_operator(point: list[float]) -> None:
     printer = CPrinter(HOST64)
