@@ -21,8 +21,8 @@ def collect(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     >>> a, b, x, y = (g.input(name) for name in "abxy")
     >>> sums = [g.op("add", g.op("mul", a, x), g.op("mul", b, x)), g.op("add", g.op("mul", a, y), g.op("mul", b, y))]
     >>> new, moved = collect(g, sums)
-    >>> [node.op for node in new.nodes]
-    ['input', 'input', 'input', 'add', 'mul', 'input', 'mul']
+    >>> [new[index].op for index in new.reachable([moved[each] for each in sums])]
+    ['input', 'input', 'add', 'input', 'mul', 'input', 'mul']
     """
     return _Collector(graph, roots).run()
 
