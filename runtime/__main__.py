@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from runtime.system.errors import end_interrupted, remember_interrupts, stop_if_interrupted
+from runtime.system.errors import end_interrupted, remember_interrupts, stop_if_interrupted, was_interrupted
 
 
 def main() -> None:
@@ -12,8 +12,10 @@ def main() -> None:
         from runtime.cli import main as run
 
         stop_if_interrupted()
-    except KeyboardInterrupt:
-        end_interrupted()
+    except BaseException:
+        if was_interrupted():  # by the time it arrives here it may be another error: libraries make one of it
+            end_interrupted()
+        raise
     run()
 
 

@@ -85,15 +85,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if end.code == 130 or was_interrupted():
             end_interrupted()
         raise
-    except (UserError, DriveError, FolderError, UnsupportedOperationError) as error:
-        _say(error)
-        sys.exit(2)
-    except OSError as error:  # a disk, a right, a limit
-        _say(f"{error.filename}: {error.strerror}" if error.filename else error)
-        sys.exit(2)
-    except BudgetError as error:
-        _say(error)
-        sys.exit(1)
+    except Exception as error:
+        if was_interrupted():  # a library has made another error of the KeyboardInterrupt, CasADi a SystemError
+            end_interrupted()
+        if isinstance(error, OSError):  # a disk, a right, a limit
+            _say(f"{error.filename}: {error.strerror}" if error.filename else error)
+            sys.exit(2)
+        if isinstance(error, BudgetError):
+            _say(error)
+            sys.exit(1)
+        if isinstance(error, UserError | DriveError | FolderError | UnsupportedOperationError):
+            _say(error)
+            sys.exit(2)
+        raise
 
 
 def _say(error: object) -> None:

@@ -166,6 +166,24 @@ def test_ctrl_c_is_one_line_and_130(arguments: tuple[str, ...], after: str | flo
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"], "nothing is left behind"
 
 
+#: Ctrl-C while NumPy asks CasADi for a number: the KeyboardInterrupt comes out as a SystemError.
+INSIDE_CASADI = """
+import casadi, os, signal, sys
+def toarray(self, simplify=False):
+    os.kill(os.getpid(), signal.SIGINT)
+casadi.DM.toarray = toarray
+from runtime.__main__ import main
+sys.argv[1:] = ["generate", "--out", "out", "paper_spmsm"]
+main()
+"""
+
+
+def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path) -> None:
+    code, _, err = finish(start("-c", INSIDE_CASADI, cwd=tmp_path))
+    assert (code, err.splitlines()) == (130, ["pmsm-ickf: interrupted"])
+    assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
 # --- ended ---
 
 MARK = "PMSM_ICKF_STARTED_BY"
