@@ -196,7 +196,7 @@ def _saliency(drive: Drive, constants: Constants) -> Any | None:
     """Return (L_q - L_d) / psi_m, 1/A, of either sign: what reluctance adds to the torque; None for a round rotor."""
     m = drive.motor
     difference = m.inductance_q - m.inductance_d
-    if difference == 0.0:
+    if ca.SX(difference).is_zero():
         return None
     return constants("MTPA_RATIO", ca.SX(difference / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
 
