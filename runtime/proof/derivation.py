@@ -9,7 +9,7 @@ import sympy as sp
 
 from codegen.render.equations import equations
 from model.schema import Drive
-from runtime.proof.identity import identical
+from runtime.proof.identity import identical, is_derivative
 from runtime.proof.result import Link, Row
 
 R, L_d, L_q, psi_m, p, J, D, T = sp.symbols("R L_d L_q psi_m p J D T", real=True)
@@ -171,12 +171,11 @@ def compare_derivations(drive: Drive) -> Link:
     )
     ours = equations(drive)
     rows = []
-    for name, equation, mine, theirs in (
-        ("f", "7", f, ours.f),
-        ("h", "5", h, ours.h),
-        ("F", "df/dx", f.jacobian(x), ours.F),
-        ("H", "dh/dx", h.jacobian(x), ours.H),
-    ):
+    for name, equation, mine, theirs in (("f", "7", f, ours.f), ("h", "5", h, ours.h)):
         different = sum(not identical(a, b) for a, b in zip(mine, theirs, strict=True))
         rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(mine)))
+    for name, equation, mine, theirs in (("F", "df/dx", f, ours.F), ("H", "dh/dx", h, ours.H)):
+        pairs = [(theirs[i, k], mine[i], letter) for i in range(len(mine)) for k, letter in enumerate(x)]
+        different = sum(not is_derivative(*pair) for pair in pairs)
+        rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(pairs)))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

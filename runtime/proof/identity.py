@@ -36,18 +36,59 @@ def identical(a: sp.Expr, b: sp.Expr) -> bool:
     return all(_Point(seed).value(a) == _Point(seed).value(b) for seed in range(1, POINTS + 1))
 
 
+def is_derivative(slope: sp.Expr, f: sp.Expr, letter: sp.Symbol) -> bool:
+    """Whether ``slope`` is df/d(letter), by the chain rule at the same points: no formula of the derivative is made.
+
+    >>> x, y = sp.symbols("x y")
+    >>> is_derivative(y * sp.cos(x * y), sp.sin(x * y), x), is_derivative(y * sp.cos(x * y), sp.sin(x * y), y)
+    (True, False)
+
+    Raises
+    ------
+    ValueError
+        As of :func:`identical`.
+    """
+    return all(_Point(seed).value(slope) == _Point(seed).slope(f, letter) for seed in range(1, POINTS + 1))
+
+
 class _Point:
     """A random point: every letter's value is drawn from the seed and its name, so that both formulas see the same."""
 
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.known: dict[sp.Basic, int] = {}
+        self.slopes: dict[tuple[sp.Basic, sp.Symbol], int] = {}
 
     def value(self, e: sp.Basic) -> int:
         """``e`` modulo PRIME."""
         if e not in self.known:
             self.known[e] = self._evaluate(e) % PRIME
         return self.known[e]
+
+    def slope(self, e: sp.Basic, letter: sp.Symbol) -> int:
+        """The derivative of ``e`` with respect to a letter, modulo PRIME."""
+        if (e, letter) not in self.slopes:
+            self.slopes[e, letter] = self._differentiate(e, letter) % PRIME
+        return self.slopes[e, letter]
+
+    def _differentiate(self, e: sp.Basic, letter: sp.Symbol) -> int:
+        if not e.args:
+            return int(e == letter)
+        inner = [self.slope(term, letter) for term in e.args]
+        if isinstance(e, sp.Add):
+            return sum(inner)
+        if isinstance(e, sp.Mul):
+            product, total = 1, 0
+            for factor, rate in zip(e.args, inner, strict=True):
+                product, total = product * self.value(factor) % PRIME, total * self.value(factor) + product * rate
+            return total
+        if isinstance(e, sp.Pow) and e.exp.is_Integer:
+            return int(e.exp) * pow(self.value(e.base), int(e.exp) - 1, PRIME) * inner[0]
+        outer = {sp.exp: (1, sp.exp), sp.sin: (1, sp.cos), sp.cos: (-1, sp.sin)}.get(e.func)
+        if outer is None:
+            raise ValueError(f"{e} is no rational function of letters, sines, cosines and exponentials.")
+        sign, function = outer
+        return sign * self.value(function(e.args[0])) * inner[0]
 
     def _evaluate(self, e: sp.Basic) -> int:
         if isinstance(e, sp.Add):
