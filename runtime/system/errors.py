@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from runtime.system.workers import kill_descendants
 
@@ -34,7 +34,13 @@ def remember_interrupts() -> None:
         _interrupted.set()
         signal.default_int_handler(number, frame)
 
+    def quiet(unraisable: Any) -> None:
+        """Where Python cannot raise it, in a finaliser say, it would be printed: it is remembered, that is enough."""
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            sys.__unraisablehook__(unraisable)
+
     if threading.current_thread() is threading.main_thread():
+        sys.unraisablehook = quiet
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, remember)
 

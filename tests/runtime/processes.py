@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from model.drives.load import DRIVES
+from tests import forked
 
 ROOT = Path(__file__).parents[2]
 #: One filter is enough to generate here.
@@ -29,8 +31,9 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
-def call(*arguments: str, cwd: Path, **more: object) -> tuple[int, str, str]:
-    return finish(start("-m", "runtime", *arguments, cwd=cwd, **more))
+def call(*arguments: str, cwd: Path, **more: Any) -> tuple[int, str, str]:
+    done = forked.call(*arguments, cwd=cwd, **more)
+    return done.returncode, done.stdout, done.stderr
 
 
 def refused(result: tuple[int, str, str]) -> str:

@@ -5,25 +5,20 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from model.drives.load import DRIVES
 from runtime.estimator.folder import GENERATED
+from tests import forked
 from tests.conftest import LINKS
 
 PAPER = (DRIVES / "paper_spmsm.toml").read_text()
 
 
 def call(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    import os
-
-    command = [sys.executable, "-m", "runtime.cli", *arguments]
-    root = str(Path(__file__).parents[2])
-    env = {**os.environ, "PYTHONPATH": root, "COLUMNS": "200", **environment}
-    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)
+    return forked.call(*arguments, cwd=cwd, environment=environment)
 
 
 def test_own_motor_from_toml_to_folder(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import random
-import resource
 import shutil
 import signal
 import stat
@@ -168,18 +167,33 @@ def test_ctrl_c_is_one_line_and_130(arguments: tuple[str, ...], after: str | flo
 
 #: Ctrl-C while NumPy asks CasADi for a number: the KeyboardInterrupt comes out as a SystemError.
 INSIDE_CASADI = """
-import casadi, os, signal, sys
+import casadi
 def toarray(self, simplify=False):
     os.kill(os.getpid(), signal.SIGINT)
 casadi.DM.toarray = toarray
+"""
+#: Ctrl-C in a finaliser: the KeyboardInterrupt cannot be raised, and would be printed with a traceback.
+INSIDE_A_FINALISER = """
+import codegen.generate
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+draft = codegen.generate.draft
+def ending(*arguments):
+    Last()
+    return draft(*arguments)
+codegen.generate.draft = ending
+"""
+GENERATING = """
 from runtime.__main__ import main
 sys.argv[1:] = ["generate", "--out", "out", "paper_spmsm"]
 main()
 """
 
 
-def test_ctrl_c_is_one_line_whatever_a_library_makes_of_it(tmp_path: Path) -> None:
-    code, _, err = finish(start("-c", INSIDE_CASADI, cwd=tmp_path))
+@pytest.mark.parametrize("inside", [INSIDE_CASADI, INSIDE_A_FINALISER])
+def test_ctrl_c_is_one_line_whatever_becomes_of_the_exception(inside: str, tmp_path: Path) -> None:
+    code, _, err = finish(start("-c", f"import os, signal, sys{inside}{GENERATING}", cwd=tmp_path))
     assert (code, err.splitlines()) == (130, ["pmsm-ickf: interrupted"])
     assert not list(tmp_path.iterdir()), "nothing is left behind"
 
@@ -289,29 +303,23 @@ def test_a_read_only_disk_is_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("limit", [0, 1000, 30_000])
 def test_a_file_size_limit_leaves_the_old_folder(tmp_path: Path, limit: int) -> None:
-    def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
     shutil.copytree(GENERATED / "paper_spmsm", tmp_path / "out" / "mine")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
     words = ("generate", "mine.toml", "--out", "out", "--force")
-    line = refused(call(*words, cwd=tmp_path, preexec_fn=limited, environment={"PATH": "/nowhere"}))
+    line = refused(call(*words, cwd=tmp_path, file_size=limit, environment={"PATH": "/nowhere"}))
     assert line == "pmsm-ickf: cannot write 'out/mine': File too large; it is left as it was."
     (tmp_path / "mine.toml").unlink()
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 def test_results_that_do_not_fit_leave_the_old_file(tmp_path: Path) -> None:
-    def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
-
     data = str(ROOT / "tests" / "data" / "spmsm_step.npz")
     (tmp_path / "f.npz").write_bytes(b"old")
     (tmp_path / "f.json").write_bytes(b"old")
     for option, name in (("--out", "f.npz"), ("--json", "f.json")):
         words = ("replay", "spmsm_load_torque", data, "--backend", "numpy", option, name)
-        line = refused(call(*words, cwd=tmp_path, preexec_fn=limited))
+        line = refused(call(*words, cwd=tmp_path, file_size=200))
         assert line == f"pmsm-ickf: cannot write '{name}': File too large."
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"f.npz": b"old", "f.json": b"old"}
 

@@ -23,6 +23,8 @@ from runtime.study.figures import write_figures
 from runtime.study.run import Group, run_study, state_study
 from runtime.study.statement import VARIABLES, Statement, parse_range, parse_ranges
 from runtime.system.errors import UserError
+from tests import forked
+from tests.runtime.processes import ROOT, finish, start
 from tests.runtime.studies import DRIVE, SHORT, VARY, same_study, stated
 
 
@@ -272,18 +274,17 @@ def test_figures_where_nothing_locked(tmp_path: Path) -> None:
 # --- the command
 
 
-def _command(*words: str, **keywords: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "runtime.cli", "study", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **keywords)
+def _command(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return forked.call("study", *words, cwd=cwd)
 
 
 def test_the_command(tmp_path: Path) -> None:
     out, facts = tmp_path / "out", tmp_path / "facts.json"
-    done = _command(DRIVE, "--runs", "32", "--vary", "R=0.9:1.1", "--out", str(out), "--json", str(facts))
+    done = _command(DRIVE, "--runs", "32", "--vary", "R=0.9:1.1", "--out", str(out), "--json", str(facts), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "identical" in done.stdout
     assert json.loads(facts.read_text())["vary"] == ["R=0.9:1.1"]
-    other = _command(DRIVE, "--runs", "32", "--vary", "R=0.9:1.2", "--out", str(out))
+    other = _command(DRIVE, "--runs", "32", "--vary", "R=0.9:1.2", "--out", str(out), cwd=tmp_path)
     assert (other.returncode, other.stderr.count("\n")) == (2, 1)
     assert "holds another study (vary there: R=0.9:1.1, now: R=0.9:1.2)" in other.stderr
 
@@ -291,10 +292,11 @@ def test_the_command(tmp_path: Path) -> None:
 def test_without_matplotlib_nothing_is_run(tmp_path: Path) -> None:
     """One line before the work, not after it."""
     (tmp_path / "matplotlib.py").write_text("raise ImportError")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    done = _command(DRIVE, "--runs", "32", "--out", str(tmp_path / "out"), env=environment)
-    assert done.returncode == 2
-    assert done.stderr == "pmsm-ickf: figures need matplotlib: pip install 'pmsm-ickf[report]'.\n"
+    environment = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    words = ("study", DRIVE, "--runs", "32", "--out", "out")
+    code, _, errors = finish(start("-m", "runtime", *words, cwd=tmp_path, environment=environment))
+    assert code == 2
+    assert errors == "pmsm-ickf: figures need matplotlib: pip install 'pmsm-ickf[report]'.\n"
     assert not (tmp_path / "out").exists()
 
 

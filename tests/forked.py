@@ -1,0 +1,107 @@
+"""Starts the command line over and over without loading it each time: one process loads it, each call is a fork of it.
+
+A call has its own process, working directory, environment, streams and exit code, as a shell would give it, and knows
+nothing of an earlier one. What is about the start itself (loading, signals) starts an interpreter: see
+:mod:`tests.runtime.processes`.
+
+Run as a program, this is the process that loads: a request a line on its input, an exit code a line on its output.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import IO, Any
+
+ROOT = Path(__file__).parents[1]
+
+
+def call(
+    *arguments: str, cwd: Path, environment: Mapping[str, str] | None = None, file_size: int | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run ``pmsm-ickf`` with some arguments.
+
+    Parameters
+    ----------
+    environment : mapping of str to str, optional
+        Variables that differ from this process's.
+    file_size : int, optional
+        Bytes that a file may have at most.
+    """
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as out, tempfile.TemporaryFile("w+", encoding="utf-8") as err:
+        request = {
+            "arguments": arguments,
+            "cwd": str(cwd),
+            "environment": {**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+            "file_size": file_size,
+            "streams": [f"/proc/{os.getpid()}/fd/{stream.fileno()}" for stream in (out, err)],
+        }
+        code = _ask(request)
+        texts = [_read(stream) for stream in (out, err)]
+    return subprocess.CompletedProcess(arguments, code, *texts)
+
+
+def _read(stream: IO[str]) -> str:
+    stream.seek(0)
+    return stream.read()
+
+
+def _ask(request: dict[str, Any]) -> int:
+    process = _loaded()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    print(json.dumps(request), file=process.stdin, flush=True)
+    return int(process.stdout.readline())
+
+
+@cache
+def _loaded() -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.forked"], cwd=ROOT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}, process_group=0,
+    )  # fmt: skip
+    atexit.register(process.kill)
+    return process
+
+
+def _serve() -> None:
+    import runtime.__main__
+    import runtime.cli
+
+    for line in sys.stdin:
+        request = json.loads(line)
+        child = os.fork()
+        if not child:
+            _become(request)
+            runtime.__main__.main()
+            sys.exit(0)
+        _, status = os.waitpid(child, 0)
+        print(os.waitstatus_to_exitcode(status), flush=True)
+
+
+def _become(request: dict[str, Any]) -> None:
+    """This process is the command now."""
+    os.setpgid(0, 0)
+    for number, path in enumerate(request["streams"], 1):
+        stream = os.open(path, os.O_WRONLY)
+        os.dup2(stream, number)
+        os.close(stream)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    os.chdir(request["cwd"])
+    if request["file_size"] is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (request["file_size"],) * 2)
+    sys.argv[1:] = request["arguments"]
+
+
+if __name__ == "__main__":
+    _serve()
