@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from itertools import combinations_with_replacement
 
 from codegen.ir.constants import Folded, folded, product_name, taken_apart
@@ -114,36 +115,42 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
     }
     pairs: list[tuple[Factor, Factor]] = []
     holders: dict[Pair, dict[int, int]] = {}  # how often a product holds a pair, side by side
-    total = Counter[Pair]()
+    total, met = Counter[Pair](), dict[Pair, int]()
+    queue: list[tuple[int, float, float, int, Pair]] = []  # the best first; what no longer holds is passed over
+
+    def counted(pair: Pair, times: int) -> None:
+        total[pair] += times
+        if total[pair] > 1:
+            a, b = pair
+            heappush(queue, (-total[pair], rank[b], rank[a], met[pair], pair))
 
     def count(top: int) -> None:
         for pair in _pairs(factors[top], rank):
             times = _times(factors[top], pair)
             holders.setdefault(pair, {})[top] = times
-            total[pair] += times
+            met.setdefault(pair, len(met))
+            counted(pair, times)
 
     for top in factors:
         count(top)
-    while True:
-        most = max(total.values(), default=0)
-        if most < 2:
-            return pairs
-        best = min(
-            (pair for pair, times in total.items() if times == most), key=lambda pair: (rank[pair[1]], rank[pair[0]])
-        )
+    while queue:
+        times, *_, best = heappop(queue)
+        if -times != total[best]:
+            continue
         made = Shared(len(pairs))
         pairs.append(best)
         rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(pairs)
         for top, times in sorted(holders[best].items()):
             held = factors[top]
             for pair in _pairs(held, rank):
-                total[pair] -= holders[pair].pop(top)
+                counted(pair, -holders[pair].pop(top))
             for factor in best:
                 held[factor] -= times
             held[made] += times
             for factor in [factor for factor, number in held.items() if not number]:
                 del held[factor]
             count(top)
+    return pairs
 
 
 def _times(held: Counter[Factor], pair: tuple[Factor, Factor]) -> int:

@@ -28,14 +28,16 @@ def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int
     uses = Counter(arg for index in order for arg in graph[index].args)
     uses.update(roots)
     parts = {index: _parts(graph, index) for index in order if graph[index].op == "mul"}
-    known = defaultdict[Key, list[int]](list)
-    for index, (_, factors) in parts.items():
+    known, least = defaultdict[Key, list[int]](list), defaultdict[int, list[tuple[int, int]]](list)
+    for place, (index, (_, factors)) in enumerate(parts.items()):
         known[frozenset(factors.items())].append(index)
+        if factors:
+            least[min(factors)].append((place, index))
     instead, kept, gone = dict[int, tuple[int, int]](), set[int](), set[int]()
     for index in parts:
         inner = _inner(graph, index, uses)
         if inner and not inner & kept and index not in gone:
-            pair = _pair(index, parts, known, inner | gone)
+            pair = _pair(index, parts, known, least, inner | gone)
             if pair:
                 instead[index] = pair
                 kept |= set(pair)
@@ -70,12 +72,20 @@ def _inner(graph: Graph, top: int, uses: Counter[int]) -> set[int]:
 
 
 def _pair(
-    top: int, parts: dict[int, tuple[float, Counter[int]]], known: dict[Key, list[int]], barred: set[int]
+    top: int,
+    parts: dict[int, tuple[float, Counter[int]]],
+    known: dict[Key, list[int]],
+    least: dict[int, list[tuple[int, int]]],
+    barred: set[int],
 ) -> tuple[int, int] | None:
-    """Two other products, none of them ``barred``, whose product is ``top``."""
+    """Two other products, none of them ``barred``, whose product is ``top``.
+
+    ``known``: products by their factors; ``least``: products and their places in order, by their least factor.
+    """
     number, factors = parts[top]
-    for first, (one, some) in parts.items():
-        if first == top or first in barred or not some or not some.keys() <= factors.keys() or not some <= factors:
+    for _, first in sorted(pair for factor in factors for pair in least.get(factor, ())):
+        one, some = parts[first]
+        if first == top or first in barred or not some <= factors:
             continue
         for second in known.get(frozenset((factors - some).items()), ()):
             if second not in barred and math.isclose(one * parts[second][0], number, rel_tol=SAME):
