@@ -75,6 +75,10 @@ def _loaded() -> subprocess.Popen[str]:
 def _serve() -> None:
     import runtime.__main__
     import runtime.cli
+    from codegen.generate import generate
+    from model.drives.load import load_drive
+
+    generate(load_drive("paper_spmsm"), samples=5)  # templates compiled, the sine's polynomial certified: once
 
     for line in sys.stdin:
         request = json.loads(line)

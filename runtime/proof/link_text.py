@@ -10,7 +10,7 @@ understand equals nothing.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -41,7 +41,7 @@ MUST = {
 }
 
 
-def link_text(folder: GeneratedFolder, kind: str, gain: str) -> Link:
+def link_text(folder: GeneratedFolder, kind: str, gain: str, forms: Sequence[str] = tuple(MUST)) -> Link:
     """Compare filter and controller, in C and in C's lane form, with the generated module.
 
     Parameters
@@ -50,6 +50,8 @@ def link_text(folder: GeneratedFolder, kind: str, gain: str) -> Link:
         The generated folder.
     kind, gain : str
         The filter.
+    forms : sequence of str, optional
+        Of :data:`MUST`, those that are compared; all of them make the link.
 
     Raises
     ------
@@ -57,8 +59,8 @@ def link_text(folder: GeneratedFolder, kind: str, gain: str) -> Link:
         A text is no C, or uses what the reader does not know.
     """
     texts = _Texts(folder, kind)
-    rows = [row for form in texts.files for row in (*texts.block_rows(form), *texts.flow_rows(form))]
-    files = ", ".join(texts.files.values())
+    rows = [row for form in forms for row in (*texts.block_rows(form), *texts.flow_rows(form))]
+    files = ", ".join(texts.files[form] for form in forms)
     return Link("text", "C and NumPy are the same program", folder.drive, kind, gain, files, tuple(rows))
 
 
@@ -75,14 +77,25 @@ class _Texts:
             "controller's lanes": f"host/{stem}_foc_lanes.c",
         }
         self.prefixes = {form: file.rpartition("/")[2].removesuffix(".c") for form, file in self.files.items()}
-        self.trees = {form: self._parsed(file) for form, file in self.files.items()}
-        self.found = {form: c_functions(tree) for form, tree in self.trees.items()}
+        self._trees: dict[str, Any] = {}
+        self._found: dict[str, dict[str, Function]] = {}
         self.module_tree = ast.parse(folder.text(f"{folder.drive}.py"))
         self.wanted = python_functions(folder.module, self.module_tree)
         self.terms = Terms()
 
+    def tree(self, form: str) -> Any:
+        """A form's file as the chip's compiler would see it, parsed."""
+        if form not in self._trees:
+            self._trees[form] = self._parsed(self.files[form])
+        return self._trees[form]
+
+    def found(self, form: str) -> dict[str, Function]:
+        """The functions in a form's file that compute."""
+        if form not in self._found:
+            self._found[form] = c_functions(self.tree(form))
+        return self._found[form]
+
     def _parsed(self, file: str) -> Any:
-        """An emitted file as the chip's compiler would see it."""
         name = file.rpartition("/")[2]
         code = self.folder.text(file).replace("__restrict", "")  # which pycparser does not know, and computes nothing
         headers = ["pmsm_port.h", *(f"{own.removesuffix('.c')}.h" for own in self.files.values())]
@@ -93,7 +106,7 @@ class _Texts:
     # --- blocks
 
     def block_rows(self, form: str) -> Iterator[Row]:
-        found = self.found[form]
+        found = self.found(form)
         for name in dict.fromkeys([*MUST[form], *found]):
             yield _block_row(form, name, self.wanted.get(name), found.get(name))
 
@@ -101,10 +114,10 @@ class _Texts:
 
     def _blocks(self, form: str) -> dict[str, tuple[int, ...]]:
         """Blocks that both texts of a form have, and how many values each port hands out."""
-        return {name: f.sizes for name, f in self.found[form].items() if name in self.wanted}
+        return {name: f.sizes for name, f in self.found(form).items() if name in self.wanted}
 
     def _c(self, form: str) -> CText:
-        return CText(self.terms, self.trees[form], self._blocks(form))
+        return CText(self.terms, self.tree(form), self._blocks(form))
 
     def _python(self, form: str) -> PythonText:
         return PythonText(self.terms, self.folder.module, self.module_tree, self._blocks(form))

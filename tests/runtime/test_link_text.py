@@ -110,9 +110,17 @@ def test_what_is_stated_otherwise_is_told(change: str) -> None:
     text, count = re.subn(pattern, new, folder.text(file), count=1)
     assert count == 1
     kind = "ckf" if "_ckf" in file else "ickf"
-    link = link_text(overlaid(folder, file, text), kind, "jacobian")
+    link = link_text(overlaid(folder, file, text), kind, "jacobian", forms_of(file))
     assert not link.passed
     assert any(row.stage.startswith(told) for row in link.rows if not row.passed)
+
+
+def forms_of(file: str) -> tuple[str, ...]:
+    """The forms that a file is part of; of the module, the scalar ones."""
+    if file.endswith(".py"):
+        return ("C", "controller")
+    scalar, lanes = ("controller", "controller's lanes") if "_foc" in file else ("C", "lanes")
+    return (lanes if "_lanes" in file else scalar,)
 
 
 C, LANES, MODULE = "ipmsm_flux_ickf.c", "host/ipmsm_flux_ickf_lanes.c", "ipmsm_flux.py"
@@ -193,7 +201,9 @@ def test_a_fault_in_the_flow_of_one_text_is_told(fault: tuple[str, str, str]) ->
     folder = GeneratedFolder(Path(GENERATED / "ipmsm_flux"))
     text = folder.text(file)
     assert old in text
-    link = link_text(module_of(overlaid(folder, file, text.replace(old, new)), file), "ickf", "jacobian")
+    link = link_text(
+        module_of(overlaid(folder, file, text.replace(old, new)), file), "ickf", "jacobian", forms_of(file)
+    )
     assert any(row.stage.startswith("step, ") for row in link.rows if not row.passed)
 
 
