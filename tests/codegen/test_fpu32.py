@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from codegen.evidence.fpu32 import FPU32, TINY, Flushed, divide, flush, inverse_root_seed, reciprocal_seed, square_root
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GENERATED, GeneratedFolder
@@ -188,10 +189,9 @@ def test_generated_code_runs_on_it_unchanged(drive: Drive) -> None:
     """The same module, the same lanes: flushing alone changes no bit in the box, Newton steps change few."""
     from codegen.evidence.box import sample_box
     from codegen.evidence.certificate import one_step
-    from codegen.generate import build_steps
 
     module: dict[str, Any] = vars(GeneratedFolder(GENERATED / drive.name).module)
-    model, _ = build_steps(drive)
+    model = build(drive)
     box = sample_box(drive, model, 50)
     for kind in module["KINDS"]:
         host, host_P = one_step(module, kind, box, "float32")

@@ -17,6 +17,7 @@ from codegen.evidence.measure import Measurer, kept_records
 from codegen.generate import generate, generate_bare
 from codegen.output.folder import difference
 from model.drives.load import load_drive
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT, interrupt_files
@@ -174,10 +175,9 @@ def test_certificate_bounds_other_draws() -> None:
     """The certificate's worst case is not beaten by more than a little on draws it has not seen."""
     from codegen.evidence.box import sample_box
     from codegen.evidence.certificate import certify
-    from codegen.generate import build_steps
 
     drive = load_drive("paper_spmsm")
-    model, _ = build_steps(drive)
+    model = build(drive)
     namespace: dict[str, object] = {}
     exec(bare_package("paper_spmsm").files["paper_spmsm.py"], namespace)
     seen, unseen = (certify(namespace, "ickf", sample_box(drive, model, 2000, seed)) for seed in (1, 2))

@@ -18,8 +18,8 @@ import pytest
 
 from codegen.evidence.recording import Recording, execute, record_control, record_filter, run_control, run_filter
 from codegen.evidence.selftest import BEYOND, NOT_A_NUMBER, Segment, control_run, gains, segments
-from codegen.generate import build_steps
 from model.drives.load import load_drive
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
@@ -50,7 +50,7 @@ def _run(folder: Path, p: str, build: Path, *flags: str) -> tuple[int, int]:
 
 @pytest.fixture
 def runs(drive: Drive) -> list[Segment]:
-    return segments(drive, build_steps(drive)[0])
+    return segments(drive, build(drive))
 
 
 def _module(drive: Drive) -> str:
@@ -152,7 +152,7 @@ def _first_difference(folder: Path, kind: str, runs: list[Segment], recording: R
 @pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])
 def test_a_wrong_filter_is_caught_at_its_first_wrong_word(name: str, mutation: str, tmp_path: Path) -> None:
     drive = load_drive(name)
-    runs = segments(drive, build_steps(drive)[0])
+    runs = segments(drive, build(drive))
     folder = _mutant(drive, "ickf", MUTANTS[mutation], tmp_path / "m")
     exact, tolerant = _run(folder, f"{name}_ickf", tmp_path, "-O0", "-Wno-error")
     assert exact == _first_difference(folder, "ickf", runs, record_filter(_module(drive), "ickf", runs))

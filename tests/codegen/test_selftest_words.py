@@ -25,9 +25,9 @@ import pytest
 from codegen.evidence.ledger import Program
 from codegen.evidence.recording import approximate, execute, record_control, record_filter, run_control, run_filter
 from codegen.evidence.selftest import control_run, gains, segments
-from codegen.generate import build_steps
 from codegen.render.drive import default_kind
 from model.drives.load import load_drive
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 
@@ -228,7 +228,7 @@ def _recorded(test_of: Subject) -> tuple[np.ndarray, Any]:
         run = control_run(drive)
         recording = record_control(test_of.module, test_of.kind, run, gains(drive, run.delay).values)
         return np.hstack([run.phase, run.command]), recording
-    runs = segments(drive, build_steps(drive)[0])
+    runs = segments(drive, build(drive))
     inputs = np.vstack([np.hstack([run.u, run.y]) for run in runs])
     return inputs, record_filter(test_of.module, test_of.kind, runs)
 
@@ -248,7 +248,7 @@ def test_each_vector_is_replayed_as_recorded(test_of: Subject) -> None:
 def test_each_segment_begins_where_it_says(test_of: Subject) -> None:
     if test_of.controller:
         return
-    runs, first = segments(test_of.drive, build_steps(test_of.drive)[0]), 0
+    runs, first = segments(test_of.drive, build(test_of.drive)), 0
     unpack = execute(test_of.module, "m")["unpack"]
     assert test_of.run(0.0) == 0
     for run in runs:
@@ -286,7 +286,7 @@ def test_what_is_allowed_is_what_the_chips_errors_make_of_a_word(test_of: Subjec
         run = control_run(drive)
         found = run_control(blurred, test_of.kind, run, gains(drive, run.delay).values, 64)[1]
     else:
-        found = run_filter(blurred, test_of.kind, segments(drive, build_steps(drive)[0]), 64)[2]
+        found = run_filter(blurred, test_of.kind, segments(drive, build(drive)), 64)[2]
     exact = test_of.expected.astype(float)
     worst = np.max(np.abs(found.astype(float) - exact[..., None]), axis=-1)
     least = np.maximum(8 * worst, np.maximum(4 * np.spacing(np.abs(test_of.expected)).astype(float), 2.0**-100))
@@ -347,7 +347,7 @@ def test_the_headers_plan_is_what_is_replayed(test_of: Subject) -> None:
         assert "with delay 1 leaves it" in " ".join(header.split()).replace("* ", "")
     else:
         first, expected = 1, []
-        for run in segments(test_of.drive, build_steps(test_of.drive)[0]):
+        for run in segments(test_of.drive, build(test_of.drive)):
             expected.append((first, first + len(run.u) - 1, run.title))
             first += len(run.u)
         assert plan[1:] == expected

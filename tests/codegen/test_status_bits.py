@@ -22,8 +22,8 @@ from codegen.evidence.selftest import (
     gains,
     segments,
 )
-from codegen.generate import build_steps
 from model.drives.load import load_drive
+from model.machines.state_space import build
 from model.schema import Drive
 from runtime import load
 from runtime.estimator.c_backend import CBackend
@@ -207,7 +207,7 @@ def test_of_the_recorded_starts_only_the_bad_samples_say_so(drive: Drive) -> Non
     """The filter's self-test has two bad inputs, the controller's one bad current and one bad command."""
     module = (GENERATED / drive.name / f"{drive.name}.py").read_text()
     for kind in drive.filter.kinds:
-        status = record_filter(module, kind, segments(drive, build_steps(drive)[0])).status
+        status = record_filter(module, kind, segments(drive, build(drive))).status
         assert np.flatnonzero(status & BITS["INPUT_REJECTED"]).tolist() == [BEYOND, NOT_A_NUMBER]
         assert not np.any(status & BITS["COMMAND_REJECTED"])
         run = control_run(drive)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from model.drives.load import load_drive
 from runtime import load
+from runtime.estimator.estimator import Estimator
 
 DATA = Path(__file__).parents[1] / "data"
 LOAD_AT = 0.4
@@ -20,17 +22,26 @@ RPM = 30 / np.pi
 Figures = dict[str, float]
 
 
+@cache
+def recording(name: str) -> dict[str, np.ndarray]:
+    return dict(np.load(DATA / name))
+
+
+@cache
+def loaded(drive: str, kind: str) -> Estimator:
+    return load(drive, filter=kind, backend="c", dtype="float32")
+
+
 def figures(drive: str, kind: str, start: str, noise: float = 0.0, wrong: bool = False, seed: int = 1) -> Figures:
     """Errors of a drive's float32 C on a recording: r/min and degrees electrical.
 
     ``wrong``: the filter starts with R 20 % above and psi_m 10 % below the motor's.
     """
-    data = np.load(DATA / f"{MOTOR[drive]}_{start}.npz")
+    data = recording(f"{MOTOR[drive]}_{start}.npz")
     motor = load_drive(drive).motor
-    f = load(drive, filter=kind, backend="c", dtype="float32")
-    if wrong:
-        psi, R = 0.9 * motor.magnet_flux, 1.2 * motor.stator_resistance
-        f.reset([psi, 0, 0, 0, 0, psi, R])
+    f = loaded(drive, kind)
+    psi, R = 0.9 * motor.magnet_flux, 1.2 * motor.stator_resistance
+    f.reset([psi, 0, 0, 0, 0, psi, R] if wrong else None)
     y = np.column_stack([data["i_alpha"], data["i_beta"]]).astype(float)
     y += noise * np.random.default_rng(seed).normal(size=y.shape)
     x = f.run(np.column_stack([data["u_alpha"], data["u_beta"]]), y).x.astype(float)
