@@ -53,6 +53,7 @@ def test_the_dearest_filter_is_named_with_what_would_help(flux: Package) -> None
     assert "\n" not in text
 
 
+@pytest.mark.slow
 def test_the_offered_number_of_iterations_really_fits(flux: Package) -> None:
     with pytest.raises(BudgetError) as caught:
         check_budget(limited(flux, cycles=4500), flux.accounts)

@@ -82,6 +82,7 @@ class _Measurement(MeasurementModel):  # type: ignore[misc]
         raise NotImplementedError
 
 
+@pytest.mark.slow
 def test_ckf_against_stone_soup(drive: Drive) -> None:
     """400 steps of the start, free running: state and covariance of the generated CKF within 1e-8."""
     model = build(drive)

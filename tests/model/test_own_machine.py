@@ -61,6 +61,7 @@ def test_a_changed_file_is_another_class(desk: Path) -> None:
     assert find_machine(load_drive(desk)) is not before
 
 
+@pytest.mark.slow
 def test_a_folder_beside_the_drive_file(desk: Path) -> None:
     (desk.parent / "mine").mkdir()
     (desk.parent / "my_machine.py").rename(desk.parent / "mine" / "m.py")
@@ -142,6 +143,7 @@ def test_an_operation_no_printer_has_is_named(desk: Path) -> None:
         generate(load_drive(desk), samples=1)
 
 
+@pytest.mark.slow
 def test_a_shipped_machine_by_way_of_a_file_is_the_same_filter(tmp_path: Path) -> None:
     """Equations that come from outside go the same way: every C file but its head is the shipped one's."""
     (tmp_path / "mine.py").write_text(
