@@ -57,7 +57,7 @@ def claims(runs: Sequence[Run]) -> list[Claim]:
 
 def _why_alike(figure: dict[str, float]) -> str:
     """CKF and ICKF side by side: one filter where the numbers say so, else only what can be said."""
-    if abs(figure["ckf"] - figure["ickf"]) <= 0.01 * abs(figure["ckf"]):
+    if abs(figure["ckf"] - figure["ickf"]) <= 0.01 * figure["ckf"]:
         return "currents are states, h is linear: (27)-(34) repeat the CKF's update, so both filters are one"
     return "one filter up to rounding (h is linear), but in this loop rounding has grown into two different runs"
 

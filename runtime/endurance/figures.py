@@ -30,5 +30,5 @@ def soak_figure(soaks: Sequence[Soak]) -> str:
         axis.set_xlabel("steps")
         axis.set_title(name, fontsize=9)
     axes[0].set_ylabel("largest |float32 - float64|\nover that of 100 000 steps", fontsize=8)
-    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
+    figure.legend(*axis.get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
     return svg_text(figure)

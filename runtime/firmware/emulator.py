@@ -69,7 +69,7 @@ def outcome(text: str, steps: int, what: str, unit: float) -> Outcome:
     calibration = {tag: int(value, 16) for tag, value in _CALIBRATION.findall(text)}
     if len(found) != steps or set(calibration) != {"E", "L"}:
         raise UserError(f"{what} stopped after {len(found)} of {steps} steps: {text.strip()[-200:]!r}")
-    rows = np.array([[int(value, 16) for value in pair] for pair in found], dtype=np.int64).reshape(-1, 2)
+    rows = np.array([[int(value, 16) for value in pair] for pair in found], dtype=np.int64).reshape(steps, 2)
     cost = (rows[:, 1] - calibration["E"]) * unit
     return Outcome(rows[:, 0].astype(np.uint32), cost, calibration["L"] * unit)
 

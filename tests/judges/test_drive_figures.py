@@ -179,6 +179,10 @@ def test_the_papers_claims_are_told_by_the_numbers() -> None:
     assert apart[4].ours == "6.6 r/min"
     assert all("grown into two different runs" in apart[k].why for k in (1, 2, 4))
     assert all("repeat the CKF's update" in claims(_four(ckf=1.009))[k].why for k in (1, 2, 4))
+    assert all("grown into two different runs" in claims(_four(ckf=0.9))[k].why for k in (1, 2, 4))
+    assert all("repeat the CKF's update" in claims(_four(ckf=0.992))[k].why for k in (1, 2, 4))
+    still = claims([run(scenario, kind) for scenario in ("no_load", "load_step") for kind in ("ckf", "ickf")])
+    assert all("repeat the CKF's update" in still[k].why for k in (1, 2, 4)), "no error is like no error"
     for k in range(4):
         assert claims([one for j, one in enumerate(_four()) if j != k]) == []
 

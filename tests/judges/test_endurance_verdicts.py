@@ -176,6 +176,10 @@ def test_the_table_and_figure_of_a_soak(kept: Kept) -> None:
     assert [style for _, style in lines] == ["red"] * (len(lines) - 1) + ["green"]
     soak_figure([made])
     omega, theta = kept.axes
+    assert (omega.get_ylabel(), theta.get_ylabel()) == ("largest |float32 - float64|\nover that of 100 000 steps", "")
+    assert [axis.get_title() for axis in kept.axes] == ["omega", "theta"]
+    assert [axis.get_xlabel() for axis in kept.axes] == ["steps", "steps"]
+    assert [text.get_text() for text in kept.figures[-1].legends[0].get_texts()] == ["d"]
     assert (list(curves(omega)["d"].x), list(curves(omega)["d"].y)) == ([1e5, 1e6], pytest.approx([1e-6 / 3e-7, 10.0]))
     assert list(curves(theta)["d"].y) == pytest.approx([1e-6 / 8e-7, 5.0])
     assert any(list(line.get_ydata()) == [10.0, 10.0] for line in omega.lines)

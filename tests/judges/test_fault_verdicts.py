@@ -134,6 +134,10 @@ def test_figures_over_runs() -> None:
     assert said_text(RUNS[:1]) == "0x8"
     assert said_text([recovery(status=0, told=-1)]) == "-"
     assert said_text([recovery(status=0, told=2), recovery(status=0, told=-1)]) == "- 1/2"
+    assert said_text([recovery(status=4, told=0), recovery(status=0, told=-1)]) == "0x4 1/2", "at once is said too"
+    assert said_text([recovery(status=1, told=-1), recovery(status=2, told=-1)]) == "0x3"
+    assert said_text([recovery(status=1, told=7), recovery(status=2, told=0)]) == "0x3"
+    assert told_text([recovery(told=0), recovery(told=-1)]) == "0"
     assert (told_text(RUNS), told_text([recovery(told=-1)])) == ("9", "-")
     assert list(column(RUNS, "current")) == [12.0, 12.0, 11.0, 13.0]
     assert not outcome(*RUNS).recovered
@@ -249,6 +253,12 @@ def test_the_figure_of_faults(kept: Kept) -> None:
     np.testing.assert_allclose(np.delete(drawn, 30), np.delete(run.speed_error[90:220], 30))
     np.testing.assert_allclose(np.delete(curves(angle)["ckf"].y, 30), np.delete(run.angle_error[90:220], 30))
     assert off.get_ylim() == (-80.0, 80.0)
+    low, high = speed.get_ylim()
+    drawn_speed = run.omega[90:220] * RPM
+    assert low < drawn_speed.min() < drawn_speed.max() < high < low + 2 * np.ptp(drawn_speed)
+    omega = 100.0 + np.where(np.arange(400) % 2, 1.0, -1.0) / RPM
+    calm = fault_figure([outcome(recovery(), example=replace(faulty_run(), omega=omega))])
+    assert calm.axes[0].get_ylim() == pytest.approx((100 * RPM - 20, 100 * RPM + 20)), "40 r/min at least are shown"
     assert angle.get_ylim() == (-40.0, 40.0)
     spans = [patch.get_extents().transformed(off.transData.inverted()) for patch in off.patches]
     assert any((span.x0, span.x1) == pytest.approx((0.0, 10.0)) for span in spans)

@@ -343,9 +343,26 @@ def test_misra_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert bool(found.detail) == (state == "failed" or bool(findings and "misra" in findings[0][1]))
         if state == "failed":
             assert found.detail[0].startswith("a.c:3: ")
+    several = sorted(misra.deviations(), key=lambda rule: [int(part) for part in rule.split(".")])
+    _played(monkeypatch, misra, 0, _cppcheck(*(("style", f"misra-c2012-{rule}") for rule in reversed(several))))
+    (found,) = misra.misra_checks(folder)
+    assert found.detail == (f"MISRA: advisory rules not followed: {', '.join(several)}; docs/misra.md has the reasons",)
+    assert found.figure == f"0 required, {len(several)} advisory in 1 files"
     for code, said in ((1, "cppcheck: error: could not\n"), (1, "nothing that fits"), (1, "")):
         _played(monkeypatch, misra, code, said)
         assert misra.misra_checks(folder)[0].state == "failed"
+
+
+def test_misra_reads_the_example_in_both_its_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once a finding however often it is met; and a folder without sources is none that is good."""
+    for names, calls in ((("a.c",), 1), (("a.c", "example_isr.c"), 2), (("example_isr.c",), 2), ((), 0)):
+        folder = _folder(tmp_path / f"of_{len(names)}_{calls}", *names)
+        asked = _played(monkeypatch, misra, 0, _cppcheck(("style", f"misra-c2012-{next(iter(misra.deviations()))}")))
+        (found,) = misra.misra_checks(folder)
+        assert len(asked) == calls
+        assert ["-DWHOLE_CONTROLLER=0" in one for one in asked] == [False, True][:calls]
+        assert found.figure == f"0 required, {min(calls, 1)} advisory in {len(names)} files"
+        assert found.state == ("passed" if names else "failed")
 
 
 ALARM = "[eva:alarm] d.c:12: Warning:\n  division by zero. assert b != 0;\n"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 import runtime.commands.run
 from codegen.output.version import __version__
@@ -131,7 +132,25 @@ def test_drawings_of_a_comparison(subjects: list[Subject], kept: Kept) -> None:
             shades = np.asarray(axis.collections[0].get_array()).ravel()
             marks = "".join(subject.patterns[which])
             assert list(shades) == [".c1x".index(mark) for mark in marks]
-            assert axis.get_title().endswith(f"{which}, {len(marks) - marks.count('.')} of {len(marks)}")
+            filled = f"{which}, {len(marks) - marks.count('.')} of {len(marks)}"
+            assert axis.get_title() == (f"{subject.label}\n{filled}" if which == "F" else filled)
+            n, across = len(subject.patterns[which]), len(subject.patterns[which][0])
+            assert list(axis.get_xticks()) == [k + 0.5 for k in range(across)]
+            assert list(axis.get_yticks()) == [k + 0.5 for k in range(n)]
+            assert axis.yaxis_inverted()
+            states = [label.get_text() for label in axis.get_xticklabels()]
+            left = [label.get_text() for label in axis.get_yticklabels()]
+            assert left == (states if which == "F" else [r"$i_\alpha$", r"$i_\beta$"])
+            assert len(set(states)) == across == len(subject.state_names)
+    (legend,) = kept.figures[-1].legends
+    colours = {
+        text.get_text(): patch.get_facecolor()
+        for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True)
+    }
+    drawn = axes[0].collections[0].get_cmap().colors
+    meanings = ("zero", "constant", "one", "depends on state or input")
+    assert len(set(drawn)) == 4
+    assert colours == {meaning: to_rgba(colour) for meaning, colour in zip(meanings, drawn, strict=True)}
     cost_figure(subjects)
     found = costs(subjects)
     wanted = {
@@ -143,6 +162,9 @@ def test_drawings_of_a_comparison(subjects: list[Subject], kept: Kept) -> None:
     for axis, (title, values) in zip(kept.axes, wanted.items(), strict=True):
         assert axis.get_xlabel() == title
         assert [bar.get_width() for bar in axis.patches] == values
+        middles = [bar.get_y() + bar.get_height() / 2 for bar in axis.patches]
+        assert middles == pytest.approx([0.0, 1.0, 2.7, 3.7]), "a bar a unit, and the filters' groups apart"
+        assert list(axis.get_yticks()) == pytest.approx(middles)
     labels = [label.get_text() for label in kept.axes[0].get_yticklabels()]
     assert labels == [f"{cost.label}  {cost.kind}" for cost in found]
     ends = [segment[1][0] for segment in kept.axes[0].collections[0].get_segments()]
@@ -290,6 +312,7 @@ def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pyte
         "100 us euler loses lock 9.88",
         "100 us exact 2.0 r/min 1.00",
         "literal 4321 71 0",
+        "What each pass earns (ckf)",
         *(
             " ".join(
                 map(

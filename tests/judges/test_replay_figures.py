@@ -201,6 +201,29 @@ def test_the_drawing_of_an_estimate(kept: Kept) -> None:
         np.testing.assert_array_equal(curves(axis)["error"].x, t)
 
 
+@pytest.mark.parametrize(("turns", "first"), [(20, 1550), (6, 150), (5, 50), (4, 0), (0, 0)])
+def test_the_drawing_of_a_position_is_its_last_turns(turns: int, first: int, kept: Kept) -> None:
+    """Five turns at most, the lines broken where the angle wraps; a turn takes 100 samples, the first half of one."""
+    N = 100 * turns if turns else 300
+    rows = np.arange(N) if turns else np.zeros(N)
+    theta = np.remainder(2 * np.pi * (rows + 0.5) / 100 + np.pi, 2 * np.pi) - np.pi
+    x = np.column_stack([np.zeros((N, 3)), theta])
+    estimate_figure(replayed(N=N, x=x, truth={"theta": theta + 0.01}))
+    (position,) = [axis for axis in kept.axes if axis.get_ylabel() == "position,\nrad electrical"]
+    for name, values in (("estimate", theta), ("true", theta + 0.01)):
+        shown = curves(position)[name]
+        np.testing.assert_allclose(shown.x, 1e-3 * np.arange(first, N))
+        wraps = [k for k in range(first, N) if turns and k % 100 == 50 and (k > first or name == "estimate")]
+        assert list(np.flatnonzero(np.isnan(shown.y)) + first) == wraps
+        good = ~np.isnan(shown.y)
+        np.testing.assert_allclose(shown.y[good], values[first:][good], atol=1e-9)
+
+
+def test_the_drawing_of_a_position_has_100_000_points_at_most(kept: Kept) -> None:
+    estimate_figure(replayed(N=100_007))
+    assert curves(kept.axes[-1])["estimate"].x[0] == pytest.approx(7e-3)
+
+
 def test_slow_states_have_panels_of_their_own(kept: Kept) -> None:
     x = np.column_stack([replayed().x, np.full(200, 3.5)])
     names, units = (*replayed().state_names, "load_torque"), (*replayed().state_units, "N m")

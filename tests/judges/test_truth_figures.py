@@ -41,6 +41,17 @@ def test_errors_of_an_estimate_sample_by_sample() -> None:
     assert short is not None
     assert short.position_steady_rms == pytest.approx(math.degrees(0.3))
     assert errors(t[:1], x[:1], (), {"theta": np.zeros(1)}) is not None
+    assert errors(t, x, ("i_alpha", "i_beta", "omega", "theta"), {}) is None
+
+
+def test_a_load_step_in_the_first_row_leaves_no_start() -> None:
+    t, load = 1e-3 * np.arange(400), np.full(400, 5.0)
+    load[1:11] = 0.0
+    x = np.zeros((400, 4))
+    x[0, 2], x[1, 2] = -3.0, 2.0
+    found = errors(t, x, (), {"omega": np.zeros(400), "load_torque": load})
+    assert found is not None
+    assert (found.load_step_at, found.speed_start, found.speed_load_step) == (0.0, 0.0, pytest.approx(3 * RPM))
 
 
 @pytest.mark.parametrize(("degrees", "lost"), [(29.9, False), (30.1, True), (-31.0, True), (float("nan"), True)])

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.drive.scenario import Scenario
+from runtime.drive.scenario import SCENARIOS, STEP_START, Scenario, find_scenario
 from runtime.recorded.data import FRAMES, read_recorded
 from runtime.recorded.units import RPM, SI, UNITS, find_unit
 from runtime.system.errors import UserError
+from tests.judges.made import run
 
 #: Spelling -> quantity, and one of it in SI, by the definitions of the SI and of the turn.
 TOLD = {
@@ -143,3 +144,27 @@ def test_a_scenarios_reference_and_load() -> None:
     t = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
     np.testing.assert_allclose(task.speed_reference(t), 600 * 2 * np.pi / 60 * np.array([0, 0.5, 1, 1, 1, 1]))
     assert list(task.load_torque(t)) == [0, 0, 0, 0, 3, 3]
+
+
+def test_the_papers_scenarios() -> None:
+    """To 1000 r/min within 0.15 s; in the second 5 N m from 0.2 s on; 0.4 s in all."""
+    assert set(SCENARIOS) == {"no_load", "load_step"}
+    for name, load in (("no_load", 0.0), ("load_step", 5.0)):
+        task = find_scenario(name)
+        assert (task.name, task.duration) == (name, 0.4)
+        t = np.array([0.0, 0.075, 0.15, 0.1999, 0.2, 0.4])
+        np.testing.assert_allclose(task.speed_reference(t) * 60 / (2 * math.pi), [0, 500, 1000, 1000, 1000, 1000])
+        assert list(task.load_torque(t)) == [0, 0, 0, 0, load, load]
+    assert STEP_START.speed_reference(np.array([0.5e-3, 1e-3])) * 60 / (2 * math.pi) == pytest.approx([500, 1000])
+    assert (STEP_START.load, STEP_START.load_at) == (5.0, 0.2)
+    for name in ("", "step_start", "no load"):
+        with pytest.raises(UserError, match="no_load, load_step"):
+            find_scenario(name)
+
+
+@pytest.mark.parametrize(("ms", "told"), [(149, 0.0), (151, 90.0), (399, 90.0)])
+def test_a_start_is_over_after_150_ms(ms: int, told: float) -> None:
+    """Sample k is taken at k + 1 ms; from 150 ms on an error of the angle is none of the start's."""
+    off = np.zeros(400)
+    off[ms - 1] = 90.0
+    assert run("no_load", angle_error=off).figures()["angle"] == pytest.approx(told, abs=1e-9)
