@@ -208,10 +208,11 @@ def test_a_recorded_status_that_is_wrong_is_named(test_of: Subject) -> None:
             assert answers == (100 * (k + 1) + 1, 100 * (k + 1) + 1 if compared else 0)
 
 
-@pytest.mark.parametrize("end", ["", "_foc"])
-def test_no_table_is_read_beyond_its_end(end: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("end", ["", "_foc"], ids=["filter", "foc"])
+@pytest.mark.parametrize("drive", sorted({drive for drive, _ in SUBJECTS}))
+def test_no_table_is_read_beyond_its_end(drive: str, end: str, tmp_path: Path) -> None:
     """With the compiler's bounds trapped."""
-    folder, p = GENERATED / "paper_spmsm", f"paper_spmsm_ickf{end}"
+    folder, p = GENERATED / drive, f"{drive}_ickf{end}"
     text = f'#include "{p}_selftest.h"\nstatic {p}_t work;\n'
     text += f"int main(void) {{ return {p}_selftest(&work, 0.0f) + {p}_selftest(&work, 1.0f); }}\n"
     (tmp_path / "main.c").write_text(text)

@@ -226,12 +226,29 @@ def test_what_is_no_fault_of_a_chapter() -> None:
     assert _chapter(firmware=Gated("d", (check("not run"), check("not proved")))).good
 
 
+def test_run_ends_with_0_where_no_gate_was_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first floor has no firmware checks, and shows none."""
+    chapters = [_chapter(firmware=None)]
+    monkeypatch.setattr(runtime.commands.run, "run_drives", lambda *rest: Ran([], chapters, Path("page.html"), True))
+    code, said = command("run")
+    assert (code, "a gate" in said) == (0, False), said
+
+
+@pytest.mark.parametrize("runs", [0, 1])
+def test_run_ends_with_1_if_nothing_was_simulated(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    chapters = [_chapter(), _chapter(runs=[run()] * runs)]
+    monkeypatch.setattr(runtime.commands.run, "run_drives", lambda *rest: Ran([], chapters, Path("page.html"), True))
+    code, said = command("run")
+    assert (code, "not simulated" in said) == (1 - runs, not runs), said
+
+
 @pytest.mark.parametrize("place", [0, 1])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_run_ends_with_1_whatever_failed(fault: str, place: int, monkeypatch: pytest.MonkeyPatch) -> None:
     chapters = [_chapter(), _chapter()]
     monkeypatch.setattr(runtime.commands.run, "run_drives", lambda *rest: Ran([], chapters, Path("page.html"), True))
-    assert command("run")[0] == 0
+    code, said = command("run")
+    assert (code, said.count("a gate")) == (0, 2), said
     chapters[place] = _chapter(**FAULTS[fault])
     assert not chapters[place].good
     code, said = command("run")

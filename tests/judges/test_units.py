@@ -144,6 +144,7 @@ def test_a_scenarios_reference_and_load() -> None:
     t = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
     np.testing.assert_allclose(task.speed_reference(t), 600 * 2 * np.pi / 60 * np.array([0, 0.5, 1, 1, 1, 1]))
     assert list(task.load_torque(t)) == [0, 0, 0, 0, 3, 3]
+    assert list(task.load_torque(0.2 - np.array([1.05e-12, 1e-12]))) == [0, 3], "a sample's time is rounded"
 
 
 def test_the_papers_scenarios() -> None:

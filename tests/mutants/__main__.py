@@ -18,6 +18,7 @@ from rich.table import Table
 from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
 from tests.mutants.emitted import SEED, emitted_mutants
+from tests.mutants.flow import flow_mutants
 from tests.mutants.judged import judged_mutants
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError
 from tests.mutants.run import run
@@ -35,7 +36,7 @@ SAMPLE = (
 
 def everything(each: int | None = None) -> list[Mutant]:
     """All of the catalogue's; of those made by rule ``each`` of a sort, or all."""
-    return [*SOURCES, *drawn([*data_mutants(), *emitted_mutants(), *around_mutants(), *judged_mutants()], each)]
+    return [*SOURCES, *drawn([*data_mutants(), *emitted_mutants(), *flow_mutants(), *around_mutants(), *judged_mutants()], each)]
 
 
 def drawn(mutants: Sequence[Mutant], each: int | None) -> list[Mutant]:
@@ -97,7 +98,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=SEED, help="where --places draws them")
     parser.add_argument("--sample", action="store_true", help="only the few that the test suite runs")
     options, console, start = parser.parse_args(), Console(), time.monotonic()
-    made = (emitted_mutants, around_mutants, judged_mutants)
+    made = (emitted_mutants, flow_mutants, around_mutants, judged_mutants)
     every = (
         [m for make in made for m in make(options.places, options.seed)] if options.places else everything(options.each)
     )

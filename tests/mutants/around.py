@@ -112,7 +112,6 @@ SAME: tuple[tuple[str, str, str], ...] = (
     ("comparison", r"if \(step (?:>|<) -?PI\)", "a step of exactly half a turn may be taken either way"),
     ("comparison", r"\(cosine < 0\.0f\)|\(sine < 0\.0f\)", "of a zero the sign does not matter"),
     ("comparison", r"\(s < c\)", "at half a right angle both ways give the same"),
-    ("comparison", r"next < N_STARTS", "behind the last start there is none that a vector would begin with"),
     ("macro", r"#define ROUND ", "any number from 2^23 to 2^24 rounds to the nearest integer"),
 )
 

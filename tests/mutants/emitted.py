@@ -70,7 +70,7 @@ class Code:
 
 Operator = Callable[[Code], Iterator[Edit]]
 
-#: Lines that steer, not compute; small functions where the change would be none.
+#: Lines that steer, not compute; small functions where a tie gives the same.
 _STEERING = re.compile(r"^\s*(?:for|#|static|int |void|typedef|return \()|\(2 \* k\)|sizeof|range\(")
 _EXTREMA = {"smaller", "larger", "_smaller", "_larger"}
 
@@ -84,22 +84,10 @@ def _pattern(pattern: str, new: Callable[[re.Match[str]], str | None], steering:
                 continue
             for match in compiled.finditer(line):
                 text = new(match)
-                if text is not None and not _same(code, start + match.start(), line):
+                if text is not None and code.function(start + match.start())[0] not in _EXTREMA:
                     yield start + match.start(), start + match.end(), text
 
     return places
-
-
-def _same(code: Code, at: int, line: str) -> bool:
-    """Where a change says the same: a tie in a minimum; the test before ``widen``, which asks again; its own test of
-    a turn that is just small, whose polynomials are those it has come with; a limit of 1e12 that is met exactly."""
-    name = code.function(at)[0]
-    return (
-        name in _EXTREMA
-        or (name.endswith("_turns") and "SMALL_TURN" in line)
-        or "z[k] > SMALL_TURN" in line
-        or "SANE_LIMIT" in line
-    )
 
 
 def next_float(literal: str) -> str:
@@ -237,18 +225,10 @@ PYTHON_OPERATORS: dict[str, Operator] = {
     ),
 }
 
-#: Places that say too little: limits that only tell which of two ways is taken, each good at the limit itself.
-_IDLE_CONSTANTS = re.compile(r"#define (?:WIDEST\w*|UNKNOWN\w*|SMALL_TURN|SANE_LIMIT|MOST_REPAIRS) ")
-
-
 def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int) -> Iterator[tuple[str, Edit]]:
     """``each`` places of every operator, where there are so many."""
     for name, operator in operators.items():
-        places = [
-            edit
-            for edit in operator(code)
-            if name != "last bit of a constant" or not _IDLE_CONSTANTS.match(_line(code.text, edit[0]))
-        ]
+        places = list(operator(code))
         for edit in rng.sample(places, min(each, len(places))):
             yield name, edit
 
@@ -273,7 +253,6 @@ def _mutants(
             text=text[:start] + new + text[end:],
             group=f"{drive} {filter_kind}",
             sort=name,
-            equivalent="a limit that is met exactly" if name.startswith("<") and "worst <= " in line else "",
         )
 
 

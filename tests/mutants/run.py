@@ -135,6 +135,22 @@ class EmittedBench:
         yield from self.foc(folder, record)
 
 
+class StepJudge:
+    """Link text on a shipped folder in which one text of the step is another."""
+
+    def __init__(self, drive: str) -> None:
+        from runtime.estimator.folder import find_folder
+
+        self.folder = find_folder(drive, checked=False)
+
+    def __call__(self, mutant: Mutant) -> Verdict:
+        from runtime.proof.link_text import link_text
+
+        folder = overlaid(self.folder, mutant.file.split("/", 1)[1], mutant.text)
+        link = link_text(folder, mutant.checks[0].split()[2], "as shipped")
+        return None if link.passed else verdict(link)
+
+
 class TextJudge:
     """Tests on a shipped folder in which one file has another text."""
 
@@ -219,6 +235,8 @@ def _prepare(group: str) -> Judge:
         return judge_data(Bench())
     if word == "text":
         return TextJudge()
+    if word == "step":
+        return StepJudge(rest[0])
     return EmittedBench(word, rest[0])
 
 
@@ -246,7 +264,7 @@ def _unmutated(judge: Judge, mutants: list[Mutant]) -> Iterator[Mutant]:
     """What the mutants of a group are made from, once a check; source mutants have a round of their own before all."""
     one_each = {mutant.checks: mutant for mutant in mutants if not mutant.old and mutant.kind != "none"}
     for mutant in one_each.values():
-        if isinstance(judge, EmittedBench):
+        if isinstance(judge, EmittedBench | StepJudge):
             yield replace(mutant, text=judge.folder.text(mutant.file.split("/", 1)[1]))
         elif isinstance(judge, TextJudge):
             yield replace(mutant, text=(ROOT / "generated" / mutant.file).read_text(encoding="utf-8"))

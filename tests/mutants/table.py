@@ -20,6 +20,7 @@ KINDS = {
     "lanes, C": "its lane form",
     "controller, C": "the emitted interrupt body",
     "Python": "the emitted module",
+    "flow": "guards, branches, masks, status bits and restarts of all texts of the step, by rule",
     "controller": "the controller's equations and gains",
     "plant": "the motor that is simulated",
     "example interrupt": "the example's text: what enables and stops the inverter, and what is sent",
