@@ -15,6 +15,7 @@ from tests.mutants.__main__ import SAMPLE, drawn
 from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
 from tests.mutants.emitted import C_OPERATORS, Code, emitted_mutants, next_float
+from tests.mutants.flow import flow_mutants
 from tests.mutants.judged import JUDGES, SORTS, judged_mutants, places
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source
 from tests.mutants.table import KINDS, page, rows
@@ -42,7 +43,7 @@ def test_no_mutant_is_stale() -> None:
 
 @pytest.fixture(scope="module")
 def emitted() -> list[Mutant]:
-    return [*emitted_mutants(), *around_mutants()]
+    return [*emitted_mutants(), *flow_mutants(), *around_mutants()]
 
 
 def test_no_two_are_the_same_and_every_kind_has_some(emitted: list[Mutant]) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from runtime.commands.terminal import console, working
 from runtime.commands.words import Drives
+from runtime.system.verdicts import all_hold
 
 
 def faults(
@@ -51,5 +52,5 @@ def faults(
     if out is not None:
         for path in write_fault_figures(outcomes, out):
             console.print(f"Figure: {path}", highlight=False, soft_wrap=True)
-    if not all(outcome.recovered for outcome in outcomes):
+    if not all_hold(outcome.recovered for outcome in outcomes):
         raise typer.Exit(1)

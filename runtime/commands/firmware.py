@@ -9,6 +9,7 @@ import typer
 
 from runtime.commands.terminal import console, working
 from runtime.commands.words import KEPT, Drives, Fresh, show_remarks
+from runtime.system.verdicts import all_hold
 
 
 def firmware(
@@ -32,5 +33,5 @@ def firmware(
         console.rule(f"[bold]{result.drive}[/bold]{KEPT if result.kept else ''}", align="left")
         console.print(checks_table(result.checks))
         show_remarks(result.checks)
-    if not all(result.good(allow_missing) for result in results):
+    if not all_hold(result.good(allow_missing) for result in results):
         raise typer.Exit(1)

@@ -13,6 +13,7 @@ from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, work_bar
 from runtime.commands.words import Drives, Json
 from runtime.system.files import write_text
+from runtime.system.verdicts import all_hold
 
 
 def fuzz(
@@ -45,5 +46,5 @@ def fuzz(
         console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
     if json is not None:
         write_text(json, json_module.dumps(campaign_facts(campaigns), indent=2) + "\n")
-    if any(campaign.findings for campaign in campaigns):
+    if not all_hold(campaign.good for campaign in campaigns):
         raise typer.Exit(1)

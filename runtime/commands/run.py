@@ -12,6 +12,7 @@ from runtime.commands.terminal import console, working
 from runtime.commands.words import Fresh, show_remarks, show_summary, show_written
 from runtime.report.run import MAIN, Ran
 from runtime.report.run import run as run_drives
+from runtime.system.verdicts import all_hold
 
 #: What the second floor adds.
 SECOND = "every drive, emulated processors, static checks (compilers, MISRA, EVA), peers, ablation, sample times"
@@ -40,7 +41,7 @@ def run(
             console.print(checks_table(chapter.firmware.checks))
             show_remarks(chapter.firmware.checks)
     _conclude(ran)
-    if not all(chapter.good for chapter in ran.chapters):
+    if not all_hold(chapter.good for chapter in ran.chapters):
         raise typer.Exit(1)
 
 
@@ -55,7 +56,7 @@ def _conclude(ran: Ran) -> None:
         line(f"[red]{escape(failure)}[/red]")
     links = sorted({link.name for chapter in ran.chapters for link in chapter.proof.links})
     names = ", ".join(chapter.drive.name for chapter in ran.chapters)
-    verdict = "[bold red]FAILED[/]" if failures else "[green]GOOD[/]"
+    verdict = "[bold red]FAILED[/]" if failures or not ran.chapters else "[green]GOOD[/]"
     line(f"{verdict}: {names}: generated; links {', '.join(links)}; simulated")
     unrun = [check for c in ran.chapters if c.firmware for check in c.firmware.checks if check.state == "not run"]
     if unrun:

@@ -10,6 +10,7 @@ import typer
 from runtime.commands.terminal import console, working
 from runtime.commands.words import DRIVE, Json, caution
 from runtime.drive.simulate import simulate_drive
+from runtime.system.verdicts import all_hold
 
 
 def simulate(
@@ -47,5 +48,5 @@ def simulate(
     if result.sweep:
         console.print("\nLargest speed error after a step of the speed reference, by sample time:")
         console.print(sweep_table(result.sweep))
-    if not all(run.locked for run in result.runs):
+    if not all_hold(run.locked for run in result.runs):
         raise typer.Exit(1)

@@ -13,6 +13,7 @@ from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, work_bar
 from runtime.commands.words import Drives, Json
 from runtime.system.files import write_text
+from runtime.system.verdicts import all_hold
 
 
 def soak(
@@ -53,5 +54,5 @@ def soak(
         console.print(f"Figure: {write_soak_figure(soaks, plots)}", highlight=False, soft_wrap=True)
     if json is not None:
         write_text(json, json_module.dumps(soak_facts(soaks), indent=2) + "\n")
-    if any(result.failures() for result in soaks):
+    if not all_hold(not result.failures() for result in soaks):
         raise typer.Exit(1)

@@ -7,6 +7,7 @@ import typer
 from runtime.commands.terminal import console, working
 from runtime.commands.words import Drives, Fresh, Json, show_summary
 from runtime.proof.drives import verify_drives
+from runtime.system.verdicts import all_hold
 
 
 def verify(
@@ -23,5 +24,5 @@ def verify(
         console.rule(f"[bold]{proof.drive}[/bold]", align="left")
         console.print(proof_tables(proof))
         show_summary(proof)
-    if not all(proof.passed for proof, _ in results):
+    if not all_hold(proof.passed for proof, _ in results):
         raise typer.Exit(1)

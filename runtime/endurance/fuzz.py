@@ -65,6 +65,11 @@ class Campaign:
     features: int = 0
     findings: list[Finding] = field(default_factory=list)
 
+    @property
+    def good(self) -> bool:
+        """Whether something was executed and nothing found."""
+        return self.executions > 0 and not self.findings
+
 
 def find_fuzzer() -> str:
     """The path of clang, with the runtime libraries that ``-fsanitize=fuzzer,address`` links.

@@ -144,6 +144,8 @@ class Soak:
     def failures(self) -> list[str]:
         """What is wrong, a line each."""
         label, lines = f"{self.drive}/{self.kind}", []
+        if not self.decades:
+            lines.append(f"{label}: no step was compared")
         for decade in self.decades:
             where = f"{label}, up to step {decade.until:.0e}"
             lines += [f"{where}: {line}" for line in self._apart(decade)]

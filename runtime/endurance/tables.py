@@ -12,6 +12,7 @@ from rich.text import Text
 from runtime.endurance.fuzz import Campaign, Finding
 from runtime.endurance.soak import Soak
 from runtime.style.tables import columns_table
+from runtime.system.verdicts import all_hold
 
 
 def campaigns_table(campaigns: Iterable[Campaign]) -> Table:
@@ -62,7 +63,7 @@ def campaign_facts(campaigns: Sequence[Campaign]) -> dict[str, Any]:
     for one in campaigns:
         found = [{"what": f.what, "words": f.words, "input": f.data.hex()} for f in one.findings]
         rows.append({**vars(one), "findings": found})
-    return {"passed": not any(one.findings for one in campaigns), "targets": rows}
+    return {"passed": all_hold(one.good for one in campaigns), "targets": rows}
 
 
 def soak_table(result: Soak) -> Table:
@@ -117,4 +118,5 @@ def soaks_verdict(soaks: Iterable[Soak]) -> list[tuple[str, str]]:
 
 def soak_facts(soaks: Sequence[Soak]) -> dict[str, Any]:
     """Every figure of all runs, for machines."""
-    return {"passed": not any(result.failures() for result in soaks), "runs": [result.to_json() for result in soaks]}
+    passed = all_hold(not result.failures() for result in soaks)
+    return {"passed": passed, "runs": [result.to_json() for result in soaks]}

@@ -16,6 +16,7 @@ from runtime.faults.catalogue import FAULTS, Circumstances, Fault
 from runtime.faults.loop import RUNNING, FaultyLoop, FaultyRun
 from runtime.recorded.units import RPM
 from runtime.system.files import write_text
+from runtime.system.verdicts import all_hold
 
 Array = NDArray[Any]
 Progress = Callable[[str], None]
@@ -74,7 +75,7 @@ class Outcome:
     @property
     def recovered(self) -> bool:
         """Whether every run did."""
-        return all(recovery.recovered for recovery in self.recoveries)
+        return all_hold(recovery.recovered for recovery in self.recoveries)
 
 
 def column(recoveries: Sequence[Recovery], name: str) -> Array:

@@ -23,6 +23,7 @@ from runtime.folders.current import check_ready, current_package
 from runtime.folders.kept import keep, tool
 from runtime.folders.resolve import find_drive
 from runtime.system.files import write_text
+from runtime.system.verdicts import all_hold
 from runtime.system.workers import say, share
 
 Progress = Callable[[str], None]
@@ -83,7 +84,7 @@ def check_firmware(
         results = share(count, partial(check_or_recall, fresh=fresh), names, progress)
     if json_path is not None:
         rows = [{"drive": r.drive, "kept": r.kept, "checks": [asdict(check) for check in r.checks]} for r in results]
-        facts = {"passed": all(r.good(allow_missing=False) for r in results), "drives": rows}
+        facts = {"passed": all_hold(r.good(allow_missing=False) for r in results), "drives": rows}
         write_text(json_path, json.dumps(facts, indent=2) + "\n")
     return results
 

@@ -15,6 +15,7 @@ from runtime.folders.resolve import find_drive
 from runtime.proof.result import Proof
 from runtime.proof.verify import Effort, Evidence, verify
 from runtime.system.files import write_text
+from runtime.system.verdicts import all_hold
 from runtime.system.workers import say, share
 
 Progress = Callable[[str], None]
@@ -43,7 +44,7 @@ def verify_drives(
     results = _verify_all(names, progress, fresh)
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
-        facts = {"passed": all(p["passed"] for p in proofs), "drives": proofs}
+        facts = {"passed": all_hold(p["passed"] for p in proofs), "drives": proofs}
         write_text(json_path, json.dumps(facts, indent=2) + "\n")
     return results
 

@@ -21,6 +21,7 @@ from runtime.report.chapter import Chapter
 from runtime.report.cost_figures import passes_figure
 from runtime.style.pages import equation_line, page_template
 from runtime.system.files import make_folder, write_text
+from runtime.system.verdicts import all_hold
 
 
 def write_page(path: Path, chapters: list[Chapter]) -> None:
@@ -29,7 +30,7 @@ def write_page(path: Path, chapters: list[Chapter]) -> None:
     text = page_template(Path(__file__).with_name("page.html.j2")).render(
         version=__version__,
         chapters=[_chapter(chapter) for chapter in chapters],
-        passed=all(c.proof.passed and not (c.firmware and c.firmware.failed) for c in chapters),
+        passed=all_hold(c.proof.passed and not (c.firmware and c.firmware.failed) for c in chapters),
         missing=any(not c.firmware or c.firmware.missing for c in chapters),
         unchecked=any(chapter.proof.unchecked for chapter in chapters),
         sweep_cell=sweep_cell,

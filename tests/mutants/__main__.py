@@ -36,7 +36,10 @@ SAMPLE = (
 
 def everything(each: int | None = None) -> list[Mutant]:
     """All of the catalogue's; of those made by rule ``each`` of a sort, or all."""
-    return [*SOURCES, *drawn([*data_mutants(), *emitted_mutants(), *flow_mutants(), *around_mutants(), *judged_mutants()], each)]
+    return [
+        *SOURCES,
+        *drawn([*data_mutants(), *emitted_mutants(), *flow_mutants(), *around_mutants(), *judged_mutants()], each),
+    ]
 
 
 def drawn(mutants: Sequence[Mutant], each: int | None) -> list[Mutant]:

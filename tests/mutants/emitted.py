@@ -225,6 +225,7 @@ PYTHON_OPERATORS: dict[str, Operator] = {
     ),
 }
 
+
 def draw(code: Code, operators: dict[str, Operator], rng: random.Random, each: int) -> Iterator[tuple[str, Edit]]:
     """``each`` places of every operator, where there are so many."""
     for name, operator in operators.items():

@@ -10,7 +10,7 @@ import random
 import re
 from collections.abc import Iterator
 
-from tests.mutants.emitted import GENERATED, SEED, Code, Operator, _pattern
+from tests.mutants.emitted import GENERATED, SEED, Code, Operator, _pattern, emitted_mutants
 from tests.mutants.mutant import Mutant
 
 #: Drives and the filter whose texts are drawn from: both filters, two machines, an adaptive one.
@@ -59,7 +59,7 @@ OPERATORS: dict[str, Operator] = {
     ),
     "and for or": _pattern(r" (&&|\|\||&|\|) (?=\S)", lambda m: f" {_OTHER[m[1]]} ", steering=True),
     "a call or a store left out": _pattern(
-        r"^( +)(?:\w+\([^;]*\);|f->\w+(?:\[\w+\])? = [^;]*;|\w+\[\w+\] = [^;]*;|\w+\+\+;|\w+ \|= [^;]*;)$",
+        r"^( +)(?:\w+\((?:[^();]|\([^();]*\))*\)|(?:f->\w+(?:\[\w+\])?|\w+\[\w+\]) = [^;]*|\w+\+\+|\w+ \|= [^;]*);$",
         lambda m: f"{m[1]};",
         steering=True,
     ),
@@ -80,8 +80,9 @@ def files(drive: str, kind: str) -> Iterator[str]:
 
 
 def flow_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:
-    """So many places of each operator in every text of the step."""
+    """So many places of each operator in every text of the step; not what is drawn of the emitted text already."""
     found: list[Mutant] = []
+    drawn = {(mutant.file, mutant.text) for mutant in emitted_mutants(places, seed)}
     for drive, kind in SUBJECTS:
         for file in files(drive, kind):
             text = (GENERATED / drive / file).read_text(encoding="utf-8")
@@ -91,10 +92,11 @@ def flow_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:
                 edits = [edit for edit in operator(code) if not _aside(code, kind, edit[0])]
                 for start, end, new in rng.sample(edits, min(places, len(edits))):
                     line = " ".join(text[text.rfind("\n", 0, start) + 1 :].split("\n", 1)[0].split())
+                    place = f"{code.function(start)[0]}: {line[:70]} ({start}: {new.strip()[:20]})"
                     found.append(
                         Mutant(
                             kind="flow",
-                            name=f"{file}: {sort} in {code.function(start)[0]}: {line[:70]} ({start}: {new.strip()[:20]})",
+                            name=f"{file}: {sort} in {place}",
                             checks=(f"text {drive} {kind}",),
                             file=f"{drive}/{file}",
                             text=text[:start] + new + text[end:],
@@ -102,7 +104,7 @@ def flow_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:
                             sort=sort,
                         )
                     )
-    return found
+    return [mutant for mutant in found if (mutant.file, mutant.text) not in drawn]
 
 
 def _aside(code: Code, kind: str, at: int) -> bool:

@@ -22,6 +22,7 @@ PROOF = f"{_TESTS}proof_verdicts.py {_TESTS}proof_tables.py"
 DRIVE = f"{_TESTS}drive_figures.py {_TESTS}truth_figures.py"
 UNITS, REPLAY, STUDY = (f"{_TESTS}{name}.py" for name in ("units", "replay_figures", "study_figures"))
 FAULTS, ENDURANCE = (f"{_TESTS}{name}_verdicts.py" for name in ("fault", "endurance"))
+NOTHING = f"{_TESTS}nothing_is_shown_by_nothing.py"
 BOARD, PAGES = f"{_TESTS}board_verdicts.py", f"{_TESTS}pages.py"
 
 #: Module -> tests that must notice, and the functions to leave alone (they judge and tell nothing, or others try them).
@@ -39,6 +40,7 @@ JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "runtime/commands/pil.py": (BOARD, ()),
     "runtime/commands/record.py": (BOARD, ()),
     "runtime/commands/words.py": (PROOF, ("caution", "show_written", "show_remarks")),
+    "runtime/system/verdicts.py": (NOTHING, ()),
     "runtime/proof/result.py": (PROOF, ()),
     "runtime/proof/drives.py": (PROOF, ("_verify_all",)),
     "runtime/proof/compare.py": (PROOF, ("entries_of",)),
