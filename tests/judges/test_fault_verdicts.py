@@ -144,6 +144,15 @@ def test_figures_over_runs() -> None:
     assert outcome(*RUNS[:3]).recovered
 
 
+def test_json_of_an_outcome() -> None:
+    facts = outcome_facts(outcome(*RUNS, alone=RUNS[:1]))
+    assert (facts["fault"], facts["filter"], facts["recovered"]) == ("lost", "ckf", False)
+    assert [run["current"] for run in facts["runs"]] == [12.0, 12.0, 11.0, 13.0]
+    assert [run["deviation"] for run in facts["alone"]] == [30.0]
+    first = {"time": 0.01, "told": 3, "status": 8, "speed_error": 5.0, "angle_error": 2.0, "deviation": 30.0}
+    assert facts["runs"][0] == {**first, "current": 12.0, "idle": 0.004}
+
+
 def test_the_table_of_faults() -> None:
     alone = (recovery(time=0.5, deviation=99.0, current=77.0), recovery(time=float("nan")))
     (cells,) = cells_of(fault_table([outcome(*RUNS, alone=alone)]))

@@ -51,6 +51,20 @@ def test_what_is_good(states: tuple[str, ...], strict: bool, lenient: bool, monk
     assert command("firmware", "--allow-missing")[0] == (not lenient)
 
 
+@pytest.mark.parametrize(("cpus", "shared"), [(None, 0), (1, 0), (2, 2), (8, 3)])
+def test_drives_are_shared_among_as_many_processes(
+    cpus: int | None, shared: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gates, asked = runtime.firmware.gates, []
+    names = ["paper_spmsm", "ipmsm", "ipmsm_flux"]
+    monkeypatch.setattr(gates.os, "cpu_count", lambda: cpus)
+    monkeypatch.setattr(gates, "check_ready", lambda name: None)
+    monkeypatch.setattr(gates, "check_or_recall", lambda name, fresh, progress: Gated(name, (check(),)))
+    monkeypatch.setattr(gates, "share", lambda count, work, given, progress: asked.append((count, list(given))) or [])
+    found = gates.check_firmware(names)
+    assert (asked, [one.drive for one in found]) == (([(shared, names)], []) if shared else ([], names))
+
+
 @pytest.mark.parametrize("bad", [0, 1, 2])
 def test_one_drive_of_three_fails_all(bad: int, monkeypatch: pytest.MonkeyPatch) -> None:
     found = [_gated("failed" if k == bad else "passed") for k in range(3)]

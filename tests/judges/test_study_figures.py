@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import runtime.study.figures
+import runtime.study.run
+import runtime.study.tune
 from runtime.study.analysis import (
     FIGURES,
     Difference,
@@ -29,8 +32,8 @@ from runtime.study.figures import _cells, angle_figure, front_figure, map_figure
 from runtime.study.run import Study
 from runtime.study.statement import Range
 from runtime.study.tables import front_table, groups_table, paired_table, proof_table, verdict
-from runtime.study.tune import Check, Point, Tuned
-from tests.judges.made import Kept, cells_of, curves, group
+from runtime.study.tune import Check, Point, Tuned, tuned_facts
+from tests.judges.made import Kept, cells_of, command, curves, group, read_json
 
 # --- intervals, quantiles, pairs
 
@@ -281,3 +284,52 @@ def test_a_tunings_tables_and_figure(kept: Kept) -> None:
         ("steady rms, r/min", "load step, r/min"),
         ("steady rms, r/min", "start, r/min"),
     ]
+
+
+def test_json_of_a_tuning() -> None:
+    facts = tuned_facts(replace(_tuned(), lines="Q = 1\nR = 2"))
+    assert (facts["drive"], facts["filter"], facts["trials"], facts["interrupted"]) == ("d", "ckf", 4, False)
+    names = ("start", "steady rms", "load step")
+    for said, number in ((facts["drive_file"], 0), (facts["recommended"], 2), (facts["front"][0], 1)):
+        assert said["trial"] == number
+        assert said["factors"] == {"Q omega": 1.0 + number}
+        assert said["objectives"] == dict(zip(names, (10.0 - number, 1.0 + number, 5.0 * (number + 1)), strict=True))
+    assert [one["trial"] for one in facts["front"]] == [1, 2, 3]
+    assert facts["recommended"]["lines"] == ["Q = 1", "R = 2"]
+    own, better = facts["fresh_runs"]["drive_file"], facts["fresh_runs"]["recommended"]
+    assert own["objectives"] == dict(zip(names, (9.0, 1.0, 4.0), strict=True))
+    assert better["objectives"] == dict(zip(names, (8.0, 0.5, 3.0), strict=True))
+    assert own["success"] == {"successes": 8, "runs": 10, "rate": 0.8, "low": 0.5, "high": 0.9}
+    assert better["success"]["successes"] == 10
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_study_that_was_interrupted_ends_with_130(
+    interrupted: bool, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
+) -> None:
+    asked: list[Any] = []
+    made = _study(group("ckf", LOCKED), group("ickf", np.ones(40)), interrupted=interrupted)
+    monkeypatch.setattr(runtime.study.run, "state_study", lambda *rest: asked.append(rest) or (made.statement, [1, 2]))
+    monkeypatch.setattr(runtime.study.run, "run_study", lambda *rest: asked.append(rest) or made)
+    monkeypatch.setattr(runtime.study.figures, "write_figures", lambda study: [])
+    arguments = "study run ipmsm --runs 40 --seed 5 --filters ckf,ickf --out o --json s.json"
+    code, said = command(*arguments.split())
+    assert code == (130 if interrupted else 0), said
+    assert ("80 of 80 runs are kept" in said) is interrupted
+    assert read_json("s.json")["interrupted"] is interrupted
+    (names, kinds, _, _, seed), (_, packages, runs, out, *_) = asked
+    assert (list(names), list(kinds), seed) == (["ipmsm"], ["ckf", "ickf"], 5)
+    assert (packages, runs, out) == ([1, 2], 40, Path("o"))
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_tuning_that_was_interrupted_ends_with_130(
+    interrupted: bool, here: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
+) -> None:
+    made = replace(_tuned(), interrupted=interrupted)
+    monkeypatch.setattr(runtime.study.tune, "tune", lambda *rest: made)
+    monkeypatch.setattr(runtime.study.figures, "write_front", lambda tuned, folder: [Path("front.svg")])
+    code, said = command("study", "tune", "ipmsm", "--trials", "9", "--json", "t.json")
+    assert code == (130 if interrupted else 0), said
+    assert ("interrupted after 4 of 9 trials" in said) is interrupted
+    assert read_json("t.json")["interrupted"] is interrupted

@@ -28,10 +28,10 @@ _BITS = "INPUT_REJECTED|NOT_CONVERGED|COMMAND_REJECTED|COVARIANCE_REPAIRED|DIVER
 
 
 def _other_limit(match: re.Match[str]) -> str:
-    """A limit's number half as large, or another field of the same struct."""
+    """A limit's number twice as large, or another field of the same struct."""
     own, _, field = match[1].rpartition("->" if "->" in match[1] else ".")
     if not own:
-        return f"(0.5f * {match[1]})"
+        return f"({match[1]} + {match[1]})"
     return match[1].replace(field, {"nis_max": "tolerance", "nis_weight": "nis_max"}.get(field, "nis_max"))
 
 

@@ -79,6 +79,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("missing is always allowed", "result.good(allow_missing)", "result.good(True)", "test_what_is_good"),
     )),
     "runtime/firmware/link_ef.py": ("firmware_verdicts", (
+        ("worst cycles that are the median", "np.median(self.outcome.cost), np.max(self.outcome.cost)", "np.median(self.outcome.cost), np.median(self.outcome.cost)", "test_a_comparison_says_bits_median_and_worst"),
         ("worst is the median", "np.max(self.outcome.cost)", "np.median(self.outcome.cost)", "test_a_comparison_says_bits_median_and_worst"),
         ("median is the mean", "np.median(self.outcome.cost), np", "np.mean(self.outcome.cost), np", "test_a_comparison_says_bits_median_and_worst"),
         ("any count of the known loop", "<= self.processor.resolution", ">= 0", "test_a_counter_is_believed_where_it_counts_a_known_loop"),
@@ -104,6 +105,8 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("no end is no failure", 'elif "NON TERMINATING FUNCTION" in said:', 'elif "NO SUCH WORDS" in said:', "test_evas_verdict"),
     )),
     "runtime/commands/run.py": ("pages", (
+        ("run ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_run_ends_with_1_whatever_failed"),
+        ("GOOD without a chapter", "if failures or not ran.chapters else", "if failures else", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_chapter_is_no_result"),
         ("run passes with one good chapter", "if not all_hold(", "if not any(", "test_run_ends_with_1_whatever_failed"),
         ("run passes without a chapter", "if not all_hold(", "if not all(", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_chapter_is_no_result"),
     )),
@@ -112,6 +115,9 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("no chapter, and all links hold", "passed=all_hold(", "passed=all(", "tests/judges/test_nothing_is_shown_by_nothing.py::test_a_page_without_chapters_passes_nothing"),
     )),
     "runtime/drive/simulation.py": ("drive_figures", (
+        ("locked if it was once", "np.max(np.abs(self.angle_error[late])) <= 30.0", "np.min(np.abs(self.angle_error[late])) <= 30.0", "test_lock"),
+        ("worst that is the median", '"start": float(np.max(', '"start": float(np.median(', "test_figures_against_a_loop_over_samples"),
+        ("angle of the start too", "self.angle_error[moving]", "self.angle_error[start]", "test_figures_against_a_loop_over_samples"),
         ("60 degrees are locked", "<= 30.0)", "<= 60.0)", "test_lock"),
         ("lock without speed", "return finite and bool(near and", "return finite and bool(", "test_lock"),
         ("mean error of the start", '"start": float(np.max(np.abs(', '"start": float(np.mean(np.abs(', "test_figures_against_a_loop_over_samples"),
@@ -165,6 +171,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("a lost rotor that is no number", "not self.position_steady_rms <= LOST", "self.position_steady_rms > LOST", "tests/judges/test_truth_figures.py::test_a_lost_rotor_is_told"),
     )),
     "runtime/replay/statistics.py": ("replay_figures", (
+        ("a band of 90 % called 95 %", "-2 * math.log(0.975), -2 * math.log(0.025)", "-2 * math.log(0.95), -2 * math.log(0.05)", "test_consistency_step_by_step"),
         ("99 % that is 90 %", "Z_95 = 1.959963984540054", "Z_95 = 1.6448536269514722", "test_consistency_step_by_step"),
         ("size is never too large", "if self.nis_mean > high:", "if self.nis_mean > 1e9:", "test_words_of_consistency"),
         ("one white axis is enough", "min(self.ljung_box)", "max(self.ljung_box)", "test_words_of_consistency"),
@@ -199,6 +206,8 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("low and high exchanged", "{100 * rate.rate:.1f} ({100 * rate.low:.1f} .. {100 * rate.high:.1f})\", style", "{100 * rate.rate:.1f} ({100 * rate.high:.1f} .. {100 * rate.low:.1f})\", style", "test_tables_of_a_study"),
     )),
     "runtime/faults/survey.py": ("fault_verdicts", (
+        ("JSON: with and without the reaction exchanged", 'for recovery in outcome.recoveries],\n        "alone"', 'for recovery in outcome.alone],\n        "alone"', "test_json_of_an_outcome"),
+        ("a band in radians", "np.abs(run.angle_error) < ANGLE_BAND", "np.abs(run.angle_error) < np.degrees(ANGLE_BAND)", "test_an_angle_out_of_its_band"),
         ("one recovered run is enough", "return all_hold(recovery.recovered", "return any(recovery.recovered", "test_figures_over_runs"),
         ("no run is recovered", "return all_hold(recovery.recovered", "return all(recovery.recovered", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_fault_is_survived_by_nobody"),
         ("ten times the band", "LEAST_REST = 20.0, 10.0, 0.05", "LEAST_REST = 200.0, 100.0, 0.05", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
@@ -210,10 +219,12 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("seconds called ms", '"time") * 1e3', '"time")', "test_figures_over_runs"),
     )),
     "runtime/commands/faults.py": ("fault_verdicts", (
+        ("faults ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_faults_ends_with_1_if_one_run_did_not_recover"),
         ("one recovered outcome is enough", "if not all_hold(outcome.recovered", "if not any(outcome.recovered", "test_faults_ends_with_1_if_one_run_did_not_recover"),
         ("no outcome is enough", "if not all_hold(outcome.recovered", "if not all(outcome.recovered", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_fault_is_survived_by_nobody"),
     )),
     "runtime/endurance/soak.py": ("endurance_verdicts", (
+        ("no step is a soak", "if not self.decades:", "if False:", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_step_is_no_soak"),
         ("lock at half a turn", "LOCKED = math.pi / 4", "LOCKED = math.pi", "test_what_fails_a_soak"),
         ("growth is not told", "if not now <= GROWTH * then:", "if False:", "test_growth_and_the_truths_own_angle"),
         ("status without a reason is fine", "if decade.unexpected:", "if decade.unexpected > 99:", "test_what_fails_a_soak"),
@@ -226,10 +237,12 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("hours of seconds", "result.sample_time / 3600", "result.sample_time / 60", "test_the_table_and_figure_of_a_soak"),
     )),
     "runtime/commands/soak.py": ("endurance_verdicts", (
+        ("soak ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_soak_ends_with_1_if_one_failed"),
         ("every soak must fail", "if not all_hold(not result.failures()", "if not any(not result.failures()", "test_soak_ends_with_1_if_one_failed"),
         ("no soak is enough", "if not all_hold(not result.failures()", "if not all(not result.failures()", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_step_is_no_soak"),
     )),
     "runtime/commands/fuzz.py": ("endurance_verdicts", (
+        ("fuzz ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_fuzz_ends_with_1_if_anything_was_found"),
         ("every campaign must find", "if not all_hold(campaign.good", "if not any(campaign.good", "test_fuzz_ends_with_1_if_anything_was_found"),
         ("no campaign is enough", "if not all_hold(campaign.good", "if not all(campaign.good", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_execution_is_no_campaign"),
     )),
@@ -260,6 +273,32 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     )),
     "runtime/compare/figures.py": ("pages", (
         ("the bound is the typical price", 'bound = [cost.cycles["5"]', 'bound = [cost.cycles["2.5"]', "test_drawings_of_a_comparison"),
+    )),
+    "runtime/report/page.html.j2": ("pages", (
+        ("rms of rad/s", "<th>steady rms, r/min</th>", "<th>steady rms, rad/s</th>", "test_the_page_shows_what_the_chapters_hold"),
+        ("an angle in radians", "<th>largest error</th><th>angle after start, deg</th>", "<th>largest error</th><th>angle after start, rad</th>", "test_the_page_shows_what_the_chapters_hold"),
+        ("words called bytes", "<th>state, 16-bit words</th>", "<th>state, bytes</th>", "test_the_page_shows_what_the_chapters_hold"),
+        ("T in ms called us", "point.sample_time * 1e6", "point.sample_time * 1e3", "test_the_page_shows_what_the_chapters_hold"),
+        ("rms and largest exchanged", '{{ "%.2f" | format(f.load_step) }}</td><td>{{ "%.3f" | format(f.steady_rms) }}', '{{ "%.2f" | format(f.steady_rms) }}</td><td>{{ "%.3f" | format(f.load_step) }}', "test_the_page_shows_what_the_chapters_hold"),
+    )),
+    "runtime/compare/compare.html.j2": ("pages", (
+        ("us called ms", "<th>T, us</th>", "<th>T, ms</th>", "test_the_page_of_a_comparison"),
+        ("T in ms called us", "s.drive.model.sample_time * 1e6", "s.drive.model.sample_time * 1e3", "test_the_page_of_a_comparison"),
+        ("load step and rms exchanged", "<th>load step, r/min</th><th>steady rms, r/min</th>", "<th>steady rms, r/min</th><th>load step, r/min</th>", "test_the_page_of_a_comparison"),
+    )),
+    "runtime/commands/study.py": ("study_figures", (
+        ("an interrupted study ends with 0", "            soft_wrap=True,\n        )\n        raise typer.Exit(130)", "            soft_wrap=True,\n        )\n        raise typer.Exit(0)", "test_a_study_that_was_interrupted_ends_with_130"),
+        ("an interrupted tuning ends with 0", "    if tuned.interrupted:", "    if False:", "test_a_tuning_that_was_interrupted_ends_with_130"),
+    )),
+    "runtime/study/tune.py": ("study_figures", (
+        ("JSON: fresh runs exchanged", '"drive_file": checked(tuned.check_own), "recommended": checked(tuned.check_recommended)', '"drive_file": checked(tuned.check_recommended), "recommended": checked(tuned.check_own)', "test_json_of_a_tuning"),
+        ("JSON: objectives in another order", "objectives = dict(zip(OBJECTIVES, point.values, strict=True))", "objectives = dict(zip(OBJECTIVES, reversed(point.values), strict=True))", "test_json_of_a_tuning"),
+    )),
+    "runtime/endurance/fuzz.py": ("endurance_verdicts", (
+        ("nothing executed is good", "self.executions > 0 and not", "self.executions >= 0 and not", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_execution_is_no_campaign"),
+    )),
+    "runtime/system/verdicts.py": ("endurance_verdicts", (
+        ("nothing holds", "bool(found) and all(found)", "all(found)", "tests/judges/test_nothing_is_shown_by_nothing.py::test_all_hold_by_truth_table"),
     )),
 }  # fmt: skip
 
