@@ -18,6 +18,7 @@ PLACES = 2
 
 _TESTS = "tests/judges/test_"
 FIRMWARE = f"{_TESTS}firmware_verdicts.py"
+STATIC = f"{_TESTS}static_verdicts.py"
 PROOF = f"{_TESTS}proof_verdicts.py {_TESTS}proof_tables.py"
 DRIVE = f"{_TESTS}drive_figures.py {_TESTS}truth_figures.py"
 UNITS, REPLAY, STUDY = (f"{_TESTS}{name}.py" for name in ("units", "replay_figures", "study_figures"))
@@ -51,8 +52,8 @@ JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "runtime/firmware/tables.py": (FIRMWARE, ()),
     "runtime/firmware/link_ef.py": (FIRMWARE, ()),
     "runtime/firmware/emulator.py": (FIRMWARE, ("emulate",)),
-    "runtime/firmware/static/compilers.py": (FIRMWARE, ()),
-    "runtime/firmware/static/misra.py": (FIRMWARE, ("find",)),
+    "runtime/firmware/static/compilers.py": (STATIC, ()),
+    "runtime/firmware/static/misra.py": (STATIC, ("find",)),
     "runtime/drive/tables.py": (f"{DRIVE} -k 'table or claims or simulate'", ()),
     "runtime/drive/figures.py": (f"{DRIVE} -k 'figure or band'", ()),
     "runtime/drive/simulate.py": (f"{DRIVE} -k 'simulate'", ()),

@@ -93,14 +93,14 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     "runtime/firmware/cortex_m4.py": ("firmware_verdicts", (
         ("ticks for instructions", "INSTRUCTIONS_PER_TICK = 40 / 1024", "INSTRUCTIONS_PER_TICK = 1024 / 40", "test_units_of_the_stand_ins"),
     )),
-    "runtime/firmware/static/compilers.py": ("firmware_verdicts", (
+    "runtime/firmware/static/compilers.py": ("static_verdicts", (
         ("warnings are no failure", '"failed" if said or not sources', '"failed" if not sources', "test_compilers_verdict"),
         ("a silent failure passes", "if code else [])", "if False else [])", "test_compilers_verdict"),
     )),
-    "runtime/firmware/static/misra.py": ("firmware_verdicts", (
+    "runtime/firmware/static/misra.py": ("static_verdicts", (
         ("unexplained rules are forgiven", "bad = [*broken, *required, *unexplained]", "bad = [*broken, *required]", "test_misra_verdict"),
     )),
-    "runtime/firmware/static/eva.py": ("firmware_verdicts", (
+    "runtime/firmware/static/eva.py": ("static_verdicts", (
         ("a failed analysis is not proved, no more", 'if verdict.failure:\n        return "failed"', 'if verdict.failure:\n        return "not proved"', "test_evas_verdict"),
         ("no end is no failure", 'elif "NON TERMINATING FUNCTION" in said:', 'elif "NO SUCH WORDS" in said:', "test_evas_verdict"),
     )),
@@ -281,7 +281,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("T in ms called us", "point.sample_time * 1e6", "point.sample_time * 1e3", "test_the_page_shows_what_the_chapters_hold"),
         ("rms and largest exchanged", '{{ "%.2f" | format(f.load_step) }}</td><td>{{ "%.3f" | format(f.steady_rms) }}', '{{ "%.2f" | format(f.steady_rms) }}</td><td>{{ "%.3f" | format(f.load_step) }}', "test_the_page_shows_what_the_chapters_hold"),
     )),
-    "runtime/compare/compare.html.j2": ("pages", (
+    "runtime/compare/compare.html.j2": ("comparison_page", (
         ("us called ms", "<th>T, us</th>", "<th>T, ms</th>", "test_the_page_of_a_comparison"),
         ("T in ms called us", "s.drive.model.sample_time * 1e6", "s.drive.model.sample_time * 1e3", "test_the_page_of_a_comparison"),
         ("load step and rms exchanged", "<th>load step, r/min</th><th>steady rms, r/min</th>", "<th>steady rms, r/min</th><th>load step, r/min</th>", "test_the_page_of_a_comparison"),
