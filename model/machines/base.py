@@ -245,6 +245,11 @@ class Machine(ABC):
         return Rotor.at(theta + self.constant("HALF_T", self.par.T / 2, "T / 2, s") * omega_e)
 
 
+def share_lost(z: Any) -> Any:
+    """1 - exp(-z), of a decay over z time constants; the difference of its terms would keep no digit of a small z."""
+    return -ca.expm1(-z)
+
+
 def midpoint(a: Pair, b: Pair) -> Pair:
     """Half way between two pairs."""
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from model.machines.base import Named, Parameters
+from model.machines.base import Named, Parameters, share_lost
 from model.quantities import Constants, Quantity
 
 OMEGA = Quantity("omega", r"\omega", "rad/s", "mechanical speed")
@@ -72,6 +72,12 @@ class Mechanics(ABC):
             return self.constant("DECAY_OMEGA", ca.exp(-par.T * par.D / par.J), "exp(-T D / J)")
         return self.constant("DECAY_OMEGA", 1 - par.T * par.D / par.J, "1 - T D / J")
 
+    def _settling(self) -> tuple[Any, str]:
+        """The integral of exp(-t D / J) over a sample, s, and its formula; T where there is no friction."""
+        par = self.par
+        z = par.T * par.D / par.J
+        return (par.T, "T") if z.is_zero() else (par.T * (share_lost(z) / z), "(1 - exp(-T D / J)) J / D")
+
 
 class ConstantSpeed(Mechanics):
     """Rows 3 and 4 of eq. 7: the speed decays with friction, torque is left to the process noise."""
@@ -94,7 +100,7 @@ class ConstantSpeed(Mechanics):
         return [self._decay(exact=False) * x[0], x[1] + T * omega_e], {}
 
     def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Exact decay of the speed; the angle moves with the mean of the speed before and after.
+        """The speed's decay and the angle that it makes, both solved exactly.
 
         Parameters
         ----------
@@ -106,8 +112,8 @@ class ConstantSpeed(Mechanics):
             Gives the electromagnetic torque of the interval, N m.
         """
         decay = self._decay(exact=True)
-        mean = self.constant("ADVANCE", self.par.T * (1 + decay) / 2, "T (1 + exp(-T D / J)) / 2, s")
-        return [decay * x[0], x[1] + mean * omega_e], {}
+        settling, text = self._settling()
+        return [decay * x[0], x[1] + self.constant("ADVANCE", settling, f"{text}, s") * omega_e], {}
 
 
 class LoadTorque(Mechanics):
@@ -133,7 +139,9 @@ class LoadTorque(Mechanics):
         return [self._decay(exact=False) * x[0] + gain * (T_e - x[2]), x[1] + T * omega_e, x[2]], {"torque": T_e}
 
     def exact(self, x: list[Any], omega_e: Any, torque: Torque) -> Next:
-        """Torque held over the interval; its gain (1 - exp(-T D / J)) / D to second order in T D / J, so D may be 0.
+        """The speed solved exactly under a torque that is held; the angle moves with its mean of before and after.
+
+        That mean is of second order in T D / J.
 
         Parameters
         ----------
@@ -145,9 +153,9 @@ class LoadTorque(Mechanics):
             Gives the electromagnetic torque of the interval, N m.
         """
         decay = self._decay(exact=True)
-        gain = self.constant(
-            "GAIN_OMEGA", self.par.T * (1 + decay) / (2 * self.par.J), "T (1 + exp(-T D / J)) / (2 J), rad/s per N m"
-        )
+        settling, text = self._settling()
+        text = "T / J" if text == "T" else "(1 - exp(-T D / J)) / D"
+        gain = self.constant("GAIN_OMEGA", settling / self.par.J, f"{text}, rad/s per N m")
         half = self.constant("HALF_T", self.par.T / 2, "T / 2, s")
         T_e = torque()
         omega = decay * x[0] + gain * (T_e - x[2])

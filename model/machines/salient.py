@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint
+from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint, share_lost
 from model.quantities import Quantity
 
 
@@ -133,9 +133,7 @@ class SalientPMSM(Machine):
         """The current after t under L di/dt = v - R i."""
         R = self.nominal.R
         decay = self.constant(f"DECAY_{axis}", ca.exp(-t * R / L), f"exp(-{t_text} R / {L_text})")
-        gain = self.constant(
-            f"GAIN_{axis}", (1 - ca.exp(-t * R / L)) / R, f"(1 - exp(-{t_text} R / {L_text})) / R, A/V"
-        )
+        gain = self.constant(f"GAIN_{axis}", share_lost(t * R / L) / R, f"(1 - exp(-{t_text} R / {L_text})) / R, A/V")
         return decay * i + gain * v
 
     def _induced(self, i: Pair, omega_e: Any) -> Pair:

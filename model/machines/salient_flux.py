@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
 
-from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint
+from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint, share_lost
 from model.quantities import Quantity
 
 
@@ -168,7 +169,7 @@ class SalientFluxPMSM(Machine):
         Where R is a state, v - R i acts through the gain of the motor's own R.
         """
         T, R = self.par.T, self.nominal.R
-        loss = 1 - ca.exp(-T * R / L)
+        loss = share_lost(T * R / L)
         gain = self.constant(
             f"GAIN_{axis}", loss * L / R, f"(1 - exp(-T R / L_{axis.lower()})) L_{axis.lower()} / R, s"
         )
@@ -178,10 +179,12 @@ class SalientFluxPMSM(Machine):
         return gain * v - self.constant(f"LOSS_{axis}", loss, f"1 - exp(-T R / L_{axis.lower()})") * chi
 
     def _saliency(self) -> Any:
-        return self.constant("SALIENCY", 1 / self.par.L_d - 1 / self.par.L_q, "1 / L_d - 1 / L_q, A/Wb")
+        L_d, L_q = self.par.L_d, self.par.L_q  # one fraction, since two would cancel where they are nearly equal
+        return self.constant("SALIENCY", (L_q - L_d) / (L_d * L_q), "1 / L_d - 1 / L_q, A/Wb")
 
 
 def _left(z: Any) -> Any:
-    """1 + a - 2 (1 - a) / z with a = exp(-z)."""
-    decay = ca.exp(-z)
-    return 1 + decay - 2 * (1 - decay) / z
+    """1 + a - 2 (1 - a) / z with a = exp(-z): about z^2 / 6, which is summed up where the terms would cancel to it."""
+    if ca.SX(z).is_constant() and float(z) < 1:
+        return ca.SX(math.fsum((-float(z)) ** k * (k - 1) / math.factorial(k + 1) for k in range(2, 20)))
+    return 1 + ca.exp(-z) - 2 * share_lost(z) / z

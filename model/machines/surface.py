@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint
+from model.machines.base import Machine, Named, Pair, Rotor, Sampled, midpoint, share_lost
 from model.quantities import Quantity
 
 
@@ -128,7 +128,7 @@ class SurfacePMSM(Machine):
         par = self.par
         T, L, R = par.T, par.L_d, self.nominal.R
         decay = self.constant("DECAY_I", ca.exp(-T * R / L), "exp(-T R / L)")
-        gain = self.constant("GAIN_V", (1 - decay) / R, "(1 - exp(-T R / L)) / R, A/V")
+        gain = self.constant("GAIN_V", share_lost(T * R / L) / R, "(1 - exp(-T R / L)) / R, A/V")
         emf = self.constant("GAIN_E", gain * par.psi_m, "psi_m (1 - exp(-T R / L)) / R, A s/rad")
         middle = self._middle(theta, omega_e)
         z_next, named = _advance(z, self.excess_drop(z, v), omega_e, middle, (decay, emf, gain))

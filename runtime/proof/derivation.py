@@ -136,14 +136,19 @@ def second_statement(
     states = [a, b, omega, theta]
     if mechanics == "load_torque":
         at, angle = ((z + z_next) / 2, motor.middle) if exact else (z, theta)
-        omega_next += T / J * ((1 + decay) / 2 if exact else 1) * (motor.torque(at, angle) - T_L)
+        omega_next += ((1 - decay) / D if exact else T / J) * (motor.torque(at, angle) - T_L)
         states.append(T_L)
+    if not exact:
+        turned = T * omega
+    elif mechanics == "load_torque":
+        turned = T * (omega + omega_next) / 2
+    else:  # friction alone takes speed: J domega = -D omega dt
+        turned = (omega - omega_next) * J / D
     states += [SLOW[word] for word in adaptive]
-    advance = T * p * ((omega + omega_next) / 2 if exact else omega)
     own = {"magnet_flux": psi_m, "stator_resistance": R}
     slow = [SLOW[word] + (own[word] - SLOW[word]) * sp.Rational(return_rate) for word in adaptive]
     load = [T_L] if mechanics == "load_torque" else []
-    f = sp.Matrix([*_parts(z_next), omega_next, theta + advance, *load, *slow])
+    f = sp.Matrix([*_parts(z_next), omega_next, theta + p * turned, *load, *slow])
     return sp.Matrix(states), f, sp.Matrix(_parts(motor.current(z, theta)))
 
 

@@ -102,10 +102,12 @@ class MotorData:
             w_next = (1 - self.T * self.D / self.J) * w
             w_next += self.T / self.J * (T_e - x[4]) if self.loaded else 0.0
             return [w_next, th + self.T * self.p * w, *self.rest(x)]
-        b = math.exp(-self.T * self.D / self.J)
-        w_next = b * w
-        w_next += self.T / self.J * (1 + b) / 2 * (T_e - x[4]) if self.loaded else 0.0
-        return [w_next, th + self.T * self.p * (w + w_next) / 2, *self.rest(x)]
+        # (1) solved for a torque that is held; where it is known the angle takes the mean of the speeds.
+        z = self.T * self.D / self.J
+        still = self.T * (-math.expm1(-z) / z if z else 1.0)  # integral of exp(-t D / J), s
+        w_next = w * math.exp(-z) + (still / self.J * (T_e - x[4]) if self.loaded else 0.0)
+        turned = self.T * (w + w_next) / 2 if self.loaded else still * w
+        return [w_next, th + self.p * turned, *self.rest(x)]
 
     def rest(self, x: Array) -> list[Any]:
         """The load torque stays; slow states relax towards the motor's data.
@@ -149,10 +151,10 @@ class SurfaceMotor:
             )
             return np.array([*i, *d.mechanics(x, self.torque(x[:2], th, psi))])
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly at the motor's R.
-        a = math.exp(-d.T * d.R / d.L_d)
+        z = d.T * d.R / d.L_d
         middle = th + d.T * w_e / 2
         e = psi * w_e * np.array([-np.sin(middle), np.cos(middle)])
-        i = a * x[:2] + (1 - a) / d.R * (u - e - (R - d.R) * x[:2])
+        i = math.exp(-z) * x[:2] - math.expm1(-z) / d.R * (u - e - (R - d.R) * x[:2])
         return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle, psi))])
 
     def torque(self, i: Array, th: Any, psi: Any) -> Any:
@@ -227,8 +229,9 @@ class SalientMotor:
         axes = np.array([d.L_d, d.L_q])
 
         def relax(t: float, i_coupling: Array) -> Array:
-            a = np.exp(-t * d.R / axes)
-            return times(np.diag(a), i_dq) + times(np.diag((1 - a) / d.R), left - w_e * times(turning, i_coupling))
+            z = t * d.R / axes
+            held = left - w_e * times(turning, i_coupling)
+            return times(np.diag(np.exp(-z)), i_dq) - times(np.diag(np.expm1(-z) / d.R), held)
 
         i_next = times(to_stator, relax(d.T, relax(d.T / 2, i_dq)))
         return np.array([*i_next, *d.mechanics(x, self.torque((i + i_next) / 2, middle, psi))])
@@ -299,11 +302,10 @@ class SalientFluxMotor:
         to_stator, to_rotor = rotation(middle), rotation(-middle)
         L = np.array([d.L_d, d.L_q])
         z = d.T * d.R / L
-        a = np.exp(-z)
         i = times(np.diag(1 / L), times(to_rotor, x[:2]) - magnet)
-        psi_dq = times(to_rotor, x[:2]) + times(np.diag((1 - a) / z * d.T), times(to_rotor, u) - R * i)
+        psi_dq = times(to_rotor, x[:2]) + times(np.diag(-np.expm1(-z) / z * d.T), times(to_rotor, u) - R * i)
         # Meanwhile the magnet turns in that frame, from -T w_e / 2 to T w_e / 2.
-        left = (1 + a - 2 * (1 - a) / z)[1]
+        left = not_yet_relaxed(float(z[1]))
         psi = times(to_stator, psi_dq + left * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
 
@@ -346,6 +348,20 @@ class SalientFluxMotor:
         if "psi" in d.slow:
             H[:, 4 + d.loaded + d.slow.index("psi")] = -product(to_stator, inverse)[:, 0]
         return H
+
+
+def not_yet_relaxed(z: float) -> float:
+    """1 - tanh(z / 2) / (z / 2) of all that is not lost, 1 + exp(-z).
+
+    The same as 1 + a - 2 (1 - a) / z with a = exp(-z), but by Lambert's continued fraction of the hyperbolic tangent,
+    whose terms are all positive: nothing cancels.
+    """
+    y, inner = z / 2, 0.0
+    if y > 20:
+        return 1 - 1 / y
+    for odd in range(101, 1, -2):
+        inner = y * y / (odd + inner)
+    return (1 + math.exp(-z)) * inner / (1 + inner)
 
 
 def times(matrix: Array, vector: Array) -> Array:

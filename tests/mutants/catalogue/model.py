@@ -6,9 +6,11 @@ from tests.mutants.mutant import Mutant
 
 MACHINES = "model/machines/"
 EQUATIONS = "pytest tests/model/test_equations.py tests/model/test_machines.py -k"
+DRAWN = "pytest tests/model/test_accepted_motors.py -k"
 ORDER = f"{EQUATIONS} 'second_order or generic_one or surface or power or order'"
 
 PAPER, TORQUE = ("model paper_spmsm", "A-B paper_spmsm"), ("model spmsm_load_torque", "A-B spmsm_load_torque")
+BOTH_SIGNS = (f"{DRAWN} 'constant or coenergy'",)
 SALIENT, FLUX = ("A-B ipmsm",), ("model ipmsm_flux", "A-B ipmsm_flux")
 ADAPTIVE = ("model ipmsm_adaptive", "A-B ipmsm_adaptive")
 
@@ -40,8 +42,8 @@ SURFACE = _of(
     ("torque at the end", "middle.to_rotor(midpoint(z, z_next))", "middle.to_rotor(z_next)", TORQUE),
     (
         "gain at R of the state",
-        '(1 - decay) / R, "(1',
-        '(1 - decay) / par.R, "(1',
+        'share_lost(T * R / L) / R, "(1',
+        'share_lost(T * R / L) / par.R, "(1',
         ("pytest tests/model/test_machines.py -k 'adaptive_resistance'",),
     ),
     ("derivative: sign of e_beta", "e_beta = par.psi_m", "e_beta = -par.psi_m", (ORDER,)),
@@ -74,6 +76,13 @@ SALIENT_MUTANTS = _of(
     ("saliency reversed", 'self.par.L_d - self.par.L_q, "L_d', 'self.par.L_q - self.par.L_d, "L_d', SALIENT),
     ("currents returned swapped", "middle.to_stator((i_d, i_q))", "middle.to_stator((i_q, i_d))", SALIENT),
     ("factor 1.5 lost", '1.5 * self.par.p, "1.5 p"', 'self.par.p, "1.5 p"', SALIENT),
+    ("saliency of one sign", 'self.par.L_d - self.par.L_q, "', '-ca.fabs(self.par.L_d - self.par.L_q), "', BOTH_SIGNS),
+    (
+        "derivative: saliency of one sign",
+        "coupling = self.par.L_d - self.par.L_q",
+        "coupling = -ca.fabs(self.par.L_d - self.par.L_q)",
+        (f"{DRAWN} voltage",),
+    ),
     (
         "derivative: coupling dropped",
         "return omega_e * coupling * i[1], omega_e",
@@ -99,7 +108,7 @@ FLUX_MUTANTS = _of(
         "per_L_q * z[0] - rotor.cos * i_salient",
         FLUX,
     ),
-    ("saliency reversed", "1 / self.par.L_d - 1 / self.par.L_q", "1 / self.par.L_q - 1 / self.par.L_d", FLUX),
+    ("saliency reversed", "(L_q - L_d) / (L_d * L_q)", "(L_d - L_q) / (L_d * L_q)", FLUX),
     ("magnet forgotten on d", 'self._change("D", psi_d - psi_m', 'self._change("D", psi_d', FLUX),
     ("magnet's turn dropped", "+ half_turn * (psi_m * omega_e)", "", FLUX),
     ("voltage of the other axis", 'self._change("Q", psi_q, v_q,', 'self._change("Q", psi_q, v_d,', FLUX),
@@ -109,8 +118,18 @@ FLUX_MUTANTS = _of(
         "z_next = Rotor.at(theta).to_stator((psi_d_next",
         FLUX,
     ),
-    ("gain of loss reversed", "loss = 1 - ca.exp(-T * R / L)", "loss = 1 + ca.exp(-T * R / L)", FLUX),
-    ("share left on q", "1 + decay - 2 * (1 - decay) / z", "1 + decay - (1 - decay) / z", FLUX),
+    ("gain of loss reversed", "loss = share_lost(T * R / L)", "loss = 2 - share_lost(T * R / L)", FLUX),
+    ("share left on q", "1 + ca.exp(-z) - 2 * share_lost(z) / z", "1 + ca.exp(-z) - share_lost(z) / z", FLUX),
+    ("series of the share left", "/ math.factorial(k + 1)", "/ math.factorial(k + 2)", ("A-B ipmsm_flux",)),
+    ("share left cancels", "float(z) < 1", "float(z) < 1e-4", (f"{DRAWN} constant",)),
+    ("saliency cancels", "(L_q - L_d) / (L_d * L_q)", "1 / L_d - 1 / L_q", (f"{DRAWN} constant",)),
+    ("saliency of one sign", "(L_q - L_d) / (L_d * L_q)", "ca.fabs(L_q - L_d) / (L_d * L_q)", (f"{DRAWN} coenergy",)),
+    (
+        "magnet turns the other way",
+        "+ half_turn * (psi_m * omega_e)",
+        "- half_turn * (psi_m * omega_e)",
+        (f"{DRAWN} 'second_order'",),
+    ),
     ("torque of the d axis", "* z_dq[0]) * z_dq[1]", "* z_dq[1]) * z_dq[1]", ADAPTIVE),
     ("reluctance torque reversed", "psi_m - (gain * self._saliency())", "psi_m + (gain * self._saliency())", ADAPTIVE),
     (
@@ -151,6 +170,8 @@ BASE = _of(
         'self.par.T, "T / 2, s") * omega_e',
         TORQUE,
     ),
+    ("what a decay loses cancels", "return -ca.expm1(-z)", "return 1 - ca.exp(-z)", (f"{DRAWN} constant",)),
+    ("Park of one sign", "self.sin * ab[1], self.cos", "ca.fabs(self.sin) * ab[1], self.cos", (f"{DRAWN} park",)),
     ("mean of one", "0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])", "0.5 * (a[0] + b[0]), b[1]", TORQUE),
     (
         "excess drop reversed",
@@ -177,12 +198,30 @@ MECHANICS = _of(
     ),
     ("decay without D", "ca.exp(-par.T * par.D / par.J)", "ca.exp(-par.T / par.J)", TORQUE),
     ("angle stands still", "x[1] + T * omega_e], {}", "x[1]], {}", PAPER),
-    ("angle by half", "x[1] + mean * omega_e], {}", "x[1] + 0.5 * mean * omega_e], {}", FLUX),
+    ("angle by half", 'settling, f"{text}, s")', '0.5 * settling, f"{text}, s")', FLUX),
     (
         "advance of the old speed",
-        'self.par.T * (1 + decay) / 2, "T (1 + exp(-T D / J)) / 2, s"',
-        'self.par.T * (2 - decay), "T (1 + exp(-T D / J)) / 2, s"',
+        "par.T * (share_lost(z) / z)",
+        "par.T * (2 - share_lost(z) / z)",
         ("pytest tests/model/test_equations.py -k 'second_order or (sympy and exact and paper)'",),
+    ),
+    (
+        "settling by the trapezoid",
+        "par.T * (share_lost(z) / z)",
+        "par.T * (1 - share_lost(z) / 2)",
+        (f"{DRAWN} 'held'",),
+    ),
+    (
+        "friction and torque out of balance",
+        "settling / self.par.J,",
+        "settling / self.par.J * (1 + 1e-3 * settling * self.par.D / self.par.J),",
+        (f"{DRAWN} 'settle'",),
+    ),
+    (
+        "little friction is none",
+        "if z.is_zero()",
+        "if z.is_constant() and float(z) < 1e-3",
+        (f"{DRAWN} 'held'",),
     ),
     (
         "load accelerates",
@@ -191,7 +230,7 @@ MECHANICS = _of(
         TORQUE,
     ),
     ("load forgotten", "omega = decay * x[0] + gain * (T_e - x[2])", "omega = decay * x[0] + gain * T_e", TORQUE),
-    ("inertia forgotten", "self.par.T * (1 + decay) / (2 * self.par.J)", "self.par.T * (1 + decay) / 2", TORQUE),
+    ("inertia forgotten", "settling / self.par.J,", "settling,", TORQUE),
     (
         "angle by the old speed alone",
         "half * omega_e + half * self.electrical_speed(omega)",
