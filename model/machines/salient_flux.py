@@ -179,8 +179,8 @@ class SalientFluxPMSM(Machine):
         return gain * v - self.constant(f"LOSS_{axis}", loss, f"1 - exp(-T R / L_{axis.lower()})") * chi
 
     def _saliency(self) -> Any:
-        L_d, L_q = self.par.L_d, self.par.L_q  # one fraction, since two would cancel where they are nearly equal
-        return self.constant("SALIENCY", (L_q - L_d) / (L_d * L_q), "1 / L_d - 1 / L_q, A/Wb")
+        # Where the two are nearly equal they cancel, to the rounding of 1 / L_q, to which this is added.
+        return self.constant("SALIENCY", 1 / self.par.L_d - 1 / self.par.L_q, "1 / L_d - 1 / L_q, A/Wb")
 
 
 def _left(z: Any) -> Any:

@@ -108,7 +108,7 @@ FLUX_MUTANTS = _of(
         "per_L_q * z[0] - rotor.cos * i_salient",
         FLUX,
     ),
-    ("saliency reversed", "(L_q - L_d) / (L_d * L_q)", "(L_d - L_q) / (L_d * L_q)", FLUX),
+    ("saliency reversed", "1 / self.par.L_d - 1 / self.par.L_q", "1 / self.par.L_q - 1 / self.par.L_d", FLUX),
     ("magnet forgotten on d", 'self._change("D", psi_d - psi_m', 'self._change("D", psi_d', FLUX),
     ("magnet's turn dropped", "+ half_turn * (psi_m * omega_e)", "", FLUX),
     ("voltage of the other axis", 'self._change("Q", psi_q, v_q,', 'self._change("Q", psi_q, v_d,', FLUX),
@@ -122,8 +122,12 @@ FLUX_MUTANTS = _of(
     ("share left on q", "1 + ca.exp(-z) - 2 * share_lost(z) / z", "1 + ca.exp(-z) - share_lost(z) / z", FLUX),
     ("series of the share left", "/ math.factorial(k + 1)", "/ math.factorial(k + 2)", ("A-B ipmsm_flux",)),
     ("share left cancels", "float(z) < 1", "float(z) < 1e-4", (f"{DRAWN} constant",)),
-    ("saliency cancels", "(L_q - L_d) / (L_d * L_q)", "1 / L_d - 1 / L_q", (f"{DRAWN} constant",)),
-    ("saliency of one sign", "(L_q - L_d) / (L_d * L_q)", "ca.fabs(L_q - L_d) / (L_d * L_q)", (f"{DRAWN} coenergy",)),
+    (
+        "saliency of one sign",
+        "1 / self.par.L_d - 1 / self.par.L_q",
+        "ca.fabs(1 / self.par.L_d - 1 / self.par.L_q)",
+        (f"{DRAWN} coenergy",),
+    ),
     (
         "magnet turns the other way",
         "+ half_turn * (psi_m * omega_e)",
@@ -170,7 +174,7 @@ BASE = _of(
         'self.par.T, "T / 2, s") * omega_e',
         TORQUE,
     ),
-    ("what a decay loses cancels", "return -ca.expm1(-z)", "return 1 - ca.exp(-z)", (f"{DRAWN} constant",)),
+    ("what a decay loses cancels", "float(z) < 0.25", "float(z) < 1e-4", (f"{DRAWN} constant",)),
     ("Park of one sign", "self.sin * ab[1], self.cos", "ca.fabs(self.sin) * ab[1], self.cos", (f"{DRAWN} park",)),
     ("mean of one", "0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])", "0.5 * (a[0] + b[0]), b[1]", TORQUE),
     (
