@@ -23,20 +23,33 @@ from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Moto
 
 DRIVES = Path(__file__).parent
 
-#: T R / L up to which forward Euler follows the current well enough to stay locked (0.34 does not, 0.17 does).
+#: T R / L up to which forward Euler follows the current well enough to stay locked (0.34 does not, 0.17 does); of
+#: T D / J no more is allowed.
 EULER_LIMIT = 0.2
+
+#: Share of a motor's datum by which an adaptive state may stay off it, since float32 rounds its return away.
+RETURN_LIMIT = 0.05
 
 
 def cautions(drive: Drive) -> list[str]:
     """What is allowed but likely a mistake, one line each."""
-    m, model = drive.motor, drive.model
-    ratio = model.sample_time * m.stator_resistance / min(m.inductance_d, m.inductance_q)
-    if model.discretization == "euler" and ratio > EULER_LIMIT:
-        return [
-            f"drive '{drive.name}': forward Euler with T R / L = {ratio:.2f}; above {EULER_LIMIT} the filter may lose "
-            f"lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / ratio * model.sample_time:.3g} s."
-        ]
-    return []
+    m, model, lines = drive.motor, drive.model, []
+    rates = {"T R / L": m.stator_resistance / min(m.inductance_d, m.inductance_q), "T D / J": m.friction / m.inertia}
+    for word, rate in rates.items():
+        share = model.sample_time * rate
+        if model.discretization == "euler" and share > EULER_LIMIT:
+            lines.append(
+                f"drive '{drive.name}': forward Euler with {word} = {share:.2f}; above {EULER_LIMIT} "
+                f"the filter may lose lock. Use discretization = 'exact', or sample_time <= {EULER_LIMIT / rate:.3g} s."
+            )
+    kept = 2.0**-25 / model.return_rate  # half a unit in the last place of a value is 2^-25 of it, or more
+    if model.adaptive and kept > RETURN_LIMIT:
+        lines.append(
+            f"drive '{drive.name}': with model.adaptive_time = {model.adaptive_time:g} s float32 rounds the return of "
+            f"{' and '.join(model.adaptive)} away within {min(kept, 1):.0%} of the motor's own; "
+            f"{RETURN_LIMIT * 2**24.5 * model.sample_time:.2g} s or less returns."
+        )
+    return lines
 
 
 def shipped_drives() -> list[str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from model.drives.load import DRIVES, load_drive, shipped_drives
+from model.drives.load import DRIVES, cautions, load_drive, shipped_drives
 from model.schema import DriveError
+from tests.conftest import variant
 
 pytestmark = pytest.mark.unit
 
@@ -116,3 +118,33 @@ def test_design_contract_example_is_accepted(tmp_path: Path) -> None:
     path = tmp_path / "boxless.toml"
     path.write_text(head)
     assert load_drive(path).operating_box.speed > 0
+
+
+def test_cautions_say_what_is_coarse() -> None:
+    """Euler's share of a winding's and of the speed's decay in a sample, each with a sample time that will do."""
+    paper = load_drive("paper_spmsm")
+    assert [cautions(load_drive(name)) for name in shipped_drives()] == [[]] * len(shipped_drives())
+    for word, motor, longest in (
+        ("T R / L = 0.34", {"stator_resistance": 14.375}, 0.2 * 835e-6 / 14.375),
+        ("T D / J = 0.50", {"friction": 10.0, "inertia": 4e-4}, 0.2 * 4e-4 / 10),
+    ):
+        coarse = variant(paper, motor=motor)
+        (line,) = cautions(coarse)
+        assert f"forward Euler with {word}; above 0.2" in line
+        assert float(line.split("sample_time <= ")[1].split()[0]) == pytest.approx(longest, rel=1e-2)
+        assert not cautions(variant(coarse, model={"sample_time": 0.999 * longest}))
+        assert not cautions(variant(coarse, model={"discretization": "exact"}))
+
+
+def test_a_return_that_float32_rounds_away_is_cautioned() -> None:
+    """What is said is what float32 does: within that share of its own value an adaptive state stays where it is."""
+    drive = variant(load_drive("spmsm_adaptive"), model={"adaptive_time": 300.0})
+    (line,) = cautions(drive)
+    assert "return of magnet_flux and stator_resistance away within 12% of the motor's own; 1.2e+02 s" in line
+    assert not cautions(variant(drive, model={"adaptive_time": 118.0}))
+    f = np.float32
+    for own in (drive.motor.magnet_flux, drive.motor.stator_resistance):
+        for share, stays in ((0.12, True), (-0.11, True), (0.5, False), (-0.3, False)):
+            value = f(own * (1 + share))
+            after = f(value + f(f(drive.model.return_rate) * f(f(own) - value)))
+            assert bool(after == value) is stays, (own, share)
