@@ -153,6 +153,21 @@ int scripted_foc_step(FOC_T *c, const float32 phase[2], const float32 command[2]
     return board.status;
 }
 
+/* Which of the example's counters are not 0, a letter each. */
+const char *counting(void)
+{
+    const int counts[] = {ticks, since, rejected, diverged, excess, content, mirrored};
+    static char found[8];
+    int k, used = 0;
+    for (k = 0; k < 7; k++) {
+        if (counts[k] != 0) {
+            found[used++] = "tsrdecm"[k];
+        }
+    }
+    found[used] = 0;
+    return found;
+}
+
 /* The self-tests: they leave rubbish in their work space. */
 int scripted_selftest(FILTER_T *work, float32 tolerance)
 {

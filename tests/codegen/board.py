@@ -128,6 +128,11 @@ class Board:
             self.gates = {"0": False, "1": True}.get(letter, self.gates)
         return found
 
+    def counting(self) -> str:
+        """Which counters of the example are not 0: ticks, since, rejected, diverged, excess, content, mirrored."""
+        self.library.counting.restype = ctypes.c_char_p
+        return str(self.library.counting().decode())
+
     @property
     def torque(self) -> bool:
         """Whether the last step was followed by, or had, torque."""

@@ -43,7 +43,9 @@ _EXAMPLE: tuple[Row, ...] = (
         "static void rest(void)\n{\n    inverter_on();",
         WHOLE,
     ),
-    ("gates on before rest", "    ticks = 0;\n    rest();", "    ticks = 0;\n    probe();", WHOLE),
+    ("gates on before rest", "    rest(); /* the motor may", "    probe(); /* the motor may", WHOLE),
+    ("counts of an earlier life", "    clear_counts();\n    ticks = 0;", "    ticks = 0;", WHOLE),
+    ("excess of an earlier life", "    excess = 0;\n    mirrored = 0;", "    mirrored = 0;", WHOLE),
     (
         "no rest after a current that is not zero",
         "since = (is_within(i, ZERO_CURRENT) != 0) ? (since + 1) : 0;",
