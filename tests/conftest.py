@@ -14,13 +14,14 @@ import pytest
 from codegen.generate import Package, generate, generate_bare
 from model.drives.load import load_drive, shipped_drives
 from model.schema import Drive
+from tests.features import fewest
 
 os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pmsm-ickf-tests"))
 # A test makes what it judges, for it may have planted a fault; those of what is kept take this back.
 os.environ.setdefault("PMSM_ICKF_FRESH", "1")
 
-#: One of each kind of model: what most tests run on.
-DRIVES = ("paper_spmsm", "ipmsm_flux", "spmsm_load_torque")
+#: The fewest that have every feature between them: what most tests run on.
+DRIVES = fewest()
 #: All of them, for what is cheap or must hold for each.
 ALL_DRIVES = tuple(shipped_drives())
 #: What a proof consists of.

@@ -18,16 +18,18 @@ from runtime.drive.experiment import simulate
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.proof.reference import jacobian, make_motor
 from runtime.system.errors import UserError
-from tests.conftest import DRIVES
 from tests.runtime.test_cli import call
+
+#: Two that differ in sampling and mechanics, and one of another machine.
+COMPARED = ("paper_spmsm", "ipmsm_flux", "spmsm_load_torque")
 
 
 @pytest.fixture(scope="module")
 def subjects() -> list[Subject]:
-    return collect(DRIVES)
+    return collect(COMPARED)
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", COMPARED)
 def test_structure_is_that_of_the_references_jacobians(name: str) -> None:
     """Complex steps through the hand-written f and h at random points: what is zero, one, constant, varying."""
     subject = Subject(name, find_folder(name))
@@ -51,7 +53,7 @@ def test_structure_is_that_of_the_references_jacobians(name: str) -> None:
 def test_figures_are_those_of_folders_and_runs(subjects: list[Subject]) -> None:
     facts = to_json(subjects)
     assert json.loads(json.dumps(facts)) is not None
-    for name in DRIVES:
+    for name in COMPARED:
         manifest = find_folder(name).manifest
         for kind, cost in facts["cost"][name].items():
             stated = manifest["filters"][kind]
@@ -60,7 +62,7 @@ def test_figures_are_those_of_folders_and_runs(subjects: list[Subject]) -> None:
             assert cost["text_bytes_m4"] == manifest["measured"][f"{name}_{kind}_step"]["text_bytes"]
             T = manifest["parameters"]["model"]["sample_time"]
             assert cost["percent_of_sample_time"] == pytest.approx(stated["cycles"]["2.5"] / (150e6 * T) * 100)
-    assert len(costs(subjects)) == len(certificates(subjects)) == 2 * len(DRIVES)
+    assert len(costs(subjects)) == len(certificates(subjects)) == 2 * len(COMPARED)
     (run,) = simulate("ipmsm_flux", "load_step", ("ickf",))
     found = next(r for r in facts["accuracy"]["ipmsm_flux"] if (r["scenario"], r["filter"]) == ("load_step", "ickf"))
     assert found["load_step"] == run.figures()["load_step"]
@@ -71,7 +73,7 @@ def test_lines_and_keys_are_told_apart(subjects: list[Subject]) -> None:
     assert not lines["f", "omega_e"].differs
     current = lines["f", "i_alpha_next"]
     assert current.differs
-    assert [owners for _, owners in current.variants] == [(0,), (2,)]  # DRIVES: paper_spmsm, ipmsm_flux, ...
+    assert [owners for _, owners in current.variants] == [(0,), (2,)]  # COMPARED
     keys = {row.key: row for row in file_rows(subjects)}
     assert keys["model.machine"].values == ("surface", "salient_flux", "surface")
     assert not keys["filter.kinds"].differs
