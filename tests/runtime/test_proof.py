@@ -22,6 +22,7 @@ from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.proof.drives import prove_or_recall
+from runtime.proof.link_text import link_text
 from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
@@ -45,7 +46,8 @@ def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_
     package = generate_bare(drive)
     write_folder(tmp_path / name, package.files)
     prover = _prover(drive, package, tmp_path / name)
-    for link in [*prover.along_trajectory(kind), *prover._box(kind), prover._bits(kind).link(("-O2",))]:
+    text = link_text(GeneratedFolder(tmp_path / name, checked=False), kind, drive.filter.gain)
+    for link in [*prover.along_trajectory(kind), *prover._box(kind), prover._bits(kind).link(("-O2",)), text]:
         assert link.passed, str(link.divergence)
 
 
