@@ -12,10 +12,14 @@ from model.schema import Drive
 from runtime.folders.resolve import GENERATED
 
 
-def iterates(drive: Drive) -> bool:
-    """Whether its ICKF has a loop: its folder says so, or that iterating is idle."""
-    manifest = json.loads((GENERATED / drive.name / "manifest.json").read_text())
-    return bool(manifest["filters"]["ickf"]["iteration"] == "bounded loop")
+LOOP = "bounded loop"
+
+
+def iteration(drive: Drive) -> str:
+    """What its generated folder says of its ICKF: a loop, or why iterating is idle; nothing of a drive without one."""
+    manifest = GENERATED / drive.name / "manifest.json"
+    filters = json.loads(manifest.read_text())["filters"] if manifest.exists() else {}
+    return str(filters["ickf"]["iteration"]) if "ickf" in filters else ""
 
 
 def state_unit(drive: Drive) -> str:
@@ -34,8 +38,8 @@ FEATURES: dict[str, Callable[[Drive], bool]] = {
     "exact": lambda drive: drive.model.discretization == "exact",
     "adaptive": lambda drive: bool(drive.model.adaptive),
     "root order": lambda drive: drive.filter.root_order is not None,
-    "iterating": iterates,
-    "idle": lambda drive: not iterates(drive),
+    "iterating": lambda drive: iteration(drive) == LOOP,
+    "idle": lambda drive: iteration(drive) not in {LOOP, ""},
 }
 
 

@@ -8,7 +8,7 @@ from model.drives.load import load_drive, shipped_drives
 from model.filters import build_filter
 from model.machines.state_space import build
 from tests.conftest import ALL_DRIVES, DRIVES
-from tests.features import FEATURES, fewest, iterates, unmet
+from tests.features import FEATURES, LOOP, fewest, iteration, unmet
 
 pytestmark = pytest.mark.unit
 
@@ -37,5 +37,14 @@ def test_a_feature_that_is_missing_is_told() -> None:
 @pytest.mark.parametrize("name", shipped_drives())
 def test_whether_it_iterates_is_what_the_proof_of_it_says(name: str) -> None:
     drive = load_drive(name)
-    step = build_filter(build(drive), "ickf", drive.filter.gain)
-    assert iterates(drive) is (step.iteration_proof is None)
+    if "ickf" in drive.filter.kinds:
+        step = build_filter(build(drive), "ickf", drive.filter.gain)
+        assert iteration(drive) == (step.iteration_proof or LOOP)
+    else:
+        assert iteration(drive) == ""
+
+
+def test_a_drive_that_is_not_generated_yet_neither_iterates_nor_is_idle() -> None:
+    new = load_drive("paper_spmsm").model_copy(update={"name": "new"})
+    assert not FEATURES["iterating"](new)
+    assert not FEATURES["idle"](new)
