@@ -11,7 +11,6 @@ from model.machines import find_machine
 from model.schema import Drive
 from runtime.folders.resolve import GENERATED
 
-
 LOOP = "bounded loop"
 
 

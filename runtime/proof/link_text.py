@@ -32,7 +32,7 @@ from runtime.proof.text.python_nodes import Record
 from runtime.proof.text.python_steps import PythonText
 from runtime.proof.text.terms import Terms
 
-#: Blocks that each form has at least, by the ends of their names: a filter may have a time update of its own.
+#: Blocks that each form has at least; a filter's own, such as ekf_time_update, go before those of the cubature filters.
 MUST = {
     "C": ("sin_cos", "time_update"),
     "lanes": ("sin_cos", "time_update"),
@@ -107,7 +107,7 @@ class _Texts:
 
     def block_rows(self, form: str) -> Iterator[Row]:
         found = self.found(form)
-        needed = (next((name for name in self.wanted if name.endswith(end)), end) for end in MUST[form])
+        needed = (own if (own := f"{self.kind}_{name}") in self.wanted else name for name in MUST[form])
         for name in dict.fromkeys([*needed, *found]):
             yield _block_row(form, name, self.wanted.get(name), found.get(name))
 

@@ -229,8 +229,7 @@ class SalientMotor:
         axes = np.array([d.L_d, d.L_q])
 
         def relax(t: float, i_coupling: Array) -> Array:
-            z = t * d.R / axes
-            held = left - w_e * times(turning, i_coupling)
+            z, held = t * d.R / axes, left - w_e * times(turning, i_coupling)
             return times(np.diag(np.exp(-z)), i_dq) - times(np.diag(np.expm1(-z) / d.R), held)
 
         i_next = times(to_stator, relax(d.T, relax(d.T / 2, i_dq)))
@@ -253,13 +252,7 @@ class SalientMotor:
         return 1.5 * d.p * (psi + (d.L_d - d.L_q) * i_d) * i_q
 
     def h(self, x: Array) -> Array:
-        """Return the currents, A, (2,).
-
-        Parameters
-        ----------
-        x : ndarray
-            State, in the model's order.
-        """
+        """Return the currents, A, (2,)."""
         return x[:2].copy()  # (5)
 
     def H(self, x: Array) -> Array:
@@ -305,8 +298,7 @@ class SalientFluxMotor:
         i = times(np.diag(1 / L), times(to_rotor, x[:2]) - magnet)
         psi_dq = times(to_rotor, x[:2]) + times(np.diag(-np.expm1(-z) / z * d.T), times(to_rotor, u) - R * i)
         # Meanwhile the magnet turns in that frame, from -T w_e / 2 to T w_e / 2.
-        left = not_yet_relaxed(float(z[1]))
-        psi = times(to_stator, psi_dq + left * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
+        psi = times(to_stator, psi_dq + not_yet_relaxed(float(z[1])) * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
 
     def torque(self, psi: Array, th: Any, psi_m: Any) -> Any:
@@ -351,17 +343,11 @@ class SalientFluxMotor:
 
 
 def not_yet_relaxed(z: float) -> float:
-    """1 - tanh(z / 2) / (z / 2) of all that is not lost, 1 + exp(-z).
-
-    The same as 1 + a - 2 (1 - a) / z with a = exp(-z), but by Lambert's continued fraction of the hyperbolic tangent,
-    whose terms are all positive: nothing cancels.
-    """
+    """(1 + exp(-z)) (1 - tanh(z / 2) / (z / 2)), by Lambert's continued fraction of tanh, where nothing cancels."""
     y, inner = z / 2, 0.0
-    if y > 20:
-        return 1 - 1 / y
     for odd in range(101, 1, -2):
         inner = y * y / (odd + inner)
-    return (1 + math.exp(-z)) * inner / (1 + inner)
+    return (1 + math.exp(-z)) * inner / (1 + inner) if y < 20 else 1 - 1 / y
 
 
 def times(matrix: Array, vector: Array) -> Array:
