@@ -24,7 +24,10 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number folded at generation that keeps its name: ``value`` of ``formula``, standing for ``symbol``."""
+    """A number folded at generation that keeps its name: ``value`` of ``formula``, standing for ``symbol``.
+
+    Without a symbol (None) it is the name of that number wherever a block holds it.
+    """
 
     name: str
     value: float

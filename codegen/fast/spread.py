@@ -153,6 +153,12 @@ class Spreading:
         """Of a pair of points."""
         return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
 
+    def _name_weight(self, b: GraphBuilder, weight: float) -> None:
+        """Keep the name of a number that no constant of the model makes."""
+        if self.rule is not None:
+            of = f"1 / {self.n + self.rule.kappa:g}: weight of the two points of a column of S"
+            b.graph.told[weight] = "PAIR_WEIGHT", of
+
     def _name_bends(
         self, b: GraphBuilder, equation: str, names: list[str], even: Sequence[Vector], totals: Vector, mean: Vector
     ) -> None:
@@ -182,6 +188,7 @@ class Spreading:
         About one row's mean is enough for two rows: the deviations' own mean is zero.
         """
         weight = self._weight()
+        self._name_weight(b, weight)
         scale, even = zip(*(common_factor(row) for row in run.even), strict=True)
         totals = [sum_of(row) for row in even]
         mean = [total * weight for total in totals]

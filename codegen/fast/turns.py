@@ -91,6 +91,6 @@ def _after(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, s
     stages = tuple(
         Stage(s.name, s.equation, s.meaning, move(s.entries), s.names, s.rows, s.scale) for s in block.stages
     )
-    new.sums = block.graph.sums
+    new.folds, new.told = block.graph.folds, block.graph.told
     hints = tuple((name, Expr(new, moved[entry.node])) for name, entry in block.hints)
     return GraphBlock(block.name, block.title, inputs, outputs, stages, new, block.last, hints)

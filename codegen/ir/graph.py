@@ -53,8 +53,11 @@ class Graph:
         self.nodes: list[Node] = []
         #: What passes made of this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
         self.rewritten: dict[tuple[Any, ...], tuple[Graph, dict[int, int]]] = {}
-        #: Sums of named constants met: value to name and formula. Nodes stay without, lest passes take them for others.
-        self.sums: dict[float, tuple[str, str]] = {}
+        #: Constants that were folded: value to operation and operands, of which :func:`codegen.ir.constants.with_names`
+        #: makes names. Nodes stay without them, lest passes take one for another.
+        self.folds: dict[float, tuple[str, tuple[Node, ...]]] = {}
+        #: Names and formulas of numbers that no named constant makes, the weights of points.
+        self.told: dict[float, tuple[str, str]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
         self._constants: dict[int, float] = {}
 
@@ -93,7 +96,8 @@ class Graph:
     def named(self, known: dict[float, tuple[str, str]]) -> Graph:
         """A graph of the same nodes in which these numbers have a name and a formula, if they had none."""
         new = Graph()
-        new.sums, new._index, new._constants = self.sums, dict(self._index), dict(self._constants)
+        new.told = self.told
+        new.folds, new._index, new._constants = self.folds, dict(self._index), dict(self._constants)
         for node in self.nodes:
             nameless = node.op == "const" and not node.name
             name, formula = known.get(node.value, ("", "")) if nameless else (node.name, node.formula)
@@ -110,24 +114,13 @@ class Graph:
         constants = [self._constants.get(arg) for arg in args]
         if op in _FOLD and None not in constants:
             value = _FOLD[op](*constants)
-            name, formula = self._sum_name(op, args)
-            if name:
-                self.sums.setdefault(value, (name, formula))
+            self.folds.setdefault(value, (op, tuple(self[arg] for arg in args)))
             return self.const(value)
         if op == "mul" and 1.0 in constants:
             return args[1 - constants.index(1.0)]
         if op == "div" and constants[1] is not None and math.frexp(constants[1])[0] == 0.5:
             return self.op("mul", args[0], self.const(1.0 / constants[1]))  # a power of two: exact either way
         return None
-
-    def _sum_name(self, op: str, args: tuple[int, ...]) -> tuple[str, str]:
-        """``ONE_MINUS_A`` and its formula for 1 - A, likewise a sum; of anything else nothing."""
-        word = {"add": "PLUS", "sub": "MINUS"}.get(op, "")
-        operands = [self[arg].name or {1.0: "ONE"}.get(self[arg].value, "") for arg in args]
-        name = f"_{word}_".join(operands)
-        if not word or not all(operands) or operands == ["ONE", "ONE"] or len(name) > SIGNIFICANT:
-            return "", ""
-        return name, f" {'+' if op == 'add' else '-'} ".join(self[arg].name or "1" for arg in args)
 
     def is_two_pi(self, value: int) -> bool:
         """See :class:`Algebra`."""

@@ -7,6 +7,7 @@ is written where it is used. Sections follow the paper's equation numbers.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -103,8 +104,19 @@ class Listing:
         return count
 
 
-def lay_out(block: Block, constants: list[Constant]) -> Listing:
-    """Read a block's tape (or take its graph as it stands), name its operations and order them."""
+def lay_out(block: Block, constants: Sequence[Constant]) -> Listing:
+    """Read a block's tape (or take its graph as it stands), name its operations and order them.
+
+    Parameters
+    ----------
+    block : Block
+    constants : sequence of Constant
+        Those of the tape; one without a symbol is known by its value.
+
+    Returns
+    -------
+    Listing
+    """
     graph, outputs, stages = _taken(block) if isinstance(block, GraphBlock) else _to_graph(block, constants)
     roots = [node for nodes in outputs.values() for node in nodes]
     live = frozenset(graph.reachable(roots))
@@ -113,16 +125,18 @@ def lay_out(block: Block, constants: list[Constant]) -> Listing:
     return Listing(block, graph, names, sections, outputs, stages, live)
 
 
-def _to_graph(block: Block, constants: list[Constant]) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
+def _to_graph(block: Block, constants: Sequence[Constant]) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
     graph = Graph()
     ports = [ca.vertcat(*port.entries) for port in block.inputs]
     results = [ca.vertcat(*(ca.SX(entry) for entry in item)) for item in _results(block)]
-    symbols = [ca.vertcat(*(constant.symbol for constant in constants))] if constants else []
+    symbolic = [constant for constant in constants if constant.symbol is not None]
+    symbols = [ca.vertcat(*(constant.symbol for constant in symbolic))] if symbolic else []
     function = ca.Function(block.name, [*ports, *symbols], [ca.densify(result) for result in results])
     inputs = [[graph.input(name) for name in port.names] for port in block.inputs]
-    if constants:
-        inputs.append([graph.const(constant.value, constant.name, constant.formula) for constant in constants])
+    if symbolic:
+        inputs.append([graph.const(constant.value, constant.name, constant.formula) for constant in symbolic])
     nodes = read_tape(graph, function, inputs)
+    graph = graph.named({c.value: (c.name, c.formula) for c in constants if c.symbol is None})
     stage_nodes = dict(zip((stage.name for stage in block.stages), nodes, strict=False))
     assert len(stage_nodes) == len(block.stages), "stage names must differ within a block"
     output_nodes = dict(zip((port.name for port in block.outputs), nodes[len(block.stages) :], strict=True))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 
-from codegen.ir.constants import with_sums
+from codegen.ir.constants import with_names
 from codegen.ir.expr import Expr, GraphBlock
 from codegen.ir.graph import Graph
 from codegen.passes.collect import collect
@@ -80,7 +80,7 @@ def _run_pipeline(made: Made, roots: list[int], passes: tuple[Pass, ...]) -> tup
     if passes not in made:
         graph, whole = _run_pipeline(made, roots, passes[:-1])
         new, moved = passes[-1](graph, [whole[root] for root in roots])
-        new.sums = graph.sums | new.sums
+        new.folds, new.told = graph.folds | new.folds, graph.told
         made[passes] = new, {old: moved[now] for old, now in whole.items() if now in moved}
     return made[passes]
 
@@ -93,7 +93,7 @@ def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
     if not isinstance(block, GraphBlock):
         return block
     graph, moved = run_passes(block.graph, block.roots, pipelines)
-    graph = with_sums(graph)
+    graph = with_names(graph)
 
     def rewritten(stage: Stage) -> Stage:
         kept = [k for k, entry in enumerate(stage.entries) if entry.node in moved]

@@ -96,7 +96,7 @@ def _folded(graph: Graph, found: Counter[int], roots: dict[str, int]) -> Counter
 
 def _rooted(graph: Graph, index: int, roots: dict[str, int]) -> Counter[Factor]:
     """A constant as the root whose square it holds, twice, and the number that is left; else as it is."""
-    names, plain = taken_apart(graph, index)
+    names, plain = taken_apart(graph[index])
     root = roots.get(product_name(Counter(dict.fromkeys(names, 1)), 1.0)) if set(names.values()) == {2} else None
     if root is None:
         return Counter({index: 1})

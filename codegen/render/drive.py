@@ -26,6 +26,7 @@ from codegen.render.printers.targets import F28335, HOST64
 from model.filters import FilterStep
 from model.loop.controller import (
     SENSED_MAX,
+    TRANSFORM,
     Gains,
     believed_block,
     clarke_block,
@@ -34,7 +35,7 @@ from model.loop.controller import (
     design,
     first_command,
 )
-from model.loop.plant import MOTOR, STATES, outputs_block, phasor_block, plant_block, rest_block
+from model.loop.plant import MOTOR, RUNGE_KUTTA, STATES, outputs_block, phasor_block, plant_block, rest_block
 from model.quantities import Constant, ConstantError, Constants, united
 from model.schema import Drive, DriveError
 
@@ -44,13 +45,13 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     constants = Constants(named=True)
     block = control_block(about.drive, constants)
     found = list(constants.items.values())
-    return lay_out(block, found), found
+    return lay_out(block, [*found, *TRANSFORM]), found
 
 
 def control_constants(about: Description, constants: list[Constant]) -> list[Constant]:
     """The controller's constants and the model's, which share a file; DriveError where they share a name."""
     try:
-        return united(constants, about.model.constants)
+        return united(constants, about.model.constants, TRANSFORM)
     except ConstantError as error:
         raise DriveError(f"drive '{about.drive.name}': controller and machine share a name: {error}.") from None
 
@@ -65,7 +66,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
     listing, constants = control_listing(about)
     names = [state.name for state in about.model.states]
     return {
-        "clarke": printer.format_block(lay_out(clarke_block(), [])),
+        "clarke": printer.format_block(lay_out(clarke_block(), TRANSFORM)),
         "believed": printer.format_block(believed_listing(about)),
         "control_text": printer.format_block(listing),
         "control_constants": control_constants(about, constants),
@@ -83,7 +84,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
 def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, Any]:
     """What the scalar and the lane form of the controller say, float32."""
     listing, constants = control_listing(about)
-    listings = (listing, believed_listing(about))
+    listings = (listing, believed_listing(about), lay_out(clarke_block(), TRANSFORM))
     used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
     p = f"{about.drive.name}_{kind}"
     return {
@@ -204,7 +205,7 @@ def plant_listings(drive: Drive) -> dict[str, Listing]:
         "substep": plant_block(drive),
         "outputs": outputs_block(drive),
     }
-    return {name: lay_out(block, []) for name, block in blocks.items()}
+    return {name: lay_out(block, [RUNGE_KUTTA]) for name, block in blocks.items()}
 
 
 def plant_data(drive: Drive) -> list[str]:
@@ -224,6 +225,8 @@ def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
         "states": ", ".join(STATES),
         "motor": ", ".join(MOTOR),
         "round": printer.format_literal(DOUBLE.rounding),
+        "weight": RUNGE_KUTTA,
+        "weight_text": printer.format_literal(RUNGE_KUTTA.value),
         "pair": printer.pair,
         "sin_cos": sin_cos_arithmetic(printer, DOUBLE),
         **{name: printer.format_block(listing) for name, listing in listings.items()},

@@ -15,10 +15,17 @@ import casadi as ca
 from model.filters.program import BlockBuilder
 from model.machines.base import Pair, Rotor
 from model.machines.state_space import StateSpaceModel
-from model.quantities import Block, Constants
+from model.quantities import Block, Constant, Constants
 from model.schema import Drive
 
 SQRT_3 = math.sqrt(3.0)
+
+#: Numbers of the transforms between three phases and two axes, by their names in generated text.
+TRANSFORM = (
+    Constant("ONE_BY_SQRT_3", 1 / SQRT_3, "1 / sqrt(3)", None),
+    Constant("TWO_BY_SQRT_3", 2 / SQRT_3, "2 / sqrt(3)", None),
+    Constant("SQRT_3_BY_2", SQRT_3 / 2, "sqrt(3) / 2", None),
+)
 
 #: Where dead-time compensation reaches its full size, A: six sigmas of a current sensor with 0.05 A noise.
 DEAD_CURRENT = 0.3

@@ -16,6 +16,9 @@ from model.schema import Drive
 #: d cos/dt = -omega_e sin, d sin/dt = omega_e cos. So a Runge-Kutta stage needs no sine.
 STATES = ("z_alpha", "z_beta", "omega", "theta", "rotor_cos", "rotor_sin")
 
+#: The weight of the first slope of four in a classical Runge-Kutta step, by its name in generated text.
+RUNGE_KUTTA = Constant("RUNGE_KUTTA_WEIGHT", 1.0 / 6.0, "1 / 6, of the first of four slopes", None)
+
 #: The motor's data, which the generated plant takes as data so that a study can vary them: ohm, 1/H, Wb, 1/(kg m^2),
 #: N m s/rad. Reciprocals, so that no division is left.
 MOTOR = ("R", "per_L_d", "per_L_q", "psi_m", "per_J", "D")
@@ -61,7 +64,7 @@ def plant_block(drive: Drive) -> Block:
         names = [f"slope{k + 1}_{name}" for name in STATES]
         b.stage(f"slope{k + 1}", "", f"slope {k + 1}", slopes[-1], names, scale="none")
     k1, k2, k3, k4 = slopes
-    sixth = (1.0 / 6.0) * h
+    sixth = RUNGE_KUTTA.value * h
     b.stage("sixth", "", "weighted mean of the slopes", [sixth], ["sixth_h"], scale="none")
     following = [s[j] + sixth * (k1[j] + 2 * (k2[j] + k3[j]) + k4[j]) for j in range(len(STATES))]
     b.output("s", following)

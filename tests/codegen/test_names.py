@@ -5,15 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from codegen.ir.constants import is_round, with_sums
+from codegen.ir.constants import is_round, with_names
 from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph
 from codegen.passes.hints import carried
-from model.drives.load import load_drive
-from model.machines.state_space import build
 from runtime.estimator.folder import GENERATED
 
 FILTERS = sorted(GENERATED.glob("*/*ckf.c"))
@@ -63,30 +60,43 @@ def test_a_hint_finds_its_value_in_another_form() -> None:
     }
 
 
-def literals(source: str) -> set[float]:
-    """Numbers that the blocks of a filter hold without a name."""
-    blocks = re.findall(r"^static void \w+\([^{]*\n\{\n(.*?)^\}", source, re.MULTILINE | re.DOTALL)
-    return {float(text) for block in blocks for text in re.findall(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?)f", block)}
+#: Texts of a drive with arithmetic in them, and the functions whose coefficients are a polynomial's or a reduction's.
+TEXTS = sorted([*FILTERS, *GENERATED.glob("*/*_foc.c"), *GENERATED.glob("*/host/*.c"), *GENERATED.glob("*/*.py")])
+POLYNOMIALS = re.compile(r"(sin_cos|wrap_angle|small_angle|_polynomial)")
 
 
-def nameless_sums(source: str, constants: dict[str, float]) -> set[float]:
-    """Numbers without a name that are 1 - A, 1 + A, A - B or A + B of a model's constants, round ones apart."""
-    values = [1.0, *constants.values()]
-    sums = {np.float32(a + sign * b) for a in values for b in constants.values() for sign in (1.0, -1.0)}
-    return {number for number in literals(source) if not is_round(number) and np.float32(number) in sums}
+def nameless(source: str) -> set[float]:
+    """Numbers without a name that the functions of a C or Python text calculate with, but small round ones."""
+    functions = re.findall(
+        r"^(?:static |void )\w[^\n(]* \**(\w+)\([^{]*\n\{\n(.*?)^\}", source, re.MULTILINE | re.DOTALL
+    )
+    functions += re.findall(r"^def (\w+)\([^\n]*:\n(.*?)(?=^\S)", source, re.MULTILINE | re.DOTALL)
+    assert functions
+    found = set()
+    for name, body in functions:
+        if POLYNOMIALS.search(name) or name.endswith("_init"):
+            continue
+        code = re.sub(r'/\*.*?\*/|""".*?"""|#.*', "", body, flags=re.DOTALL if "/*" in body else 0)
+        numbers = re.findall(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?=f?\b)", code)
+        found |= {float(text) for text in numbers}
+    return {number for number in found if not is_round(number)}
 
 
-@pytest.mark.parametrize("path", FILTERS, ids=lambda path: path.stem)
-def test_sums_of_constants_have_names(path: Path) -> None:
-    constants = {constant.name: constant.value for constant in build(load_drive(path.parent.name)).constants}
-    text = path.read_text()
-    assert nameless_sums(text, constants) == set()
-    defined = dict(re.findall(r"^#define (ONE_MINUS_\w+|\w+_MINUS_\w+) (\S+)f /\*", text, re.MULTILINE))
-    for name, number in defined.items():
-        assert name in text.replace(f"#define {name} ", "")
-        bare = re.sub(rf"^    (.*)\b{name}\b", rf"    \g<1>{number}f", text, flags=re.MULTILINE)
-        if not re.search(r"_(X\d|SQ)$", name):
-            assert nameless_sums(bare, constants) == {float(number)}, name
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem + path.suffix)
+def test_every_literal_has_a_name(path: Path) -> None:
+    assert nameless(path.read_text()) == set()
+
+
+def test_a_literal_without_a_name_is_seen() -> None:
+    assert len(TEXTS) >= 12 + 12 + 6
+    for path in FILTERS:
+        text = path.read_text()
+        names = [name for name in re.findall(r"^#define (\w+) \S+f /\*", text, re.MULTILINE) if f"* {name}" in text]
+        assert len(names) > 1, "constants that the filter multiplies with"
+        for name in names:
+            assert nameless(text.replace(f"* {name}", "* 0.123f", 1)) == {0.123}, name
+    module = GENERATED / "ipmsm" / "ipmsm.py"
+    assert nameless(module.read_text().replace("GAIN_D * ", "0.0027 * ")) == {0.0027}
 
 
 def test_a_sum_keeps_its_name_and_a_plain_number_has_none() -> None:
@@ -94,11 +104,11 @@ def test_a_sum_keeps_its_name_and_a_plain_number_has_none() -> None:
     one, loss = graph.const(1.0), graph.const(0.3, "LOSS", "T * R")
     kept = graph.op("sub", one, loss)
     fourfold, plain = graph.op("mul", graph.const(4.0), kept), graph.op("add", graph.const(0.5), one)
-    named = with_sums(graph)
+    named = with_names(graph)
     assert (named[kept].name, named[kept].formula, named[kept].value) == ("ONE_MINUS_LOSS", "1 - LOSS", 0.7)
     assert (named[fourfold].name, named[fourfold].formula) == ("ONE_MINUS_LOSS_X4", "4 * (1 - LOSS)")
     assert (named[plain].name, graph[kept].name) == ("", "")
     named.input("angle")
     assert graph[graph.input("angle")].name == "angle"  # what grows in one is not taken for known in the other
     half = graph.op("sub", one, graph.const(0.25, "QUARTER"))
-    assert with_sums(graph)[half].name == ""
+    assert with_names(graph)[half].name == ""
