@@ -1,4 +1,4 @@
-"""What a filter step costs beside its peers, measured here and now, in one run.
+"""The cost of a filter step beside its peers, measured here and now, in one run.
 
 Run: python benchmarks/cost.py [--table peers --table forms ...] [--json F] [--out build/bench]
 
@@ -90,7 +90,7 @@ def draw(tables: list[Table], out: Path) -> list[Path]:
 
 
 def write_passes(table: Table, path: Path) -> None:
-    """What each pass earns: operations, and instructions where they were counted."""
+    """The gain of each pass: operations, and instructions where they were counted."""
     from runtime.report.cost_figures import passes_figure
 
     panels: dict[str, dict[str, list[float]]] = {"operations, in additions": {}, "x86 instructions": {}}

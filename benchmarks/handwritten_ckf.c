@@ -1,6 +1,6 @@
 /* handwritten_ckf.c: the iterated cubature Kalman filter of paper_spmsm, written by hand.
  *
- * What a good engineer makes of the paper's equations (in brackets) in an afternoon: float, loops over states and
+ * The code a good engineer makes of the paper's equations (in brackets) in an afternoon: float, loops over states and
  * points, motor data folded by the compiler, covariances as centred sums, nothing computed twice on purpose.
  * Sine, cosine and the wrapping of theta are the generated filters' own (trig.h), so that no libm decides.
  */

@@ -55,7 +55,7 @@ class Package:
     accounts: dict[str, Account] = field(default_factory=dict)
 
 
-#: What C is printed for, and the folder it goes to.
+#: Targets of the C printer, and the folder of each.
 TARGETS = ((F28335, ""), (HOST64, "host/"))
 
 #: The shipped form exploits the model's structure; the literal one is the paper's, for reading and proving.
@@ -264,7 +264,7 @@ def measure(accounts: dict[str, Account], files: dict[str, str], measurer: Measu
 
 
 def _identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Any]:
-    """What a folder was generated from."""
+    """The inputs that a folder was generated from."""
     return {
         "drive": drive.name,
         "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",

@@ -1,4 +1,4 @@
-"""What a drive file may say: its sections, their units and ranges."""
+"""The schema of a drive file: its sections, their units and ranges."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Model(_Section):
 
     @property
     def return_rate(self) -> float:
-        """What share of its way back an adaptive state goes in a sample: T / adaptive_time, to a power of two."""
+        """The share of its way back that an adaptive state goes in a sample: T / adaptive_time, to a power of two."""
         return float(2.0 ** round(math.log2(self.sample_time / self.adaptive_time)))
 
     @field_validator("adaptive")
@@ -119,7 +119,7 @@ class Control(_Section):
 
 
 class Budget(_Section):
-    """What a step may cost; ``generate`` fails beyond it. Cycles are computed from published ones (150 MHz C28x).
+    """Limits of a step's cost; ``generate`` fails beyond. Cycles are computed from published ones (150 MHz C28x).
 
     ``cycles``: the dearest filter alone; ``controller_cycles``: with the controller around it, the whole interrupt;
     ``k``: cycles an addition or multiplication is priced at, 2.5 typical, 5 the bound; ``ram_words``: the largest

@@ -1,4 +1,4 @@
-"""What ``pmsm-ickf`` starts: Ctrl-C is one line while the libraries are still loading, too."""
+"""The entry point of ``pmsm-ickf``: Ctrl-C is one line while the libraries are still loading, too."""
 
 from __future__ import annotations
 

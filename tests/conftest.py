@@ -24,7 +24,7 @@ os.environ.setdefault("PMSM_ICKF_FRESH", "1")
 DRIVES = fewest()
 #: All of them, for what is cheap or must hold for each.
 ALL_DRIVES = tuple(shipped_drives())
-#: What a proof consists of.
+#: The parts of a proof.
 LINKS = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
 
 

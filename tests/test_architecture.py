@@ -58,7 +58,7 @@ def modules(root: Path) -> dict[str, Path]:
 
 
 def imported(path: Path) -> Iterator[str]:
-    """What a file imports, wherever in it, for types too; ``from a import b`` gives ``a.b``."""
+    """The imports of a file, wherever in it, for types too; ``from a import b`` gives ``a.b``."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
@@ -194,7 +194,7 @@ def test_files_that_documents_name_are_there(document: str) -> None:
 
 
 def texts(root: Path) -> Iterator[Path]:
-    """What people write and read: Python everywhere, C and templates outside the tests."""
+    """The files that people write and read: Python everywhere, C and templates outside the tests."""
     for room in (*ROOMS, "tests", "benchmarks"):
         ends = (".py",) if room == "tests" else (".py", ".c", ".h", ".j2")
         yield from sorted(path for path in (root / room).rglob("*") if path.suffix in ends)

@@ -62,7 +62,7 @@ def test_fewer_are_a_part_of_more_and_hold_every_sort(emitted: list[Mutant]) -> 
 
 
 def test_judges_are_turned_where_they_judge() -> None:
-    """What is drawn is another text of the same file that compiles; texts, looks and functions left alone are not."""
+    """A drawn mutant is another text of the same file that compiles; texts, looks and functions left alone are not."""
     for mutant in judged_mutants():
         compile(mutated_source(mutant), mutant.file, "exec")
         assert mutated_source(mutant) != (ROOT / mutant.file).read_text(encoding="utf-8")

@@ -1,1 +1,1 @@
-"""What ``benchmarks/cost.py`` measures: one module a kind of subject, one that counts, one that draws."""
+"""The measurements of ``benchmarks/cost.py``: one module a kind of subject, one that counts, one that draws."""

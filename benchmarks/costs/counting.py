@@ -93,7 +93,7 @@ class Inputs:
 
 
 def figure(compute: Callable[[], float]) -> Figure:
-    """What ``compute`` returns; where a tool or a package is missing, its name."""
+    """The result of ``compute``; where a tool or a package is missing, its name."""
     try:
         return compute()
     except MissingTool as error:

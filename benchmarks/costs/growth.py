@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from codegen.fast.ablation import accepted_path, build_rung
+from codegen.fast.ablation import accepted_path, build_ablation
 from codegen.ir.layout import Listing
 from codegen.passes import weight
 from costs import ours
@@ -99,7 +99,7 @@ def growth_table(length: Length, progress: Progress) -> Table:
             n = len(here.model.states)
             progress(f"n = {n}, {label}: counting")
             subject, cost = ours.candidate(here, "ckf", rung)
-            split = parts(*build_rung(here.model, "ckf", here.drive.filter.gain, rung))
+            split = parts(*build_ablation(here.model, "ckf", here.drive.filter.gain, rung))
             row: Row = {"form": f"{label}, n = {n}", "weight": float(cost.weight)}
             row |= {name: float(split[key]) for name, key in COLUMNS.items()}
             row |= {op: float(cost.operations[op]) for op in ("add", "mul", "div", "sqrt", "sincos")}

@@ -6,14 +6,14 @@ from collections import Counter
 from dataclasses import dataclass
 
 from codegen.evidence.ledger import Program
-from codegen.fast.ablation import RUNGS, Earned, Rung, build_rung, earned
+from codegen.fast.ablation import ABLATION, AblationStep, Earned, build_ablation, earned
 from codegen.render.filter import Description, render_filter, render_port
 from codegen.render.printers.targets import F28335
 from costs.counting import Candidate
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
 from model.schema import Drive
 
-LITERAL, SHIPPED = RUNGS[0], RUNGS[-1]
+LITERAL, SHIPPED = ABLATION[0], ABLATION[-1]
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,17 @@ class Problem:
         return cls(drive, build(drive), tuple(default_initial_state(drive)))
 
 
-def candidate(problem: Problem, kind: str, rung: Rung = SHIPPED, label: str = "") -> tuple[Candidate, Earned]:
-    """A filter of a problem as C, built as a rung says; ``operations`` are at most, sincos as calls."""
+def candidate(
+    problem: Problem, kind: str, ablation: AblationStep = SHIPPED, label: str = ""
+) -> tuple[Candidate, Earned]:
+    """A filter of a problem as C, built as an ablation step says; ``operations`` are at most, sincos as calls."""
     drive = problem.drive
-    step, listings = build_rung(problem.model, kind, drive.filter.gain, rung)
+    step, listings = build_ablation(problem.model, kind, drive.filter.gain, ablation)
     about = Description(drive, problem.model, problem.initial_state)
     header, source = render_filter(about, step, listings, F28335, [])
     name = f"{drive.name}_{kind}"
     sources = {"pmsm_port.h": render_port(), f"{name}.h": header, f"{name}.c": source}
     count: Counter[str] = Program(sources, f"{name}.c").count(f"{name}_step", drive.filter.max_iterations)
-    return Candidate(label or f"ours, {rung.name}, {kind}", name, sources, operations=count), earned(
-        rung, step, listings
+    return Candidate(label or f"ours, {ablation.name}, {kind}", name, sources, operations=count), earned(
+        ablation, step, listings
     )

@@ -19,7 +19,7 @@ Matrix = list[list[Any]]
 
 @dataclass(frozen=True)
 class Package:
-    """What the formulas ask of a symbolic package."""
+    """The functions that the formulas ask of a symbolic package."""
 
     sin: Callable[[Any], Any]
     cos: Callable[[Any], Any]

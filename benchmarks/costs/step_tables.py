@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from codegen.fast.ablation import OPERATIONS, RUNGS, weights_text
+from codegen.fast.ablation import ABLATION, OPERATIONS, weights_text
 from costs import ours, peers
 from costs.counting import (
     Candidate,
@@ -62,8 +62,8 @@ def peers_table(length: Length, progress: Progress) -> Table:
 def _subjects(problem: ours.Problem) -> list[tuple[str, Callable[[], Candidate]]]:
     drive = problem.drive
 
-    def own(kind: str, rung: ours.Rung) -> Callable[[], Candidate]:
-        return lambda: ours.candidate(problem, kind, rung)[0]
+    def own(kind: str, ablation: ours.AblationStep) -> Callable[[], Candidate]:
+        return lambda: ours.candidate(problem, kind, ablation)[0]
 
     return [
         ("ours, literal, ckf", own("ckf", ours.LITERAL)),
@@ -123,7 +123,7 @@ def forms_table(length: Length, progress: Progress, drives: Sequence[str] = ()) 
         for kind in ("ckf", "ickf"):
             progress(f"{name}, {kind}: counting both forms")
             inputs = inputs_of(problem, length, kind)
-            forms = [ours.candidate(problem, kind, rung)[0] for rung in (ours.LITERAL, ours.SHIPPED)]
+            forms = [ours.candidate(problem, kind, ablation)[0] for ablation in (ours.LITERAL, ours.SHIPPED)]
             host, m4 = (
                 [figure(lambda form=form, count=count, inputs=inputs: count(form, inputs)) for form in forms]
                 for count in (host_instructions, m4_instructions)
@@ -144,15 +144,15 @@ def forms_table(length: Length, progress: Progress, drives: Sequence[str] = ()) 
 
 
 def passes_table(length: Length, progress: Progress, kind: str = "ckf", drives: Sequence[str] = ()) -> Table:
-    """What each rung of :data:`codegen.fast.ablation.RUNGS` earns."""
+    """The gain of each step of :data:`codegen.fast.ablation.ABLATION`."""
     rows: list[Row] = []
     for name in drives or (PAPER, "ipmsm_flux", "spmsm_load_torque"):
         problem = ours.Problem.of(load_drive(name))
         inputs = inputs_of(problem, length, kind)
-        for rung in RUNGS:
-            progress(f"{name}, {rung.name}: counting")
-            subject, cost = ours.candidate(problem, kind, rung)
-            row: Row = {"form": f"{name}: {rung.name}", "weight": float(cost.weight)}
+        for ablation in ABLATION:
+            progress(f"{name}, {ablation.name}: counting")
+            subject, cost = ours.candidate(problem, kind, ablation)
+            row: Row = {"form": f"{name}: {ablation.name}", "weight": float(cost.weight)}
             row |= {op: float(cost.operations[op]) for op in OPERATIONS}
             row[X86] = figure(lambda subject=subject, inputs=inputs: host_instructions(subject, inputs))
             rows.append(row)

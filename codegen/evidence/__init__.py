@@ -1,1 +1,1 @@
-"""What executes, counts or measures the printed text, so that what is said of it has been seen."""
+"""Evidence on the printed text: it is executed, counted and measured here."""

@@ -38,7 +38,7 @@ def cycles(operations: Mapping[str, int], k: float) -> int:
 
 @dataclass(frozen=True)
 class Account:
-    """What one filter costs, alone and with the controller around it; counted in the emitted files."""
+    """The cost of one filter, alone and with the controller around it; counted in the emitted files."""
 
     program: Program
     name: str

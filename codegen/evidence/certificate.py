@@ -36,7 +36,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class ChipModel:
-    """What the chip is expected to add to host float32: modelled, not measured.
+    """The error that the chip is expected to add to host float32: modelled, not measured.
 
     ``fpu32``: flush to zero, and division and root by Newton steps; ``flushed``: flush to zero alone.
     """

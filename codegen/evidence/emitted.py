@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from pycparser import CParser, c_ast
 
-#: What TI's compiler and its float.h and limits.h define for the F28335: the branches the chip would take.
+#: Macros that TI's compiler and its float.h and limits.h define for the F28335: the branches the chip would take.
 CHIP_MACROS = {
     "__TMS320C28XX__": "1",
     "__TMS320C28XX_FPU32__": "1",

@@ -111,7 +111,7 @@ class Unit:
         } | {name: item.decl.type.type for name, item in self.functions.items()}
 
     def kind(self, type_node: Any) -> Kind:
-        """What a type's scalars are: arrays and pointers stand for their elements."""
+        """The scalar type behind a type: arrays and pointers stand for their elements."""
         while isinstance(type_node, c_ast.ArrayDecl | c_ast.PtrDecl):
             type_node = type_node.type
         names = type_node.type.names if isinstance(type_node.type, c_ast.IdentifierType) else []

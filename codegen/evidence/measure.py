@@ -28,7 +28,7 @@ FAILED = f"{COMPILER} failed on it"
 #: Seconds after which it is taken to hang.
 PATIENCE = 300.0
 
-#: What manifest.json keeps: source_sha256, and either compiler, stack_bytes and text_bytes, or not_measured.
+#: Its keys in manifest.json: source_sha256, and either compiler, stack_bytes and text_bytes, or not_measured.
 Record = dict[str, Any]
 
 

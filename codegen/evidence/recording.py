@@ -1,4 +1,4 @@
-"""What a self-test expects: the bits of the generated module in float32, and how far the chip may be from them.
+"""Expected results of a self-test: the bits of the generated module in float32, and how far the chip may be from them.
 
 The C28x with FPU32 adds and multiplies as IEEE does, but divides and takes roots by Newton steps, each good to
 3 units in the last place (published tables; not measured here). So the recorded steps are run again with every

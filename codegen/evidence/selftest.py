@@ -1,4 +1,4 @@
-"""What the self-test replays: a start, the corners of the operating box, and inputs that must be rejected.
+"""Inputs of the self-test: a start, the corners of the operating box, and inputs that must be rejected.
 
 Every number is rounded to few binary digits, so that the last bit of a platform's sine cannot change what is
 generated; the bits that are expected come from executing the generated module (:mod:`codegen.evidence.recording`).

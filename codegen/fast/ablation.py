@@ -1,9 +1,9 @@
-"""What each step of the fast form earns: the same filter built with one after another switched on.
+"""The gain of each step of the fast form: the same filter built with one after another switched on.
 
 >>> from model.drives.load import load_drive
 >>> from model.machines.state_space import build
 >>> earned = earnings(build(load_drive("paper_spmsm")), "ckf", "cubature")
->>> [item.rung.name for item in earned][:2]
+>>> [item.ablation.name for item in earned][:2]
 ['literal form', 'even and odd parts, L D L^T']
 >>> earned[-1].weight < earned[0].weight / 2
 True
@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from codegen.fast.steps import EVERYTHING, Means, build_fast_filter
+from codegen.fast.steps import EVERYTHING, Options, build_fast_filter
 from codegen.ir.layout import Listing, lay_out
 from codegen.passes import (
     WEIGHTS,
@@ -34,22 +34,22 @@ from model.quantities import Block
 
 
 @dataclass(frozen=True)
-class Rung:
-    """A way to build a filter: the fast form with some of its means or, with none, the literal one."""
+class AblationStep:
+    """A way to build a filter: the fast form with some of its options or, with none, the literal one."""
 
     name: str
-    means: Means | None = EVERYTHING
+    options: Options | None = EVERYTHING
 
 
 #: From the paper's form to the shipped one, each with what the one before has.
-RUNGS = (
-    Rung("literal form", None),
-    Rung("even and odd parts, L D L^T", Means(turning=False, pipelines=((),))),
-    Rung("+ turning frame", Means(pipelines=((),))),
-    Rung("+ shared reciprocals", Means(pipelines=((share_reciprocals, spend_reciprocals),))),
-    Rung("+ pulled signs", Means(pipelines=((share_reciprocals, pull_signs, spend_reciprocals),))),
-    Rung("+ shared products", Means(pipelines=without(collect))),
-    Rung("+ collected sums (as shipped)"),
+ABLATION = (
+    AblationStep("literal form", None),
+    AblationStep("even and odd parts, L D L^T", Options(turning=False, pipelines=((),))),
+    AblationStep("+ turning frame", Options(pipelines=((),))),
+    AblationStep("+ shared reciprocals", Options(pipelines=((share_reciprocals, spend_reciprocals),))),
+    AblationStep("+ pulled signs", Options(pipelines=((share_reciprocals, pull_signs, spend_reciprocals),))),
+    AblationStep("+ shared products", Options(pipelines=without(collect))),
+    AblationStep("+ collected sums (as shipped)"),
 )
 
 
@@ -58,7 +58,7 @@ OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "small_angle")
 
 
 def weights_text() -> str:
-    """What a weight is, in one sentence."""
+    """The definition of a weight, in one sentence."""
     pair, turn = WEIGHTS["sin"] + WEIGHTS["cos"], WEIGHTS["sinc"] + WEIGHTS["cosm1"]
     return (
         "Operations of a step whose measurement is accepted, each iterate once, small angles by their polynomials. "
@@ -69,36 +69,38 @@ def weights_text() -> str:
 
 @dataclass(frozen=True)
 class Earned:
-    """Cost of one step built as ``rung`` says, its measurement accepted, each iterate once.
+    """Cost of one step built as ``ablation`` says, its measurement accepted, each iterate once.
 
     ``operations``: as :meth:`codegen.ir.layout.Listing.operations`; ``weight``: in additions, see
     :data:`codegen.passes.WEIGHTS`.
     """
 
-    rung: Rung
+    ablation: AblationStep
     operations: Counter[str]
     weight: int
 
 
-def build_rung(model: StateSpaceModel, kind: str, gain: str, rung: Rung) -> tuple[FilterStep, dict[str, Listing]]:
+def build_ablation(
+    model: StateSpaceModel, kind: str, gain: str, ablation: AblationStep
+) -> tuple[FilterStep, dict[str, Listing]]:
     """The step and its listings by block name."""
-    means = rung.means
-    step = build_fast_filter(model, kind, gain, means) if means else build_filter(model, kind, gain)
-    pipelines = (means or EVERYTHING).pipelines
+    options = ablation.options
+    step = build_fast_filter(model, kind, gain, options) if options else build_filter(model, kind, gain)
+    pipelines = (options or EVERYTHING).pipelines
     return step, {block.name: lay_out(optimise(block, pipelines), model.constants) for block in step.blocks}
 
 
 def earnings(model: StateSpaceModel, kind: str, gain: str) -> list[Earned]:
-    """Every rung's cost."""
-    return [earned(rung, *build_rung(model, kind, gain, rung)) for rung in RUNGS]
+    """Every ablation's cost."""
+    return [earned(ablation, *build_ablation(model, kind, gain, ablation)) for ablation in ABLATION]
 
 
-def earned(rung: Rung, step: FilterStep, listings: dict[str, Listing]) -> Earned:
-    """The cost of a step that was built as ``rung`` says."""
+def earned(ablation: AblationStep, step: FilterStep, listings: dict[str, Listing]) -> Earned:
+    """The cost of a step that was built as ``ablation`` says."""
     path = [listings[block.name] for block in accepted_path(step.body)]
     operations = sum((listing.operations() for listing in path), Counter())
     weights = (weight(ls.graph, [node for nodes in ls.outputs.values() for node in nodes]) for ls in path)
-    return Earned(rung, operations, sum(weights))
+    return Earned(ablation, operations, sum(weights))
 
 
 def accepted_path(body: tuple[Node, ...]) -> Iterator[Block]:

@@ -66,13 +66,13 @@ def factor(P: Matrix, floor: list[Expr], order: Sequence[int]) -> tuple[Matrix, 
 
 
 @dataclass
-class Measured:
+class ScalarUpdates:
     """A covariance and an estimate while scalar measurements are taken from them, one after another.
 
     ``rows``: measurements still to come, as rows of H L; they turn with the columns of L. ``correction``: what
     the measurements add to the estimate, summed apart from it, because an angle's last digits are coarser.
-    Of those taken ``spans`` are the innovations' variances, ``shares`` the innovations by them, ``squares`` nu^2 by
-    them. ``named``: names for what comes up on the way, rows and columns of L counted in the factors' ``order``.
+    Of those taken ``weighted_innovations`` are the innovations by ``innovation_variances``, ``squares`` nu^2 by them.
+    ``named``: names for what comes up on the way, rows and columns of L counted in the factors' ``order``.
     """
 
     L: Matrix
@@ -81,8 +81,8 @@ class Measured:
     rows: Matrix
     innovations: list[Expr]
     variances: list[Expr]
-    spans: list[Expr] = field(default_factory=list)
-    shares: list[Expr] = field(default_factory=list)
+    innovation_variances: list[Expr] = field(default_factory=list)
+    weighted_innovations: list[Expr] = field(default_factory=list)
     squares: list[Expr] = field(default_factory=list)
     order: Sequence[int] = ()
     named: dict[str, Expr] = field(default_factory=dict)
@@ -121,17 +121,17 @@ class Measured:
             self.D[j] = self.D[j] * a / grown
             self._name_column(j, (f, g, a, grown), gathered)
             a = grown
-        share = nu / a
-        self.squares.append(nu * share)
-        self.correction = [sum_ + k * share for sum_, k in zip(self.correction, gathered[:n], strict=True)]
+        weighted = nu / a
+        self.squares.append(nu * weighted)
+        self.correction = [sum_ + k * weighted for sum_, k in zip(self.correction, gathered[:n], strict=True)]
         self.named |= {f"correction_{self._which}_{k}": self.correction[i] for i, k in rows.items()}
-        self.innovations = [later - k * share for later, k in zip(self.innovations, gathered[n:], strict=True)]
-        self.spans.append(a)
-        self.shares.append(share)
+        self.innovations = [later - k * weighted for later, k in zip(self.innovations, gathered[n:], strict=True)]
+        self.innovation_variances.append(a)
+        self.weighted_innovations.append(weighted)
 
     @property
     def _which(self) -> str:
-        k = len(self.spans)
+        k = len(self.innovation_variances)
         return ("first", "second")[k] if k < 2 else f"later_{k}"
 
     def _places(self) -> dict[int, int]:
@@ -142,8 +142,8 @@ class Measured:
         """Names for f, g and a of column j, f by the a before, what is gathered, the factors it leaves."""
         which, rows = self._which, self._places()
         f, g, before, a = values
-        self.named |= {f"f_{which}_{j}": f, f"g_{which}_{j}": g, f"span_{which}_{j}": a}
-        self.named |= {f"gathered_{which}_{rows.get(i, 'y')}{j}": value for i, value in enumerate(gathered)}
+        self.named |= {f"f_{which}_{j}": f, f"g_{which}_{j}": g, f"var_{which}_{j}": a}
+        self.named |= {f"gain_{which}_{rows.get(i, 'y')}{j}": value for i, value in enumerate(gathered)}
         self.named |= {f"D_{which}_{j}": self.D[j], f"lambda_{which}_{j}": f / before}
         self.named |= {f"L_{which}_{k}{j}": self.L[i][j] for i, k in rows.items()}
 

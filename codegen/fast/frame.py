@@ -58,7 +58,7 @@ class Frame:
         return [[half[max(i, j)][min(i, j)] for j in range(len(P))] for i in range(len(P))]
 
     def tilt(self, P: list[list[Expr]]) -> Expr:
-        """What turning back takes from the first diagonal entry of a symmetric matrix, by the sine."""
+        """The term that turning back takes from the first diagonal entry of a symmetric matrix, by the sine."""
         return self.sine * (P[0][0] - P[1][1]) + self.cosine * P[1][0] * 2.0
 
     def into_diagonal(self, R: list[Expr]) -> list[list[Expr]]:

@@ -1,4 +1,4 @@
-"""What all entries of a row have in common, taken out of them once."""
+"""The common factor of all entries of a row, taken out of them once."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ so one evaluation replaces two, an affine row has even = 0 found as a structural
 cosine of a0 serve every column (angle addition). With q = 0 these are dual numbers: odd is the derivative
 along l.
 
-In a turning frame (see :class:`codegen.fast.steps.Shape`) the angle the frame follows has base 0: its sine
+In a turning frame (see :class:`codegen.fast.steps.FilterBuilder`) the angle the frame follows has base 0: its sine
 is purely odd and its cosine purely even, and half of every product vanishes.
 """
 
@@ -65,7 +65,7 @@ class SplitAlgebra:
         return self.constant(self.zero + value)
 
     def constant(self, base: Expr) -> Split:
-        """What does not change along the direction."""
+        """A quantity that does not change along the direction."""
         return Split(base, self.zero, self.zero, base)
 
     def along(self, base: Expr, slope: Expr) -> Split:

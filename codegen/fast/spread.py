@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from codegen.fast.dependent_rows import DependentRow, Gram
 from codegen.fast.factored import Matrix
 from codegen.fast.frame import Frame
-from codegen.fast.leaning import Gram, Leaning
 from codegen.fast.rows import common_factor
 from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
@@ -17,7 +17,7 @@ from model.machines.state_space import StateSpaceModel
 
 Vector = list[Expr]
 
-#: What the lines under eq. 15 and 20 are.
+#: The comment above the lines of eq. 15 and 20.
 _PARTS = "along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c"
 
 
@@ -35,7 +35,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Spreading:
+class SigmaPoints:
     """How one filter of one model spreads its points: by a rule, or (None) not at all, taking derivatives."""
 
     model: StateSpaceModel
@@ -163,10 +163,10 @@ class Spreading:
         self, b: GraphBuilder, equation: str, names: list[str], even: Sequence[Vector], totals: Vector, mean: Vector
     ) -> None:
         """Even parts without their common factor, their sum and mean."""
-        named = {f"bend_{name}_{c}": e for name, row in zip(names, even, strict=True) for c, e in enumerate(row)}
-        named |= {f"bend_{name}_sum": total for name, total in zip(names, totals, strict=True)}
-        named |= {f"bend_{name}_mean": value for name, value in zip(names, mean, strict=True)}
-        b.stage(f"bend_{names[0]}", equation, "", list(named.values()), list(named), scale="none")
+        named = {f"curv_{name}_{c}": e for name, row in zip(names, even, strict=True) for c, e in enumerate(row)}
+        named |= {f"curv_{name}_sum": total for name, total in zip(names, totals, strict=True)}
+        named |= {f"curv_{name}_mean": value for name, value in zip(names, mean, strict=True)}
+        b.stage(f"curv_{names[0]}", equation, "", list(named.values()), list(named), scale="none")
 
     def moments(
         self,
@@ -176,12 +176,12 @@ class Spreading:
         equations: tuple[str, str],
         names: list[str],
         linear: bool = True,
-        leaning: dict[int, Leaning] | None = None,
+        dependent: dict[int, DependentRow] | None = None,
     ) -> tuple[Vector, Matrix]:
         """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
 
         The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
-        ``linear`` off leaves the odd parts out. ``leaning``: rows that follow from others.
+        ``linear`` off leaves the odd parts out. ``dependent``: rows that follow from others.
 
         A row's even parts are taken about their mean if all columns bend. If one is flat, the mean is taken out of
         the product afterwards: k of n equal bends leave 1 - k / n of their squares at least, so little cancels.
@@ -200,12 +200,15 @@ class Spreading:
         labels = [f"dev_{name}_{c}" for name in names for c in range(self.n)]
         b.stage(f"dev_{names[0]}", equations[0], "", [e for row in dev for e in row], labels, scale="none")
         centre = 0.0 if self.rule is None else self.rule.weights(self.n)[0]
-        gram = Gram(D, run.odd, leaning or {}) if linear else None
+        gram = Gram(D, run.odd, dependent or {}) if linear else None
+        weighted = gram.weighted if gram else []
+        b.hint({f"D_odd_{name}_{c}": e for name, row in zip(names, weighted, strict=False) for c, e in enumerate(row)})
+        b.hint({f"mean_{name}_by_n": m * weight for name, m in zip(names, mean, strict=True)})
         P = [[D[0] * 0.0] * len(names) for _ in names]
         for i in range(len(names)):
             for j in range(i + 1):
-                if gram and gram.leans(i, j):
-                    P[i][j] = P[j][i] = gram.leant(P, i, j)
+                if gram and gram.is_dependent(i, j):
+                    P[i][j] = P[j][i] = gram.dependent_product(P, i, j)
                     continue
                 about = dot(dev[i], dev[j]) * weight
                 if flat[i] and flat[j]:

@@ -7,14 +7,15 @@ from functools import cache
 
 import casadi as ca
 
-from codegen.fast.factored import Matrix, Measured, decorrelated, factor, from_packed, to_packed
+from codegen.fast.dependent_rows import find_dependent_rows
+from codegen.fast.factored import Matrix, ScalarUpdates, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
-from codegen.fast.leaning import find_leaning
-from codegen.fast.seen import Seen
+from codegen.fast.measurement import Measurement
 from codegen.fast.split import SplitAlgebra
-from codegen.fast.spread import Spread, Spreading
+from codegen.fast.spread import SigmaPoints, Spread
 from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns
+from codegen.ir.covariance import place
 from codegen.ir.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
 from model.filters import build_filter
@@ -30,8 +31,8 @@ RULES: dict[str, Rule | None] = {"ckf": CUBATURE, "ickf": CUBATURE, "ukf": UNSCE
 
 
 @dataclass(frozen=True)
-class Means:
-    """What the fast form may use, to see what each earns; blocks are to be laid out with the same pipelines.
+class Options:
+    """Options of the fast form, switched off to see what each earns; blocks are to be laid out with the same pipelines.
 
     ``turning``: a turning frame, where it is cheaper. ``pipelines``: the passes by which forms are compared.
     """
@@ -40,51 +41,51 @@ class Means:
     pipelines: Pipelines = PIPELINES
 
 
-EVERYTHING = Means()
+EVERYTHING = Options()
 
 
-def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, means: Means = EVERYTHING) -> FilterStep:
+def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Options = EVERYTHING) -> FilterStep:
     """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
     literal = build_filter(model, kind, gain)
-    shapes = _shapes(model, kind, literal.gain, means)
+    builders = _builders(model, kind, literal.gain, options)
     if kind == "ickf" and literal.iteration_proof is None:
-        iterate, finish = _cheapest([shape.loop() for shape in shapes], means)
+        iterate, finish = _cheapest([builder.loop() for builder in builders], options)
         *turns, iterate = split_turns(iterate, "_pred")
         head = tuple(Call(block) for block in turns)
         assert not any(port.name == "x_j" for block in turns for port in block.inputs), "a turn that moves with x^j"
         update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(finish))
     else:
-        (measurement,) = _cheapest([[shape.measurement_update()] for shape in shapes], means)
+        (measurement,) = _cheapest([[builder.measurement_update()] for builder in builders], options)
         update = tuple(Call(block) for block in split_turns(measurement, "_pred"))
-    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind, means))
-    body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(shapes[0].coast()),)))
+    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind, options))
+    body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(builders[0].coast()),)))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
 
 
-def _shapes(model: StateSpaceModel, kind: str, gain: str, means: Means) -> list[Shape]:
+def _builders(model: StateSpaceModel, kind: str, gain: str, options: Options) -> list[FilterBuilder]:
     """The blocks' builders: in a turning frame, if f and h allow it, and in the stator's; of equals the first."""
-    frames = (True, False) if means.turning and turns_freely(model) else (False,)
-    return [Shape(model, kind, gain, RULES[kind], turning) for turning in frames]
+    frames = (True, False) if options.turning and turns_freely(model) else (False,)
+    return [FilterBuilder(model, kind, gain, RULES[kind], turning) for turning in frames]
 
 
 @cache
-def _time_update(model: StateSpaceModel, kind: str, means: Means) -> list[GraphBlock]:
+def _time_update(model: StateSpaceModel, kind: str, options: Options) -> list[GraphBlock]:
     """The time update, which CKF and ICKF share, behind its turns."""
-    (block,) = _cheapest([[shape.time_update()] for shape in _shapes(model, kind, "cubature", means)], means)
+    (block,) = _cheapest([[builder.time_update()] for builder in _builders(model, kind, "cubature", options)], options)
     return split_turns(block, "")
 
 
-def _cheapest(forms: list[list[GraphBlock]], means: Means) -> list[GraphBlock]:
+def _cheapest(forms: list[list[GraphBlock]], options: Options) -> list[GraphBlock]:
     """The form that computes its outputs with the least work."""
 
     def work(block: GraphBlock) -> int:
-        graph, moved = run_passes(block.graph, block.roots, means.pipelines)
+        graph, moved = run_passes(block.graph, block.roots, options.pipelines)
         return weight(graph, [moved[entry.node] for port in block.outputs for entry in port.entries])
 
     return min(forms, key=lambda blocks: sum(work(block) for block in blocks))
 
 
-class Shape(Spreading):
+class FilterBuilder(SigmaPoints):
     """Builds the blocks of one filter of one model."""
 
     # --- blocks
@@ -105,8 +106,8 @@ class Shape(Spreading):
         run = self.along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
         columns = [[row[c] for row in L] for c in range(self.n)]
         turned = zip(*(frame.into(column) if frame else column for column in columns), strict=True)
-        leaning = find_leaning(b, tape, [x, u], [list(row) for row in turned])
-        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, leaning=leaning)
+        dependent = find_dependent_rows(b, tape, [x, u], [list(row) for row in turned])
+        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, dependent=dependent)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
         b.hint({f"{s}_of_x": value for s, value in zip(self.states, here, strict=True)})
@@ -130,7 +131,7 @@ class Shape(Spreading):
         b.output("x_pred", x_pred)
         b.output("LD_pred", to_packed(L_pred, D_pred, self.model.order))
         b.output("check", [check])
-        bends = [f"{label}_{self.states[0]}" for label in ("bend", "dev", "offset")]
+        bends = [f"{label}_{self.states[0]}" for label in ("curv", "dev", "offset")]
         return b.build(last=("LD_pred", "P_turned", "P_pred", *bends, "x_pred", "check"))
 
     def measurement_update(self) -> GraphBlock:
@@ -143,12 +144,19 @@ class Shape(Spreading):
         b = GraphBuilder(f"{self.kind}_measurement_update", title)
         x_pred, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
         R, y = self._measured(b)
-        seen = self._seen(b, x_pred, L, D, R, y)
+        meas = self._measurement(b, x_pred, L, D, R, y)
         one_pass = self.kind == "ickf"
         number = self.equation("31" if one_pass else "25")
-        b.stage("innovation", number, f"y - y_pred{seen.where}", seen.innovation, _innovation_names(), scale="none")
-        x, state = self._take(b, number, x_pred, (L, D), seen)
-        x = _read_off(x, x_pred, y, L, seen, state)
+        b.stage(
+            "innovation",
+            number,
+            f"y - y_pred{meas.where}",
+            meas.innovation,
+            _innovation_names(),
+            scale="none",
+        )
+        x, state = self._take(b, number, x_pred, (L, D), meas)
+        x = _read_off(x, x_pred, y, L, meas, state)
         if one_pass:
             b.stage("x_next", "31", "x^{j+1}", x, [f"{s}_after" for s in self.states], scale="state")
         self._close(b, x, state, ("34", "32") if one_pass else (self.equation("25"), self.equation("26")))
@@ -158,60 +166,62 @@ class Shape(Spreading):
 
     def loop(self) -> list[GraphBlock]:
         """One iterate, and what follows the last."""
-        iterate, seen = self.iterate()
-        return [iterate, self.finish(seen)]
+        iterate, meas = self.iterate()
+        return [iterate, self.finish(meas)]
 
-    def iterate(self) -> tuple[GraphBlock, Seen]:
+    def iterate(self) -> tuple[GraphBlock, Measurement]:
         """One iterate, eq. 28-33; the covariance waits for the last one."""
         b = GraphBuilder("ickf_iterate", "One iterate, eq. 28-33")
         x_j = b.input("x_j", [f"{s}_j" for s in self.states])
         x_pred, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
         R, y = self._measured(b)
         back = [before - now for before, now in zip(x_pred, x_j, strict=True)]
-        b.stage("back", "31", "x_pred - x^j", back, [f"back_{s}" for s in self.states], scale="none")
-        seen = self._seen(b, x_j, L, D, R, y, back)
-        meaning = f"y - h(x^j) - H^j (x_pred - x^j){seen.where}"
-        b.stage("innovation", "31", meaning, seen.innovation, _innovation_names(), scale="none")
-        rows = seen.rows
-        weighted = [[d * f for d, f in zip(D, row, strict=True)] for row in rows]
-        b.hint({f"D_HL_{k}{c}": entry for k, row in enumerate(weighted) for c, entry in enumerate(row)})
-        Pyy = [[dot(weighted[i], rows[j]) + seen.noise[i][j] for j in range(i + 1)] for i in range(2)]
+        b.stage("back", "31", "x_pred - x^j", back, [f"deviation_{s}" for s in self.states], scale="none")
+        meas = self._measurement(b, x_j, L, D, R, y, back)
+        meaning = f"y - h(x^j) - H^j (x_pred - x^j){meas.where}"
+        b.stage("innovation", "31", meaning, meas.innovation, _innovation_names(), scale="none")
+        rows = meas.rows
+        D_HL = [[d * f for d, f in zip(D, row, strict=True)] for row in rows]
+        b.hint({f"D_HL_{k}{c}": entry for k, row in enumerate(D_HL) for c, entry in enumerate(row)})
+        Pyy = [[dot(D_HL[i], rows[j]) + meas.noise[i][j] for j in range(i + 1)] for i in range(2)]
         entries = [Pyy[0][0], Pyy[1][0], Pyy[1][1]]
-        b.stage("Pyy", "22", f"Pyy^j{seen.where}", entries, ["Pyy_00", "Pyy_10", "Pyy_11"], scale="none")
-        share = _solved(Pyy, seen.innovation, seen.floor)
-        b.stage("share", "28", "Pyy^-1 innovation", share, ["share_0", "share_1"], scale="none")
-        along = [weighted[0][c] * share[0] + weighted[1][c] * share[1] for c in range(self.n)]
+        b.stage("Pyy", "22", f"Pyy^j{meas.where}", entries, ["Pyy_00", "Pyy_10", "Pyy_11"], scale="none")
+        weighted = _solved(Pyy, meas.innovation, meas.floor)
+        b.stage(
+            "weighted_innovation", "28", "Pyy^-1 innovation", weighted, ["Pyy_inv_nu_0", "Pyy_inv_nu_1"], scale="none"
+        )
+        along = [D_HL[0][c] * weighted[0] + D_HL[1][c] * weighted[1] for c in range(self.n)]
         b.stage("along", "31", "K innovation = L along", along, [f"along_{c}" for c in range(self.n)], scale="none")
         x_next = [x_pred[i] + dot(L[i], along) for i in range(self.n)]
         b.stage("x_next", "31", "x^{j+1}", x_next, [f"{s}_after" for s in self.states], scale="state")
         moved = [after - before for after, before in zip(x_next, x_j, strict=True)]
-        b.stage("moved", "33", "x^{j+1} - x^j", moved, [f"moved_{s}" for s in self.states], scale="none")
+        b.stage("moved", "33", "x^{j+1} - x^j", moved, [f"step_{s}" for s in self.states], scale="none")
         change = dot(moved, moved)
         b.stage("change", "33", "|x^{j+1} - x^j|^2", [change], ["change"], scale="none")
         b.output("x_j", x_next)
-        b.output("nis", [dot(seen.innovation, share)])
-        for name, carried in seen.carried(self._lasting).items():
+        b.output("nis", [dot(meas.innovation, weighted)])
+        for name, carried in meas.carried(self._lasting).items():
             b.output(name, list(carried.values()))
         b.output("change", [change])
-        return b.build(), seen
+        return b.build(), meas
 
     @property
     def _lasting(self) -> list[str]:
         """Inputs of an iterate that are the same after the last one."""
-        return [*_factor_names("_pred", self.n), "R_0", "R_1"]
+        return [*self._factor_names("_pred"), "R_0", "R_1"]
 
-    def finish(self, last: Seen) -> GraphBlock:
+    def finish(self, last: Measurement) -> GraphBlock:
         """Eq. 32 and 34: the covariance of the last iterate, which saw ``last``."""
         b = GraphBuilder("ickf_finish", "Result of the last iterate, eq. 32 and 34")
         x = b.input("x_j", [f"{s}_j" for s in self.states])
-        factors, R = b.input("LD_pred", _factor_names("_pred", self.n)), b.input("R", ["R_0", "R_1"])
+        factors, R = b.input("LD_pred", self._factor_names("_pred")), b.input("R", ["R_0", "R_1"])
         L, D = from_packed(factors, self.model.order)
         given = dict(zip(self._lasting, [*factors, *R], strict=True))
         for name, entries in last.carried(self._lasting).items():
             given |= dict(zip(entries, b.input(name, list(entries)), strict=True))
         zero = x[0] * 0.0
-        seen = last.in_block(b, given, [zero, zero], self._floor(R))
-        x, state = self._take(b, "32", x, (L, D), seen)
+        meas = last.in_block(b, given, [zero, zero], self._floor(R))
+        x, state = self._take(b, "32", x, (L, D), meas)
         self._close(b, x, state, ("34", "32"))
         return b.build()
 
@@ -229,14 +239,14 @@ class Shape(Spreading):
         self, b: GraphBuilder, state: str, factors: str, tag: str, suffix: str
     ) -> tuple[Vector, Matrix, Vector]:
         x = b.input(state, [f"{s}{suffix}" for s in self.states])
-        L, D = from_packed(b.input(factors, _factor_names(tag, self.n)), self.model.order)
+        L, D = from_packed(b.input(factors, self._factor_names(tag)), self.model.order)
         return x, L, D
 
     @staticmethod
     def _measured(b: GraphBuilder) -> tuple[Vector, Vector]:
         return b.input("R", ["R_0", "R_1"]), b.input("y", [f"{quantity.name}_meas" for quantity in OUTPUTS])
 
-    def _seen(
+    def _measurement(
         self,
         b: GraphBuilder,
         x: Vector,
@@ -245,8 +255,8 @@ class Shape(Spreading):
         R: Vector,
         y: Vector,
         back: Vector | None = None,
-    ) -> Seen:
-        """What the measurement is to the filter about ``x``: rows of (effective H) L, noise, innovation.
+    ) -> Measurement:
+        """The measurement linearised about ``x`` as the filter takes it: rows of (effective H) L, noise, innovation.
 
         ``back``: x_pred - x, for an iterate; then the innovation is eq. 31's, with H by the dual numbers.
         """
@@ -276,7 +286,7 @@ class Shape(Spreading):
         else:
             slopes = self._slope(b, tape, x, back, frame, run)
             innovation = [turned[k] - run.base[k] - slopes[k] for k in range(2)]
-        return Seen(run.odd, noise, innovation, self._floor(R), where)
+        return Measurement(run.odd, noise, innovation, self._floor(R), where)
 
     def _slope(
         self, b: GraphBuilder, tape: Tape, x: Vector, direction: Vector, frame: Frame | None, run: Spread
@@ -289,17 +299,17 @@ class Shape(Spreading):
         return [part.odd for part in self.replay(b, tape, algebra, x, direction, [], frame)[0]]
 
     def _floor(self, R: Vector) -> Expr:
-        """What no variance of a measurement, however turned, is below."""
+        """The lower bound of a measurement's variance in any frame."""
         return R[0].apply("min", R[1]) if self.turning else R[1]
 
     def _take(
-        self, b: GraphBuilder, equation: str, x: Vector, factors: tuple[Matrix, Vector], seen: Seen
-    ) -> tuple[Vector, Measured]:
+        self, b: GraphBuilder, equation: str, x: Vector, factors: tuple[Matrix, Vector], meas: Measurement
+    ) -> tuple[Vector, ScalarUpdates]:
         """Both measurements, one after the other: the estimate after them, and the factors."""
         L, D = factors
-        rows, innovation, variances = decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)
-        b.hint({f"HL_1{c}_apart": entry for c, entry in enumerate(rows[1])} | {"variance_second": variances[1]})
-        state = Measured(
+        rows, innovation, variances = decorrelated(meas.rows, meas.innovation, meas.noise, meas.floor)
+        b.hint({f"HL_1{c}_apart": entry for c, entry in enumerate(rows[1])} | {"R_second": variances[1]})
+        state = ScalarUpdates(
             [list(row) for row in L],
             list(D),
             [x[0] * 0.0] * self.n,
@@ -312,11 +322,16 @@ class Shape(Spreading):
         if not innovation[1].is_zero():
             b.stage("second", equation, "", state.innovations, ["innovation_after_first"], scale="none")
         state.take()
-        b.hint(state.named | {"share_first": state.shares[0], "share_second": state.shares[1]})
-        b.stage("spans", equation, "", state.spans, ["span_first", "span_second"], scale="none")
+        b.hint(
+            state.named
+            | {"nu_by_var_first": state.weighted_innovations[0], "nu_by_var_second": state.weighted_innovations[1]}
+        )
+        b.stage(
+            "innovation_variances", equation, "", state.innovation_variances, ["var_first", "var_second"], scale="none"
+        )
         return [value + change for value, change in zip(x, state.correction, strict=True)], state
 
-    def _close(self, b: GraphBuilder, x: Vector, state: Measured, equations: tuple[str, str]) -> None:
+    def _close(self, b: GraphBuilder, x: Vector, state: ScalarUpdates, equations: tuple[str, str]) -> None:
         x = self._wrapped(x)
         b.stage("x", equations[0], "theta wrapped", x, [f"{s}_new" for s in self.states], scale="state")
         self._name_factors(b, equations[1], "_new", state.L, state.D)
@@ -326,31 +341,32 @@ class Shape(Spreading):
     def _wrapped(self, x: Vector) -> Vector:
         return [value.apply("wrap") if i == self.model.angle else value for i, value in enumerate(x)]
 
+    def _factor_names(self, tag: str) -> list[str]:
+        """L_10, D_i_beta, ... in the places of a packed lower triangle: a pivot is called after its state."""
+        rows = [self.states[i] for i in self.model.order]
+        return [f"D{tag}_{rows[i]}" if i == j else f"L{tag}_{i}{j}" for i in range(self.n) for j in range(i + 1)]
+
     def _name_factors(self, b: GraphBuilder, equation: str, tag: str, L: Matrix, D: Vector) -> None:
-        entries, names = to_packed(L, D, self.model.order), _factor_names(tag, self.n)
+        entries, names = to_packed(L, D, self.model.order), self._factor_names(tag)
+        b.hint({f"inv_{names[place(k, k)]}": 1.0 / pivot for k, pivot in enumerate(D)})
         b.stage(f"LD{tag}", equation, f"L D L^T = P{tag}", entries, names, scale="none")
 
 
 #: The step's guard adds the states to it: no pivot or state that is not a number, or absurdly large, leaves it small.
 CHECK = "sum of the pivots, for the guard"
 
-#: What eq. 22 adds to the odd parts.
+#: The term that eq. 22 adds to the odd parts.
 _NOISE = "R, and what the bend of h adds to it"
 
 
-def _factor_names(tag: str, n: int) -> list[str]:
-    """L_10, D_1, ... in the places of a packed lower triangle."""
-    return [f"D{tag}_{i}" if i == j else f"L{tag}_{i}{j}" for i in range(n) for j in range(i + 1)]
+def _read_off(x: Vector, before: Vector, y: Vector, L: Matrix, meas: Measurement, state: ScalarUpdates) -> Vector:
+    """The estimate, a state that the measurement taken last reads directly said shorter: y - x = R / S (y - x_pred).
 
-
-def _read_off(x: Vector, before: Vector, y: Vector, L: Matrix, seen: Seen, state: Measured) -> Vector:
-    """The estimate, a state that the measurement taken last reads directly said shorter: y - x = R / span (y - x_pred).
-
-    That is what a scalar measurement leaves of its own innovation; no row of the gain is needed for it.
+    That is what a scalar measurement leaves of its own innovation, of variance S; it needs no row of the gain.
     """
     for i, (row, value) in enumerate(zip(L, before, strict=True)):
-        if row == seen.rows[-1] and seen.innovation[-1] == y[-1] - value and seen.noise[-1][0].is_zero():
-            x = [*x[:i], y[-1] - seen.noise[-1][-1] * state.shares[-1], *x[i + 1 :]]
+        if row == meas.rows[-1] and meas.innovation[-1] == y[-1] - value and meas.noise[-1][0].is_zero():
+            x = [*x[:i], y[-1] - meas.noise[-1][-1] * state.weighted_innovations[-1], *x[i + 1 :]]
     return x
 
 

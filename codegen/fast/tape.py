@@ -77,8 +77,10 @@ def suggest_parts(b: GraphBuilder, equation: str, named: dict[str, Split], algeb
         b.suggest(equation, {f"z_{name}_{column}": z, **halves})
         sine = angle.odd * halves[labels[0]]
         b.hint({f"sind_{name}_{column}": sine, f"D_sind_{name}_{column}": algebra.variance * sine})
+        b.hint({f"n_D_sind_{name}_{column}": algebra.q * sine})
     b.hint({f"n_D_{column}": algebra.q})
     for name, part in named.items():
+        b.hint({f"n_D_odd_{name}_{column}": algebra.q * part.odd})
         if part.total != part.base:
             b.hint({f"total_{name}_{column}": part.total})
         b.suggest(equation, {name: part.base, f"even_{name}_{column}": part.even, f"odd_{name}_{column}": part.odd})

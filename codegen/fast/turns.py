@@ -33,7 +33,7 @@ def split_turns(block: GraphBlock, tag: str) -> list[GraphBlock]:
 
 
 def _names(block: GraphBlock, angles: list[Angle]) -> list[tuple[str, str, str]]:
-    """What z, sinc and cosm1 are called: as the block's stages suggest."""
+    """Names of z, sinc and cosm1, as the block's stages suggest."""
     known = {
         entry.node: name
         for stage in reversed(block.stages)
@@ -62,7 +62,8 @@ def _before(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, 
     )
     outputs = (Port(f"z{tag}", z, tuple(name for name, _, _ in names)), Port(f"turn{tag}", tuple(turned), labels))
     title = f"Small angles of {block.name}: sin(d) / d and cos(d) - 1"
-    return GraphBlock(f"{block.name}_turns", title, inputs, outputs, stages, graph, hints=block.hints)
+    known = tuple(pair for stage in block.stages for pair in zip(stage.names, stage.entries, strict=True))
+    return GraphBlock(f"{block.name}_turns", title, inputs, outputs, stages, graph, hints=(*known, *block.hints))
 
 
 def _after(block: GraphBlock, angles: list[Angle], names: list[tuple[str, str, str]], tag: str) -> GraphBlock:

@@ -120,7 +120,7 @@ class GraphBlock(Block):
 
     @property
     def operations(self) -> frozenset[str]:
-        """What its outputs are made of."""
+        """The operations its outputs are made of."""
         results = (entry.node for port in self.outputs for entry in port.entries)
         return frozenset(self.graph[index].op for index in self.graph.reachable(results))
 

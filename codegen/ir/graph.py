@@ -51,7 +51,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
-        #: What passes made of this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
+        #: Results of passes on this graph, by roots and passes: they are asked more than once (:mod:`codegen.passes`).
         self.rewritten: dict[tuple[Any, ...], tuple[Graph, dict[int, int]]] = {}
         #: Constants that were folded: value to operation and operands, of which :func:`codegen.ir.constants.with_names`
         #: makes names. Nodes stay without them, lest passes take one for another.
@@ -164,7 +164,7 @@ Value = TypeVar("Value")
 
 
 class Algebra(Protocol[Value]):
-    """What a tape can be replayed in: a :class:`Graph`, or the even/odd numbers of :mod:`codegen.fast.split`."""
+    """An algebra to replay a tape in: a :class:`Graph`, or the even/odd numbers of :mod:`codegen.fast.split`."""
 
     def const(self, value: float) -> Value:
         """A number."""

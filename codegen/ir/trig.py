@@ -29,7 +29,7 @@ ARGUMENT_LIMIT = 1000.0
 
 @dataclass(frozen=True)
 class Precision:
-    """What arithmetic needs to know of a floating-point format."""
+    """Properties of a floating-point format that the arithmetic uses."""
 
     name: str
     bits: int

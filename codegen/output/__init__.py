@@ -1,1 +1,1 @@
-"""What becomes of a package of files: the version they carry, and the folder they are written to."""
+"""The output of a package of files: the version they carry, and the folder they are written to."""

@@ -51,7 +51,7 @@ def without(*passes: Pass) -> Pipelines:
     return tuple(ways for ways in PIPELINES if not {getattr(step, "func", step) for step in ways} & set(passes))
 
 
-#: What an operation weighs when two forms are compared, in additions (division and square root as on the chip).
+#: Weight of an operation where two forms are compared, in additions (division and square root as on the chip).
 WEIGHTS = {"input": 0, "const": 0, "div": 10, "sqrt": 12, "sin": 18, "cos": 0, "sinc": 6, "cosm1": 5}
 
 
@@ -71,7 +71,7 @@ def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELI
     return graph.rewritten[key]
 
 
-#: What the first passes of some pipeline made, and where the nodes of the first graph went.
+#: The graph that the first passes of some pipeline made, and where the nodes of the first graph went.
 Made = dict[tuple[Pass, ...], tuple[Graph, dict[int, int]]]
 
 

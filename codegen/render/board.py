@@ -16,7 +16,7 @@ FRAME_MAX = 250
 
 
 def identity(drive: str, kind: str, sha: str, source: str) -> str:
-    """What a board answers when asked who it is.
+    """The identity that a board sends when asked for it.
 
     >>> identity("d", "ckf", "0123456789abcdef" * 4, "text").split()[:3]
     ['d', 'ckf', '0123456789abcdef']

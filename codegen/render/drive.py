@@ -62,7 +62,7 @@ def believed_listing(about: Description) -> Listing:
 
 
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
-    """What both languages say about the controller."""
+    """Template context of the controller that both languages share."""
     listing, constants = control_listing(about)
     names = [state.name for state in about.model.states]
     return {
@@ -82,7 +82,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
 
 
 def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, Any]:
-    """What the scalar and the lane form of the controller say, float32."""
+    """Template context of the controller's scalar and lane form, float32."""
     listing, constants = control_listing(about)
     listings = (listing, believed_listing(about), lay_out(clarke_block(), TRANSFORM))
     used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
@@ -215,7 +215,7 @@ def plant_data(drive: Drive) -> list[str]:
 
 
 def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
-    """What the scalar and the lane form of the motor say, float64."""
+    """Template context of the motor's scalar and lane form, float64."""
     listings = plant_listings(about.drive)
     return {
         "drive": about.drive.name,

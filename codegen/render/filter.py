@@ -56,7 +56,7 @@ MACHINE_TITLES = {
 
 @dataclass(frozen=True)
 class Description:
-    """What every template wants to say about a drive."""
+    """The facts about a drive that every template uses."""
 
     drive: Drive
     model: StateSpaceModel
@@ -119,7 +119,7 @@ def variance_place(p: str, layout: CovarianceLayout, state: str) -> str:
 
 
 def covariance_comment(step: FilterStep) -> str:
-    """What the words of the covariance are."""
+    """The comment on the words of the covariance."""
     text = COVARIANCE_COMMENTS[step.covariance]
     layout = CovarianceLayout.of(step)
     return text if layout.natural else f"{text}; states in the order {', '.join(step.model.root_order)}"
@@ -183,7 +183,7 @@ def render_filter(
 def _words(
     about: Description, step: FilterStep, layout: CovarianceLayout, listings: dict[str, Listing], printer: CPrinter
 ) -> dict[str, Any]:
-    """What header and source of a filter both speak of."""
+    """Template context that header and source of a filter share."""
     drive, target, n = about.drive, printer.target, len(about.model.states)
     return {
         "p": f"{drive.name}_{step.kind}{target.tag}",
@@ -232,7 +232,7 @@ def trig_note(target: Target) -> list[str]:
 
 
 def library_calls(listings: Sequence[Listing], target: Target) -> str:
-    """What the step calls of libm, in words."""
+    """The functions of libm that the step calls, in words."""
     count = sum((listing.operations() for listing in listings), Counter())
     names = [target.libm] if count["sqrt"] else []
     names += ["sin", "cos"] if count["sincos"] and not target.generated_trig else []
@@ -247,7 +247,7 @@ def common_spread(listings: Iterable[Listing]) -> float | None:
 
 
 def small_angle_note(target: Target, n: float) -> list[str]:
-    """What is known of sinc and cosm1."""
+    """The comment on sinc and cosm1: their definition and error."""
     lines = [
         f"How far a column of L turns an angle, from z = d^2 / {n:g}: sin(d) / d = 1 + SINC_1 z + ..., "
         "cos(d) - 1 = COSM1_1 z + ...",
@@ -260,7 +260,7 @@ def small_angle_note(target: Target, n: float) -> list[str]:
 
 
 def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
-    """What ``widen.j2`` prints: small angles z = d^2 / n, and those that are not."""
+    """Template context of ``widen.j2``: small angles z = d^2 / n, and those that are not."""
     return {
         "small_angle_note": small_angle_note(printer.target, n),
         "spread": f"{n:g}",

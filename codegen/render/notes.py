@@ -1,4 +1,4 @@
-"""What the head of a generated C file says of itself: purpose, cost, and how far its numbers can be trusted."""
+"""The head comment of a generated C file: purpose, cost, and how far its numbers can be trusted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from codegen.render.printers.targets import Target
 from model.filters import FilterStep
 from model.quantities import Quantity
 
-#: What another order means.
+#: The meaning of another order of the states.
 ROOT_NOTE = "a square root, and points, other than in the state's own order"
 
 

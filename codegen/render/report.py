@@ -56,7 +56,7 @@ def render_report(
 
 
 def _budget(about: Description, accounts: dict[str, Account], measured: dict[str, Record]) -> dict[str, Any]:
-    """What the Budget section prints: one row a filter, and one for the controller around it."""
+    """Rows of the Budget section: one a filter, and one for the controller around it."""
     periods = {**PERIODS, about.sample_time: round(CLOCK * about.drive.model.sample_time)}
     rows = []
     for kind, account in accounts.items():

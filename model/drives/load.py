@@ -32,7 +32,7 @@ RETURN_LIMIT = 0.05
 
 
 def cautions(drive: Drive) -> list[str]:
-    """What is allowed but likely a mistake, one line each."""
+    """Warnings: entries that are allowed but likely a mistake, one line each."""
     m, model, lines = drive.motor, drive.model, []
     rates = {"T R / L": m.stator_resistance / min(m.inductance_d, m.inductance_q), "T D / J": m.friction / m.inertia}
     for word, rate in rates.items():

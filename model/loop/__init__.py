@@ -1,1 +1,1 @@
-"""What is around the filter: the controller, and the continuous motor it drives."""
+"""The loop around the filter: the controller, and the continuous motor it drives."""

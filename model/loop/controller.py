@@ -94,7 +94,7 @@ def command_limits(drive: Drive) -> tuple[float, float]:
 
 
 def first_command(drive: Drive) -> tuple[float, float]:
-    """What counts until a command is accepted: standstill, and the DC link of the drive file."""
+    """The command in force until one is accepted: standstill, and the DC link of the drive file."""
     return 0.0, drive.control.dc_link
 
 
@@ -256,7 +256,7 @@ def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torq
 
 
 def _dead_time(b: BlockBuilder, gain: Any, i: list[Any]) -> list[Any]:
-    """What dead time takes from each leg's duty cycle: its share of T, with the sign of the leg's current."""
+    """The part of each leg's duty cycle that dead time takes: its share of T, with the sign of the leg's current."""
     half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[1]
     phases = [i[0], half + cross, half - cross]
     names = ["i_a", "i_b", "i_c"]

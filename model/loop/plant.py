@@ -9,7 +9,7 @@ import casadi as ca
 from model.filters.program import BlockBuilder
 from model.machines import Machine, find_machine
 from model.machines.base import Parameters, Rotor
-from model.quantities import Block, Constants
+from model.quantities import Block, Constant, Constants
 from model.schema import Drive
 
 #: Electrical states, mechanical speed, electrical angle, and the rotor's cosine and sine as states of their own:
@@ -72,7 +72,7 @@ def plant_block(drive: Drive) -> Block:
 
 
 def outputs_block(drive: Drive) -> Block:
-    """What sensors and plots see: s, motor -> i_alpha, i_beta (A) and the electromagnetic torque (N m)."""
+    """Outputs for sensors and plots: s, motor -> i_alpha, i_beta (A) and the electromagnetic torque (N m)."""
     b = BlockBuilder("plant_outputs", "Currents and torque of the motor")
     s = b.input("s", list(STATES))
     machine, _ = _motor(b, drive)

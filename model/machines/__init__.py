@@ -41,7 +41,7 @@ def find_machine(drive: Drive) -> type[Machine]:
 
 
 def unknown_word(word: str) -> str:
-    """What is wrong with a word that names no machine."""
+    """The error message for a word that names no machine."""
     if word.endswith(".py"):
         return f"model.machine = '{word}' names no class. Did you mean '{word}:MyMachine', with its name?"
     close = difflib.get_close_matches(word, MACHINES, n=1)

@@ -1,4 +1,4 @@
-"""What a machine has to say: its states, its electrical equations, and the currents one measures."""
+"""The interface of a machine: its states, its electrical equations, and the currents one measures."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class Machine(ABC):
     """
 
     states: ClassVar[tuple[Quantity, ...]]
-    #: What ``discretization = "exact"`` means for this machine, in one sentence for the report.
+    #: Meaning of ``discretization = "exact"`` for this machine, one sentence for the report.
     exact_meaning: ClassVar[str] = "explicit midpoint rule, second order"
 
     def __init__(self, parameters: Parameters, constants: Constants, nominal: Parameters | None = None) -> None:
@@ -225,7 +225,7 @@ class Machine(ABC):
         return Sampled(z_next, (middle.to_rotor(z_mid), middle), {"theta_mid": middle.theta})
 
     def excess_drop(self, i: Pair, v: Pair) -> Pair:
-        """What is left of v when the resistance is a state: v - (R - R_0) i, R_0 the motor's.
+        """The voltage that remains of v when the resistance is a state: v - (R - R_0) i, R_0 the motor's.
 
         Decays are solved exactly at R_0; the deviation of R from it acts as a voltage.
 

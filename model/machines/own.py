@@ -27,7 +27,7 @@ from model.quantities import Constants, Quantity
 from model.schema import Drive
 
 _WORD = re.compile(r"(?P<file>.+\.py):(?P<name>[A-Za-z_]\w*)")
-#: What is printed into C comments and tables: ASCII, and nothing that ends either.
+#: Text allowed in C comments and tables: ASCII, and nothing that ends either.
 _PLAIN = re.compile(r"(?!.*\*/)[ -{}~]*")
 _TAKEN = ("omega", "theta", "load_torque", "magnet_flux", "stator_resistance")
 
@@ -156,7 +156,7 @@ def kept_as(word: Word) -> str:
 
 
 def title(machine: type[Machine]) -> str:
-    """What headers and reports call a machine of one's own: its docstring up to the first full stop or semicolon."""
+    """The title of an own machine in headers and reports: its docstring up to the first full stop or semicolon."""
     lines = (inspect.getdoc(machine) or "").splitlines() if machine.__doc__ else []
     first = re.split(r"[.;:](?:\s|$)", lines[0])[0].strip() if lines else ""
     if not first or not _PLAIN.fullmatch(first):

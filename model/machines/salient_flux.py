@@ -164,7 +164,7 @@ class SalientFluxPMSM(Machine):
         return Sampled(z_next, (midpoint((psi_d, psi_q), (psi_d_next, psi_q_next)), middle), named)
 
     def _change(self, axis: str, chi: Any, v: Any, L: Any) -> Any:
-        """What one sample adds to an axis' flux linkage: its winding's share chi = L i relaxes towards L v / R.
+        """The sample's increment of an axis' flux linkage: its winding's share chi = L i relaxes towards L v / R.
 
         Where R is a state, v - R i acts through the gain of the motor's own R.
         """

@@ -78,7 +78,7 @@ class StateSpaceModel:
 
     @property
     def exact_meaning(self) -> str:
-        """What "exact" stands for with this machine, in words."""
+        """The meaning of "exact" for this machine, in words."""
         return self.machine.exact_meaning
 
     def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:

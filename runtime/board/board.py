@@ -20,7 +20,7 @@ PROTOCOL = 1
 
 @dataclass(frozen=True)
 class Identity:
-    """What the board says of itself: ``drive_sha`` and ``code_sha`` are the first 16 hex digits of sha256."""
+    """The board's identity: ``drive_sha`` and ``code_sha`` are the first 16 hex digits of sha256."""
 
     drive: str
     kind: str

@@ -29,7 +29,7 @@ class Port(Protocol):
     """A serial line, or what stands in for one."""
 
     def read(self) -> bytes:
-        """What has arrived; waits at most :data:`SLICE`, then returns nothing. Raises UnpluggedError."""
+        """The bytes that have arrived; waits at most :data:`SLICE`, then returns nothing. Raises UnpluggedError."""
 
     def write(self, data: bytes) -> None:
         """Send. Raises UnpluggedError."""
@@ -87,7 +87,7 @@ def _open_serial(name: str, baud: int) -> Any:
 
 @dataclass
 class Counts:
-    """What the line did. Lost, doubled and damaged frames are told apart by number and CRC."""
+    """Counts of the line's faults. Lost, doubled and damaged frames are told apart by number and CRC."""
 
     requests: int = 0
     resent: int = 0

@@ -55,7 +55,7 @@ class Divergence:
 
 @dataclass
 class PilResult:
-    """What a run over the line showed. ``lost``: steps that no retry brought through, so not compared.
+    """The result of a run over the line. ``lost``: steps that no retry brought through, so not compared.
 
     ``used``: largest share of the certificate between board and host in a step; ``beyond``: steps with more than
     all of it.

@@ -47,7 +47,7 @@ class Sink(Protocol):
 
 @dataclass
 class Recording:
-    """What came in. ``recent`` are the last rows, for a live view; the others are on the disk only.
+    """The received samples. ``recent`` are the last rows, for a live view; the others are on the disk only.
 
     ``left_out``: times the step between two sample numbers was larger than the smallest although no frame was lost.
     """

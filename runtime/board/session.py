@@ -1,4 +1,4 @@
-"""What ``pil`` and ``record`` do: find the port, the board's folder and the inputs, then run."""
+"""The session behind ``pil`` and ``record``: find the port, the board's folder and the inputs, then run."""
 
 from __future__ import annotations
 

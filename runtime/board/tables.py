@@ -1,4 +1,4 @@
-"""What the board did, as Rich tables: a run of link G, and a recording while it goes on."""
+"""Results of a board, as Rich tables: a run of link G, and a recording while it goes on."""
 
 from __future__ import annotations
 

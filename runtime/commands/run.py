@@ -14,7 +14,7 @@ from runtime.report.run import MAIN, Ran
 from runtime.report.run import run as run_drives
 from runtime.system.verdicts import all_hold
 
-#: What the second floor adds.
+#: The chapters that the second floor adds.
 SECOND = "every drive, emulated processors, static checks (compilers, MISRA, EVA), peers, ablation, sample times"
 
 

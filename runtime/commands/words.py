@@ -31,7 +31,7 @@ KEPT = " (kept from an earlier run of the same sources with the same tools; --fr
 
 
 def caution(drives: list[str] | None) -> None:
-    """What is allowed but likely a mistake goes to stderr, before the work."""
+    """Warnings about entries that are likely a mistake go to stderr, before the work."""
     for name in drives or []:
         for line in cautions(find_drive(name).drive):
             print(f"pmsm-ickf: caution: {line}", file=sys.stderr)

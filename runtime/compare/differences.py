@@ -1,4 +1,4 @@
-"""What differs between drives: keys of their files, tuning state by state, lines of their equations."""
+"""The differences between drives: keys of their files, tuning state by state, lines of their equations."""
 
 from __future__ import annotations
 

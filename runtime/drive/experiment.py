@@ -1,4 +1,4 @@
-"""What ``pmsm-ickf simulate`` does: a scenario with some filters, and the sweep over the sample time."""
+"""The experiments of ``pmsm-ickf simulate``: a scenario with some filters, and the sweep over the sample time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from runtime.system.errors import UserError
 
 Progress = Callable[[str], None]
 
-#: What a cheap inverter does: carrier comparison, 2 us of dead time, 12 bits, a sample of computation delay.
+#: The faults of a cheap inverter: carrier comparison, 2 us of dead time, 12 bits, a sample of computation delay.
 HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
 
 KINDS = ("ckf", "ickf", "ekf", "ukf")

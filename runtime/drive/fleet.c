@@ -14,7 +14,7 @@
 #define CONTROL JOIN(FOC, _lanes_t)
 #define PLANT_(name) JOIN(PLANT, JOIN(_lanes_, name))
 
-/* What all runs share. Samples are counted from 0; `share` is the speed reference of each sample over its end value. */
+/* The data that all runs share. Samples are counted from 0; `share` is the speed reference of each sample over its end value. */
 typedef struct {
     int steps;
     int substeps;       /* Runge-Kutta steps a sample */

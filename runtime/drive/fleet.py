@@ -42,13 +42,13 @@ LOCKED_ANGLE, LOCKED_SPEED = 30.0, 0.1
 WRONG_WAY = 0.01
 #: Longest Runge-Kutta step of the motor, s, as in :class:`runtime.drive.simulation.Simulator`.
 LONGEST_STEP = 12.5e-6
-#: What a filter's struct lets one tune.
+#: The tuning fields of a filter's struct.
 TUNABLE = ("Q", "R", "x_0", "P_0")
 
 
 @dataclass(frozen=True)
 class Cases:
-    """What differs from run to run: numbers, or arrays of one entry a run (B,).
+    """Parameters that differ from run to run: numbers, or arrays of one entry a run (B,).
 
     ``seed`` of the sensor noise, a whole number from 0 to 2^64 - 1; ``noise`` A rms of each current sensor; ``theta``
     the rotor's electrical angle at the start, rad; ``R``, ``L_d``, ``L_q``, ``psi_m``, ``J`` factors on the motor
@@ -262,7 +262,7 @@ class Fleet:
         return np.ascontiguousarray(np.clip(T * np.arange(steps) / scenario.ramp, 0.0, 1.0))
 
     def _task(self, scenario: Scenario, share: Array) -> Any:
-        """What all runs share; it points into ``share``."""
+        """The data that all runs share; it points into ``share``."""
         T, steps = self.folder.module.SAMPLE_TIME, len(share)
         t = T * np.arange(steps)
         late = t >= t[-1] - 0.05
@@ -350,7 +350,7 @@ def _open(library: Path, controller: str, source: str, foc: str) -> tuple[Any, A
     import cffi
 
     ffi = cffi.FFI()
-    text = source[source.index("/* What all runs share") : source.index("enum {")]
+    text = source[source.index("/* The data that all runs share") : source.index("enum {")]
     text = "\n".join(line.partition("/*")[0] for line in text.splitlines() if not line.startswith(" *"))
     ffi.cdef(
         controller

@@ -13,7 +13,7 @@ from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 
-#: What may differ between the motor and what the filter believes of it.
+#: Motor data that may differ from the filter's.
 FACTORS = ("R", "L_d", "L_q", "psi_m", "J")
 
 

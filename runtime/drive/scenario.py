@@ -1,4 +1,4 @@
-"""What a drive is asked to do: speed reference and load over time, and where its errors are read."""
+"""A drive's task: speed reference and load over time, and where its errors are read."""
 
 from __future__ import annotations
 

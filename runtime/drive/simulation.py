@@ -273,7 +273,7 @@ class Simulator:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a run is given, one row a sample: sensor noise (N, 2) A, speed reference rad/s, load N m."""
+    """Inputs of a run, one row a sample: sensor noise (N, 2) A, speed reference rad/s, load N m."""
 
     noise: Array
     speed: Array

@@ -47,7 +47,7 @@ Progress = Callable[[str, int], None]
 
 @dataclass(frozen=True)
 class Finding:
-    """What went wrong: the verdict in words (or a sanitizer's), the shortest input found, and it in words."""
+    """A failure: the verdict in words (or a sanitizer's), the shortest input found, and it in words."""
 
     what: str
     data: bytes

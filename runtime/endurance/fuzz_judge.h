@@ -7,7 +7,7 @@
 /* Bits that excuse a covariance of any kind: an iteration that ran away leaves what the next step finds and restarts. */
 #define EXCUSES (PMSM_RESTARTED | PMSM_NOT_CONVERGED)
 
-/* What a step may not do; 0 is good. `word` says where. "Unsaid": without PMSM_RESTARTED, after which the state is x_0
+/* The verdict on a step; 0 is good. `word` says where. "Unsaid": without PMSM_RESTARTED, after which the state is x_0
  * and P_0, whatever these are; LD: without an excuse; Q and R: without any bit that is not harmless. */
 enum {
     GOOD,

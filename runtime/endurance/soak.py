@@ -40,12 +40,12 @@ SOURCE = Path(__file__).with_name("soak.c")
 NOISE = 0.05
 #: Steps from one loss of currents to the next: a prime, so that it strikes everywhere in the period; and how many.
 LOST_EVERY, LOST_FOR = 1_000_003, 50
-#: What the deviation of a state may be, over that of 100 000 steps at 1000 r/min or at the slowest speed that is not
+#: The bound on a state's deviation, over that of 100 000 steps at 1000 r/min or at the slowest speed that is not
 #: called slow, whichever shows more: the journey's speeds are up to 2.7 times 1000 r/min, which costs two bits of a
 #: float32 speed, and the extremes of 10^9 draws are 1.4 times those of 10^5. At the slow end the back-EMF that shows
 #: the angle is a tenth, and what rounding does to an angle lasts as much longer.
 WITHIN = 10.0
-#: What a later decade's largest deviation may be over that of the decade to 10^6 steps, which is five periods or more:
+#: The bound on a later decade's largest deviation over that of the decade to 10^6 steps, which is five periods or more:
 #: extremes of noise over a thousand times the steps are 1.3 times as large, and deviations go with their products.
 GROWTH = 3.0
 #: Where motor data are states, a share of sigma instead. At one speed, as link C-D runs, motor data move along the line
@@ -142,7 +142,7 @@ class Soak:
         return self.decades[-1].until if self.decades else 0
 
     def failures(self) -> list[str]:
-        """What is wrong, a line each."""
+        """The failures, a line each."""
         label, lines = f"{self.drive}/{self.kind}", []
         if not self.decades:
             lines.append(f"{label}: no step was compared")

@@ -15,7 +15,7 @@ from runtime.folders.resolve import drive_folder
 HERE = Path(__file__).parent
 HANDWRITTEN = ("fuzz_target.c", "fuzz_judge.h", "fuzz_lanes.h")
 
-#: What is played on: the filter, the filter and its lane form side by side, or the controller around it.
+#: The subject of a test: the filter, the filter and its lane form side by side, or the controller around it.
 FORMS = ("", "_lanes", "_foc")
 
 #: The judge's verdicts, in the order of fuzz_judge.h.

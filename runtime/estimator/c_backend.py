@@ -21,7 +21,7 @@ Array = NDArray[Any]
 
 BoundStep = Callable[[ArrayLike, ArrayLike], Array | None]
 
-#: What the quick way of a single step takes two of.
+#: Arguments that come in pairs on the quick way of a single step.
 _NUMBERS = frozenset({float, int, np.float64, np.float32})
 
 _FORMATS: dict[str, Literal["f", "d"]] = {"float32": "f", "float64": "d"}

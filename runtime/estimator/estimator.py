@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Trace:
-    """What a run leaves: x (N, n), P (N, n, n), iterations (N,), status (N,); a batch adds a last axis B.
+    """The record of a run: x (N, n), P (N, n, n), iterations (N,), status (N,); a batch adds a last axis B.
 
     ``status`` is 0 where all is well, else the sum of these bits: 1 input rejected, 2 not converged, 4 command
     rejected (controllers), 8 covariance repaired, 16 diverged, 32 restarted; docs/firmware.md says what each asks for.
@@ -48,7 +48,7 @@ def _unpacked_trace(x: Array, iterations: Array, status: Array, words: Array, P:
 
 
 class Backend(Protocol):
-    """What executes the steps. Lanes are the last axis; P travels as the filter's own n(n+1)/2 words."""
+    """The back end that executes the steps. Lanes are the last axis; P travels as the filter's own n(n+1)/2 words."""
 
     @property
     def iterations(self) -> Array:
@@ -134,7 +134,7 @@ class Estimator:
 
     @property
     def backend(self) -> Backend:
-        """What executes the steps; its state is the filter's own, bit for bit."""
+        """The back end that executes the steps; its state is the filter's own, bit for bit."""
         return self._backend
 
     @property

@@ -17,7 +17,7 @@ from runtime.system.errors import UserError
 GENERATED = Path(__file__).parents[2] / "generated"
 
 
-#: What every manifest holds, and as what.
+#: Keys of every manifest, and their types.
 _MANIFEST = {"drive": str, "filters": dict, "files": dict, "parameters": dict, "states": list}
 
 

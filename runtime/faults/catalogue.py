@@ -17,7 +17,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What a fault is measured by: sample time s, DC link V, amplitude of the phase currents A, converter's range A."""
+    """The scales of a fault: sample time s, DC link V, amplitude of the phase currents A, converter's range A."""
 
     T: float
     link: float

@@ -15,7 +15,7 @@ from runtime.recorded.units import RPM
 from runtime.style.figures import pyplot, svg_text
 from runtime.system.files import make_folder, write_text
 
-#: What is shown, s from the fault's begin; and the largest errors drawn, in bands.
+#: The time shown, s from the fault's begin; and the largest errors drawn, in bands.
 BEFORE, BEHIND, REACH = 0.01, 0.12, 4.0
 #: r/min: half of the least range of a speed axis, so that noise looks like noise.
 LEAST_RANGE = 20.0

@@ -10,7 +10,7 @@
 
 enum { REPLACE_A = 1, REPLACE_B = 2, HOLD_A = 4, HOLD_B = 8, CLIP = 16, POWER_OFF = 32 };
 
-/* What is wrong in one sample. Sensors: reading = gain * current + offset, then clipped at +-range, then held or
+/* The faults of one sample. Sensors: reading = gain * current + offset, then clipped at +-range, then held or
  * replaced. The inverter has `link` volts, the controller is told `told`. */
 typedef struct {
     int what;

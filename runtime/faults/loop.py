@@ -172,7 +172,7 @@ def _open(library: Path, controller: str, drive: str) -> tuple[Any, Any]:
 
     ffi = cffi.FFI()
     text = LOOP.read_text(encoding="utf-8")
-    text = text[text.index("/* What is wrong") : text.index("/* The board.")]
+    text = text[text.index("/* The faults of one sample") : text.index("/* The board.")]
     structs = "\n".join(line.partition("/*")[0] for line in text.splitlines() if not line.startswith((" *", "/*")))
     ffi.cdef(
         controller

@@ -1,4 +1,4 @@
-"""What ``pmsm-ickf faults`` does: every fault, with many seeds, on some drives; how they recover."""
+"""The survey of ``pmsm-ickf faults``: every fault, with many seeds, on some drives; how they recover."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def column(recoveries: Sequence[Recovery], name: str) -> Array:
 
 
 def judge(run: FaultyRun, T: float) -> Recovery:
-    """What a run says of its fault.
+    """The outcome of a fault in a run.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _largest(values: Array) -> float:
 
 
 def circumstances(folder: GeneratedFolder, scenario: Scenario) -> Circumstances:
-    """What the faults of a drive are measured by.
+    """The scales that the faults of a drive are measured by.
 
     Parameters
     ----------

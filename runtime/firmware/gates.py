@@ -1,4 +1,4 @@
-"""What ``pmsm-ickf firmware`` does: every gate on every drive's generated C.
+"""The gates of ``pmsm-ickf firmware``: every gate on every drive's generated C.
 
 A gate is a function ``(folder, progress) -> list[Check]``; adding one is one more name in :data:`GATES`.
 """

@@ -1,4 +1,4 @@
-"""What the processors are fed: recorded inputs in segments, each with the words its struct starts from.
+"""The inputs of the processors: recorded inputs in segments, each with the words its struct starts from.
 
 A filter gets the start and the load step of the proof's trajectory, draws from the operating box, and inputs it must
 reject. A controller gets the phase currents of the simulated drive, with and without a sample of delay, sensorless
@@ -33,7 +33,7 @@ from runtime.proof.trajectory import Trajectory
 Array = NDArray[Any]
 
 LOAD_AT = 0.2  # s, in the trajectory and in the simulated run
-#: What a measurement or a voltage becomes where it must be rejected.
+#: The value of a measurement or a voltage where it must be rejected.
 BAD = (np.nan, np.inf, -np.inf, 1e6, -1e6, 3e38)
 
 

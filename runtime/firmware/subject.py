@@ -1,4 +1,4 @@
-"""What is run on a processor: one generated step function, its struct as a row of 32-bit words, and its files.
+"""The program run on a processor: one generated step function, its struct as a row of 32-bit words, and its files.
 
 Nothing here knows a field by its meaning: every word of the struct is compared, whatever the generator put there.
 """

@@ -23,7 +23,7 @@ def checks_table(checks: Iterable[Check]) -> Table:
 
 
 def remarks(checks: Iterable[Check]) -> list[tuple[str, str]]:
-    """What checks have to say beyond their row, each text once, with its style."""
+    """The remarks of checks beyond their row, each text once, with its style."""
     said = {
         line: "dim" if check.state == "passed" else STYLES[check.state] for check in checks for line in check.detail
     }

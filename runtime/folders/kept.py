@@ -140,7 +140,7 @@ def _version(name: str) -> str:
 
 
 def _processor() -> str:
-    """What -march=native means here."""
+    """The processor that -march=native stands for on this machine."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

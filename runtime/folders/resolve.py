@@ -1,4 +1,4 @@
-"""What DRIVE means on every command line: a shipped name, a TOML file, or a generated folder."""
+"""The meaning of DRIVE on every command line: a shipped name, a TOML file, or a generated folder."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ PER_CONDITION = 3e-6
 
 @dataclass(frozen=True)
 class Sigmas:
-    """What a step's errors are measured by, each with a leading step axis N.
+    """The scales of a step's errors, each with a leading step axis N.
 
     ``state`` (N, n): sqrt diag P_pred. ``innovation`` (N, 2): sqrt diag Pyy. ``noise`` (2,): sqrt R.
     ``condition`` (N,): of Pyy.

@@ -42,7 +42,7 @@ class Second:
         return {"surface": self._surface, "salient": self._salient, "salient_flux": self._flux}[self.machine](z, v)
 
     def current(self, z: sp.Expr, angle: sp.Expr) -> sp.Expr:
-        """What is measured. Of flux linkages: magnet and inductances act in the rotor frame.
+        """The measured currents. Of flux linkages: magnet and inductances act in the rotor frame.
 
         Parameters
         ----------

@@ -89,7 +89,7 @@ def effect_figure(evidence: Evidence) -> str:
 
 
 def trajectory_figure(evidence: Evidence) -> str:
-    """What the proof ran on: speed, currents and voltages.
+    """The trajectory of the proof: speed, currents and voltages.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from runtime.proof.result import Link, Row
 
 Array = NDArray[Any]
 
-#: What float32 may add to an estimate while the filter runs at speed: a hundredth of the sigma the filter itself
+#: The error that float32 may add while the filter runs at speed: a hundredth of the sigma the filter itself
 #: claims at that step (as noise it would add a ten-thousandth to the variance), and a hundredth of a variance. The
 #: shipped drives show ten to a thousand times less; tests/runtime/test_proof.py holds the two basic ones to absolute
 #: figures.
@@ -39,7 +39,7 @@ class Drift:
     exact: Trace
 
     def envelope(self) -> Envelope:
-        """What a plot can show of it: a thousandth of the numbers."""
+        """The points of it for a plot: a thousandth of the numbers."""
         steps, x = envelope(self.x)
         return Envelope(steps, x, envelope(self.P)[1])
 

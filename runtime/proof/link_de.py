@@ -77,7 +77,7 @@ class Bits:
         return (*backend.run(start.u, start.y), *self._kept(backend, start.lanes))
 
     def _kept(self, backend: CBackend | NumpyBackend, lanes: int) -> tuple[Array, Array]:
-        """What the struct holds beside the estimate when a run is over: reals and counts, a row a lane."""
+        """The fields of the struct beside the estimate when a run is over: reals and counts, a row a lane."""
         names = [name for name in ("nis", "repairs") if name in self.folder.text(self._header)]
         if isinstance(backend, NumpyBackend):
             f = backend.filter
@@ -98,7 +98,7 @@ class Bits:
 
     @cached_property
     def entries(self) -> list[Entries]:
-        """What NumPy computes on the way from the single steps' starts."""
+        """The intermediate values that NumPy computes from the single steps' starts."""
         return [numpy_entries(self.folder, self.step.kind, start) for start in self._once]
 
     @property

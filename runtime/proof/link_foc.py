@@ -28,7 +28,7 @@ Array = NDArray[Any]
 
 #: Float64, some fifty roundings, on the scale of a duty cycle, the DC link, the largest torque.
 ALLOWED = 1e-12
-#: What the reference currents may have beyond the least that makes their torque: the generated ones take the curve of
+#: The current allowed beyond the least that makes their torque: the generated ones take the curve of
 #: maximum torque per ampere in a fixed number of operations, 0.26 % above it at the worst.
 EXCESS = 3e-3
 SAMPLES = 80

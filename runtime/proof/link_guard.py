@@ -166,7 +166,7 @@ def _worst(error: Array) -> float:
 
 
 def link_data(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str, Any], motor: Plant) -> Link:
-    """What module and ``_init`` hold, number by number, as float32 of the drive file's.
+    """The numbers of module and ``_init``, one by number, as float32 of the drive file's.
 
     Parameters
     ----------

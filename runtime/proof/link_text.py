@@ -130,7 +130,7 @@ class _Texts:
 
     @cached_property
     def _written(self) -> Mapping[str, int]:
-        """What the filter's step writes, as the module tells it."""
+        """The fields that the filter's step writes, as the module tells it."""
         return written_fields(
             self._fields("C"), filter_in_python(self._python("C"), f"{self.kind}_step", self._fields("C"))
         )

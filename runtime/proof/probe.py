@@ -28,7 +28,7 @@ Array = NDArray[Any]
 #: (function, name) -> its value in every lane, in the order the C computes them.
 Entries = dict[tuple[str, str], Array]
 
-#: What a probe holds that was not passed: a NaN no arithmetic makes.
+#: The value of a probe that was not passed: a NaN no arithmetic makes.
 UNTOUCHED = 0x7FABCDEF
 
 _DECLARATION = re.compile(r"^    const float32 (\w+) =[^;]*;", re.MULTILINE)

@@ -1,4 +1,4 @@
-"""What a proof says: one row a stage, one link a comparison, and where two computations first part."""
+"""The result of a proof: one row a stage, one link a comparison, and where two computations first part."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Proof:
     links: list[Link] = field(default_factory=list)
     effects: list[IterationEffect] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    #: What nothing is there to check against; "proved" is never said of it.
+    #: A link that nothing is there to check against; "proved" is never said of it.
     unchecked: list[str] = field(default_factory=list)
     #: It was made by an earlier run, of the same sources with the same tools.
     kept: bool = False

@@ -36,7 +36,7 @@ CLAIM = "CasADi = the machine file's own reference, float64"
 
 
 def second_motor(drive: Drive) -> Plant:
-    """What the reference filters with.
+    """The model that the reference filters with.
 
     Raises
     ------

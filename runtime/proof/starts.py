@@ -216,7 +216,7 @@ def pieces(module: ModuleType, u: Array, y: Array) -> Start:
 
 
 def _at_their_worst(module: ModuleType, x: Array, words: Array) -> None:
-    """What state and covariance are at their worst, in place: D is its diagonal in either form while L is 1.
+    """The worst state and covariance, in place: D is its diagonal in either form while L is 1.
 
     Turns that halved are exactly what counts as small, that are exactly not too wide, that are too wide by the
     angle's own column; wide in one column alone, and in all. A variance below nothing, which must meet its floor.

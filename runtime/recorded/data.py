@@ -47,7 +47,7 @@ QUANTITIES = {"t": "time", "omega": "speed", "theta": "angle", "load_torque": "t
     for name in (f"{kind}_alpha", f"{kind}_beta", *dict.fromkeys(n for names in FRAMES[kind] for n in names))
 }
 
-#: What the columns are called elsewhere, letters and figures only; used to propose a --rename, never silently.
+#: Names of the columns elsewhere, letters and figures only; used to propose a --rename, never silently.
 _ALIASES = {
     "t": ("t", "time", "times", "seconds", "zeit"),
     "omega": ("omega", "omegam", "speed", "wm", "w", "n", "rpm"),
@@ -218,7 +218,7 @@ def _ours(source: Source, renames: Sequence[str]) -> dict[str, int]:
 
 
 def _factors(source: Source, columns: Mapping[str, int], scales: Sequence[str]) -> dict[str, float]:
-    """What each column is multiplied by, from --scale or the unit beside its name."""
+    """The factor of each column, from --scale or the unit beside its name."""
     asked = {}
     for name, text in _pairs(scales, "--scale", "name=factor, such as i_alpha=1e-3 or theta=deg"):
         ours = next((own for own, k in columns.items() if name in {own, source.names[k]}), None)

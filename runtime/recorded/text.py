@@ -157,7 +157,7 @@ def is_number(cell: str, separator: str) -> bool:
 
 
 def _separator(line: str) -> str | None:
-    """What separates a row of numbers; None if the line is not one."""
+    """The separator of a row of numbers; None if the line is not one."""
     if COMMENT.match(line):
         return None
     for separator in SEPARATORS:

@@ -48,7 +48,7 @@ class Errors:
 
 
 class AgainstTruth:
-    """What a run's estimate ``x`` (N, n) is off by, where ``omega`` (N,) rad/s and ``theta`` (N,) rad are the truth."""
+    """The errors of a run's estimate ``x`` (N, n), where ``omega`` (N,) rad/s and ``theta`` (N,) rad are the truth."""
 
     x: Array
     omega: Array

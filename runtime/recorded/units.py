@@ -32,7 +32,7 @@ UNITS = {
     **{name: Unit("torque", factor) for name, factor in {"Nm": 1.0, "mNm": 1e-3}.items()},
 }
 
-#: What a drive computes in.
+#: The units a drive computes in.
 SI = {"time": "s", "voltage": "V", "current": "A", "angle": "rad", "speed": "rad/s", "torque": "N m"}
 
 _SPELLINGS = {"rpm": "r/min", "1/min": "r/min", "min-1": "r/min", "volt": "V", "ampere": "A", "amp": "A", "second": "s"}

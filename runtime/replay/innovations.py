@@ -1,4 +1,4 @@
-"""What a filter expected to measure at each step, against what came; for all steps of a run at once.
+"""The innovations of a filter at each step and the variances it expected of them; for all steps of a run at once.
 
 Every step starts from a recorded x and P, so the steps are independent of each other once the run is over: a thousand
 steps are a thousand lanes. Their time update is the generated filter's own: a step whose measurement is rejected leaves

@@ -259,7 +259,7 @@ def _run(estimator: Estimator, u: Array, y: Array, chunk: int, progress: Progres
 
 
 def _rejections(recorded: Recorded, status: Array, tuning: dict[str, Any]) -> Sequence[str]:
-    """What the filter would not take, in words; UserError if that was everything."""
+    """The inputs that the filter rejected, in words; UserError if that was everything."""
     rejected = np.flatnonzero(status & REJECTED)
     if not len(rejected):
         return []

@@ -1,4 +1,4 @@
-"""What a replay found, as Rich tables."""
+"""The results of a replay, as Rich tables."""
 
 from __future__ import annotations
 

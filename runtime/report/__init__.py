@@ -1,1 +1,1 @@
-"""What people look at: tables in the terminal, figures, and one self-contained page."""
+"""Reports for people: tables in the terminal, figures, and one self-contained page."""

@@ -1,4 +1,4 @@
-"""What the page says of one drive."""
+"""The chapter of one drive on the page."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Chapter:
         return not list(self.failures())
 
     def failures(self) -> Iterator[str]:
-        """What is wrong, a line each; nothing that was not run."""
+        """The failures, a line each; nothing that was not run."""
         if not self.proof.passed:
             yield f"{self.drive.name}: {self.proof.verdict}"
         for check in self.firmware.checks if self.firmware else ():

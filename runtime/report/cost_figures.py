@@ -1,4 +1,4 @@
-"""What each pass earns, drawn."""
+"""The gain of each pass, drawn."""
 
 from __future__ import annotations
 

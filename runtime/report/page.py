@@ -84,7 +84,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
             "effects": Markup(effect_figure(evidence)) if evidence.effects else "",
             "passes": Markup(
                 passes_figure(
-                    [item.rung.name for item in earned],
+                    [item.ablation.name for item in earned],
                     {"operations, in additions": {drive.name: [item.weight for item in earned]}},
                 )
             )

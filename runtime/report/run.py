@@ -35,7 +35,7 @@ MAIN = "paper_spmsm"
 
 @dataclass(frozen=True)
 class Ran:
-    """What a run made. ``whole``: both floors."""
+    """The results of a run. ``whole``: both floors."""
 
     written: list[Written]
     chapters: list[Chapter]
@@ -66,7 +66,7 @@ def run(
     from runtime.report.page import write_page
     from runtime.style.figures import pyplot
 
-    # What is missing is said now, not after the folders were rewritten or the proof was run.
+    # Missing tools are reported now, not after the folders were rewritten or the proof was run.
     find_compiler()
     pyplot()
     whole = everything or bool(drives)
@@ -109,6 +109,6 @@ def _simulated(drive: str, whole: bool) -> Simulations:
 
 
 def _earned(drive: str) -> list[Earned]:
-    """What each pass saves of a drive's first filter."""
+    """The operations that each pass saves of a drive's first filter."""
     loaded = find_drive(drive).drive
     return earnings(build(loaded), loaded.filter.kinds[0], loaded.filter.gain)

@@ -101,7 +101,7 @@ def _connect(scheduler: str) -> tuple[Any, Any]:
 
 
 def _result(future: Any, chunk: Chunk, scheduler: str) -> Outcomes:
-    """What a chunk gave. If its worker has died since, this waits until another one has run it again."""
+    """The result of a chunk. If its worker has died since, this waits until another one has run it again."""
     try:
         outcomes: Outcomes = future.result()
     except UserError:

@@ -24,7 +24,7 @@ class Package:
 
     @property
     def digest(self) -> str:
-        """What the code is known by; the simulation around it counts too."""
+        """The hash of the code; the simulation around it counts too."""
         own = [(name, (HERE / name).read_text(encoding="utf-8")) for name in HANDWRITTEN]
         facts = json.loads(dict(self.files)["manifest.json"])
         texts = [(name, text) for name, text in self.files if name != "manifest.json"]

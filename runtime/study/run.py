@@ -39,7 +39,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Study:
-    """What is there of a study; ``interrupted`` if less than was wanted."""
+    """The chunks of a study that exist; ``interrupted`` if less than was wanted."""
 
     statement: Statement
     runs: int

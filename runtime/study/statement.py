@@ -1,4 +1,4 @@
-"""What a study is: drives, filters, and what varies how. Draws depend on the seed and the run's index alone."""
+"""A study: drives, filters, and what varies how. Draws depend on the seed and the run's index alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 
-#: What may vary: its unit and the least it may be. Motor data are factors on the drive file's.
+#: The quantities that may vary: unit and the least it may be. Motor data are factors on the drive file's.
 VARIABLES: dict[str, tuple[str, float]] = {
     "noise": ("A rms", 0.0),
     "theta": ("deg", -math.inf),
@@ -33,7 +33,7 @@ VARIABLES: dict[str, tuple[str, float]] = {
     "speed": ("r/min", -math.inf),
 }
 
-#: What varies where nothing is said: a drive whose data are known to some per cent, its rotor roughly aligned.
+#: The default variation: a drive whose data are known to some per cent, its rotor roughly aligned.
 USUAL = (
     "noise=0.02:0.1",
     "theta=-30:30",

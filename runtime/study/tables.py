@@ -16,7 +16,7 @@ from runtime.style.tables import columns_table
 #: Rows of a front that are shown.
 LINES = 20
 
-#: What is tuned for, in the order of the objectives.
+#: The aims of tuning, in the order of the objectives.
 ERRORS = ("start, r/min", "steady rms, r/min", "load step, r/min")
 
 
@@ -67,7 +67,7 @@ def paired_table(study: Study) -> Table | None:
 
 
 def verdict(item: Difference) -> str:
-    """What an interval says."""
+    """The verdict of an interval."""
     if item.low == item.high == 0:
         return "identical"
     if item.low <= 0 <= item.high:

@@ -24,7 +24,7 @@ from runtime.system.errors import UserError, take_interrupt
 Array = NDArray[Any]
 Progress = Callable[[int, int, str], None]
 
-#: What is made small, means over a trial's runs in r/min, and the figure of a run behind each.
+#: The objectives to minimise, means over a trial's runs in r/min, and the figure of a run behind each.
 OBJECTIVES = ("start", "steady rms", "load step")
 _FIGURES = ("start", "steady_rms", "load_step")
 

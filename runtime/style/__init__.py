@@ -1,1 +1,1 @@
-"""What tables, figures and pages of all subjects share."""
+"""The common parts of tables, figures and pages of all subjects."""

@@ -1,4 +1,4 @@
-"""What HTML pages share: their templates' surroundings, and equations as MathML."""
+"""The common parts of HTML pages: their templates' surroundings, and equations as MathML."""
 
 from __future__ import annotations
 

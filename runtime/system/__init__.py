@@ -1,1 +1,1 @@
-"""What every command stands on: errors in one line, files written whole, processes that end with the command."""
+"""The base of every command: errors in one line, files written whole, processes that end with the command."""

@@ -20,7 +20,7 @@ from typing import Any
 Submit = Callable[..., Future[Any]]
 Progress = Callable[[str], None]
 
-#: What ends a command: it reaches the command alone, which ends its workers.
+#: The signal that ends a command: it reaches the command alone, which ends its workers.
 POLITE = {signal.SIGINT, signal.SIGTERM}
 
 
@@ -73,7 +73,7 @@ def new_words() -> Any:
 
 
 def results(futures: Sequence[Future[Any]], words: Any, progress: Progress) -> list[Any]:
-    """What the workers return, in the order asked; their words go to ``progress`` meanwhile. An error ends it."""
+    """The results of the workers, in the order asked; their words go to ``progress`` meanwhile. An error ends it."""
     while not all(future.done() for future in futures):
         for future in futures:
             if future.done():

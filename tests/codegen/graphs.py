@@ -1,4 +1,4 @@
-"""What tests of graphs share: evaluation in any arithmetic, and random graphs."""
+"""The common parts of tests of graphs: evaluation in any arithmetic, and random graphs."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.fast.ablation import RUNGS, build_rung, earned, earnings
+from codegen.fast.ablation import ABLATION, build_ablation, earned, earnings
 from codegen.ir.layout import lay_out
 from codegen.passes import optimise
 from model.drives.load import load_drive
@@ -99,8 +99,8 @@ def test_another_filter_is_noticed(paper: tuple[ours.Problem, Inputs], good: str
 
 
 def test_every_rung_is_the_same_filter(paper: tuple[ours.Problem, Inputs]) -> None:
-    for rung in RUNGS:
-        assert deviation(ours.candidate(paper[0], "ckf", rung)[0], paper[1]) < FLOAT32, rung.name
+    for ablation in ABLATION:
+        assert deviation(ours.candidate(paper[0], "ckf", ablation)[0], paper[1]) < FLOAT32, ablation.name
 
 
 def test_no_rung_costs_more_than_the_one_before(drive: Drive) -> None:
@@ -113,8 +113,8 @@ def test_the_last_rung_is_the_shipped_form(drive: Drive) -> None:
 
     model, steps = build_steps(drive)
     for kind, step in steps.items():
-        shipped = earned(RUNGS[-1], step, {b.name: lay_out(optimise(b), model.constants) for b in step.blocks})
-        assert shipped == earned(RUNGS[-1], *build_rung(model, kind, drive.filter.gain, RUNGS[-1]))
+        shipped = earned(ABLATION[-1], step, {b.name: lay_out(optimise(b), model.constants) for b in step.blocks})
+        assert shipped == earned(ABLATION[-1], *build_ablation(model, kind, drive.filter.gain, ABLATION[-1]))
 
 
 def test_the_fast_form_takes_fewer_instructions_than_any_peer_here(paper: tuple[ours.Problem, Inputs]) -> None:
@@ -134,7 +134,7 @@ def test_a_sixth_state_needs_no_change_of_the_packages() -> None:
     inputs = step_tables.inputs_of(ours.Problem.of(load_drive("spmsm_load_torque")), step_tables.Length(200, 0))
     sigma = np.column_stack([inputs.sigma, np.full(200, 10.0)])
     inputs = replace(inputs, sigma=sigma, reference=np.zeros((200, 6)))
-    literal, fast = (ours.candidate(problem, "ckf", rung)[0] for rung in (ours.LITERAL, ours.SHIPPED))
+    literal, fast = (ours.candidate(problem, "ckf", ablation)[0] for ablation in (ours.LITERAL, ours.SHIPPED))
     moved = deviation(literal, inputs)
     assert moved > 1.0
     inputs = replace(inputs, reference=trace(literal, inputs))
@@ -178,12 +178,12 @@ def test_every_row_is_there_or_says_why() -> None:
 
 
 def test_operations_need_no_tool(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What passes earn, and how cost grows, but for the instructions."""
+    """The gain of passes, and how cost grows, but for the instructions."""
     monkeypatch.setattr(shutil, "which", lambda name, which=shutil.which: None if name == "valgrind" else which(name))
     length = step_tables.Length(20, 5)
     passes = step_tables.passes_table(length, lambda text: None, drives=["paper_spmsm"])
     sizes = growth.growth_table(length, lambda text: None)
-    assert (len(passes.rows), len(sizes.rows)) == (len(RUNGS), 6)
+    assert (len(passes.rows), len(sizes.rows)) == (len(ABLATION), 6)
     for table in (passes, sizes):
         _all_there(table)
         assert all(isinstance(row[step_tables.X86], Missing) for row in table.rows)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codegen.fast.factored import Measured, decorrelated, factor, from_packed, to_packed
+from codegen.fast.factored import ScalarUpdates, decorrelated, factor, from_packed, to_packed
 from codegen.ir.expr import Expr
 from codegen.ir.graph import Graph
 from tests.codegen.graphs import FLOAT, evaluate
@@ -102,14 +102,14 @@ def kalman(P: Array, x: Array, H: Array, R: Array, nu: Array) -> tuple[Array, Ar
     return x + K @ nu, left @ P @ left.T + K @ R @ K.T, Pyy
 
 
-def measured(sheet: Sheet, P: Array, x: Array, H: Array, nu: Array, variances: list[Any] | Array) -> Measured:
+def measured(sheet: Sheet, P: Array, x: Array, H: Array, nu: Array, variances: list[Any] | Array) -> ScalarUpdates:
     root = np.linalg.cholesky(P)
     L, D = root / np.diag(root), np.diag(root) ** 2
     unit = [
         [sheet.put(0.0) + float(i == j) if i <= j else sheet.put(L[i, j]) for j in range(len(x))] for i in range(len(x))
     ]
     values = sheet.put(variances) if isinstance(variances, np.ndarray) else variances
-    return Measured(unit, sheet.put(D), sheet.put(x), sheet.put(H @ L), sheet.put(nu), values)
+    return ScalarUpdates(unit, sheet.put(D), sheet.put(x), sheet.put(H @ L), sheet.put(nu), values)
 
 
 @pytest.mark.parametrize("m", [1, 2, 3])
@@ -126,7 +126,7 @@ def test_measurements_one_after_another_are_the_joint_one(n: int, m: int) -> Non
     x_new, P_new, Pyy = kalman(P, x, H, R, nu)
     close(dense(sheet.get(state.L), sheet.get(state.D)), P_new, P)
     assert np.max(np.abs(sheet.get(state.correction) - x_new) / np.sqrt(np.diag(P))) <= 1e-9
-    assert np.prod(sheet.get(state.spans)) == pytest.approx(np.linalg.det(Pyy), rel=1e-9)
+    assert np.prod(sheet.get(state.innovation_variances)) == pytest.approx(np.linalg.det(Pyy), rel=1e-9)
     assert np.all(sheet.get(state.D) > 0)
     assert np.all(np.diag(sheet.get(state.L)) == 1.0)
 

@@ -231,7 +231,7 @@ def test_flush_keeps_what_is_normal() -> None:
 
 
 def test_the_self_tests_allowance_covers_the_model(drive: Drive) -> None:
-    """What the firmware's self-test lets pass on the chip: the recorded steps again, with the model's / and root."""
+    """The firmware's self-test passes on the chip: the recorded steps again, with the model's / and root."""
     from codegen.evidence.recording import execute, record_filter, run_filter
     from codegen.evidence.selftest import segments
     from model.machines.state_space import build

@@ -1,4 +1,4 @@
-"""What generate writes: always the same bytes, clean C89 without a hidden double, readable names."""
+"""The output of generate: always the same bytes, clean C89 without a hidden double, readable names."""
 
 from __future__ import annotations
 

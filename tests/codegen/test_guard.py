@@ -17,7 +17,7 @@ from tests.target.need import need
 
 SPECIAL = np.array([np.nan, np.inf, -np.inf, np.finfo(np.float32).max, 1e-45, 0.0, -0.0], np.float32)
 
-#: What the header allows as u_max and y_max; among them those whose squares are just below and above powers of two.
+#: Limits that the header allows as u_max and y_max; some have squares just below and above powers of two.
 LIMITS = np.concatenate(
     [
         np.float32([1e-18, 1e18, 400.0, 100.0, 1.0, 2.0, np.sqrt(2.0), 16777215.0, 0.1]),

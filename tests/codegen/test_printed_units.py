@@ -179,7 +179,7 @@ def test_units_in_headers(made: Made) -> None:
 
 
 def test_tuning_in_the_c_is_the_drive_files(made: Made) -> None:
-    """What _init loads: each number by its name, as float32."""
+    """The numbers that _init loads: each number by its name, as float32."""
     drive = made.drive
     wanted = {
         **{f"Q[{k}]": v for k, v in enumerate(drive.filter.process_noise)},

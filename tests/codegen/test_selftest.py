@@ -65,7 +65,7 @@ def test_passes_on_the_host(drive: Drive, optimisation: tuple[str, ...], tmp_pat
 
 
 def test_every_input_is_a_float32_and_two_are_rejected(drive: Drive, runs: list[Segment]) -> None:
-    """What is generated must not hang on the last bit of a platform's cosine: 12 binary digits."""
+    """The generated text must not hang on the last bit of a platform's cosine: 12 binary digits."""
     for run in runs:
         for values in (run.x_0, run.u, run.y):
             mantissa = np.frexp(values[np.isfinite(values)])[0] * 2**12
@@ -238,7 +238,7 @@ def _chip_root(x: np.ndarray) -> np.ndarray:
 
 
 def test_model_of_the_chip_is_within_three_units() -> None:
-    """What the recording assumes of a division and of a square root."""
+    """The recording's assumption on a division and on a square root."""
     rng = np.random.default_rng(0)
     a, b = (np.exp(rng.uniform(-20, 20, 200_000)).astype(np.float32) for _ in range(2))
     quotient, root = a.astype(float) / b, np.sqrt(a.astype(float))

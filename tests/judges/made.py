@@ -49,7 +49,7 @@ def command(*arguments: str) -> tuple[int, str]:
 
 
 def read_json(path: str | Path) -> Any:
-    """What a command wrote."""
+    """The text that a command wrote."""
     assert Path(path).is_file(), f"{path} was not written"
     return json.loads(Path(path).read_text(encoding="utf-8"))
 

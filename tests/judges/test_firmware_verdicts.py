@@ -1,4 +1,4 @@
-"""What is said of the generated C away from the host: states, figures, exit codes."""
+"""The verdicts on the generated C away from the host: states, figures, exit codes."""
 
 from __future__ import annotations
 

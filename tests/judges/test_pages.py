@@ -193,7 +193,7 @@ def _chapter(**changes: Any) -> Chapter:
     evidence = Evidence(
         t, {"ckf": Drift(np.full((N, 4), 1e-5), np.full(N, 1e-6), exact).envelope()}, {"cubature": t}, trajectory
     )
-    earned: Any = SimpleNamespace(rung=SimpleNamespace(name="literal"), operations=Counter(add=71), weight=4321)
+    earned: Any = SimpleNamespace(ablation=SimpleNamespace(name="literal"), operations=Counter(add=71), weight=4321)
     made: dict[str, Any] = {
         "drive": load_drive("paper_spmsm"),
         "folder": GENERATED / "paper_spmsm",

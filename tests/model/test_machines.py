@@ -101,7 +101,7 @@ def test_adaptive_resistance_is_the_motor_with_that_resistance(machine: str) -> 
 
 
 def test_torque_of_the_salient_machine_is_power_over_speed() -> None:
-    """What the rotor's motion takes out of the terminals: torque times speed, at any current, by an identity."""
+    """Power that the motion takes from the terminals: torque times speed, at any current, by an identity."""
     par = Parameters.symbolic()
     salient, flux = (MACHINES[name](par, Constants(named=False)) for name in ("salient", "salient_flux"))
     i, rotor = (ca.SX.sym("i_a"), ca.SX.sym("i_b")), Rotor.at(ca.SX.sym("th"))

@@ -80,7 +80,7 @@ def follow(title: str, mutants: list[Mutant], jobs: int, console: Console) -> It
 
 
 def known(mutants: Sequence[Mutant], file: Path) -> list[Outcome]:
-    """What earlier runs killed of these."""
+    """The mutants of these that earlier runs killed."""
     entries = json.loads(file.read_text(encoding="utf-8"))["mutants"] if file.is_file() else []
     kills = {entry["digest"]: entry for entry in entries if entry["fate"] == "killed"}
     found = [(m, kills[m.digest]) for m in mutants if m.digest in kills]

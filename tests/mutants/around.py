@@ -17,7 +17,7 @@ EXAMPLE = "pytest tests/codegen/test_example_catch.py tests/codegen/test_example
 WORDS = "pytest tests/codegen/test_selftest_words.py -k '{drive}-foc'"
 FILTER_WORDS = "pytest tests/codegen/test_selftest_words.py -k '{drive} and not foc'"
 
-#: What is drawn from: file, kind, test.
+#: The sources of the draws: file, kind, test.
 SUBJECTS = tuple(
     (f"{drive}/{file}", kind, check.format(drive=drive))
     for drive, files in {

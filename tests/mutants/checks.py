@@ -28,7 +28,7 @@ BIT_STEPS, BIT_DRAWS = 420, 200
 
 
 class Fresh:
-    """What the generator makes of a drive now: a folder in memory, as :class:`GeneratedFolder` would show it."""
+    """The generator's output for a drive now: a folder in memory, as :class:`GeneratedFolder` would show it."""
 
     def __init__(self, drive: Any, form: str) -> None:
         from codegen.generate import draft
@@ -185,7 +185,7 @@ def _guard(bench: Bench, truth: Any, fresh: Fresh, step: Any, form: str) -> Any:
 
 
 def data(bench: Bench, name: str) -> Iterator[Any]:
-    """What module and C hold."""
+    """The data of module and C."""
     from runtime.proof.link_guard import link_data
     from runtime.proof.second import second_motor
 

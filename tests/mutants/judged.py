@@ -84,7 +84,7 @@ JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "runtime/report/page.py": (f"{PAGES} -k 'page'", ()),
 }
 
-#: What a figure or table looks like; texts and numbers in these arguments are nobody's evidence.
+#: Arguments that style a figure or table; texts and numbers in these arguments are nobody's evidence.
 _LOOKS = frozenset(
     {
         *("figsize", "lw", "ms", "ls", "fontsize", "alpha", "color", "colour", "edgecolors", "labelsize", "levels"),

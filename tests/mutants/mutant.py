@@ -1,4 +1,4 @@
-"""What a mutant is, what becomes of it, and how its change is put in."""
+"""A mutant, its outcomes, and how its change is put in."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Mutant:
     equivalent: str = ""
     #: Mutants of one group share the preparation of their checks.
     group: str = ""
-    #: What is done wrong, of those that are made by rule; some of each sort are drawn.
+    #: The sort of error, of those that are made by rule; some of each sort are drawn.
     sort: str = ""
 
     @property

@@ -24,7 +24,7 @@ from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutate
 #: Seconds of processor time after which a mutant is taken to hang, and of the clock, whatever else the machine does.
 PROCESSOR, PATIENCE = 200, 1800.0
 
-#: What the project stands on, imported once for all source mutants; of the project itself nothing may be.
+#: The packages the project stands on, imported once for all source mutants; of the project itself nothing may be.
 LIBRARIES = (
     "casadi", "sympy", "numpy", "pydantic", "jinja2", "cffi", "pycparser", "pytest", "hypothesis", "scipy.integrate",
     "scipy.optimize", "scipy.stats", "mpmath", "matplotlib.pyplot", "rich.console", "rich.progress", "typer",
@@ -261,7 +261,7 @@ def _must_pass(judge: Judge, unmutated: Mutant) -> None:
 
 
 def _unmutated(judge: Judge, mutants: list[Mutant]) -> Iterator[Mutant]:
-    """What the mutants of a group are made from, once a check; source mutants have a round of their own before all."""
+    """The unchanged sources of a group's mutants pass each check once; source mutants have an own round before all."""
     one_each = {mutant.checks: mutant for mutant in mutants if not mutant.old and mutant.kind != "none"}
     for mutant in one_each.values():
         if isinstance(judge, EmittedBench | StepJudge):

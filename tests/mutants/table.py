@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.mutants.mutant import Outcome
 
-#: What a kind's mutants are, in the order of the table.
+#: The description of a kind's mutants, in the order of the table.
 KINDS = {
     "data": "drive data: the generator is given wrong ones, the reference keeps the true ones",
     "model": "equations: machines, mechanics, slow states, discretisation",

@@ -145,7 +145,7 @@ def test_unknown_keys_and_sections(place: Path, section: str, key: str) -> None:
 def test_every_number_at_an_end_of_its_range(
     place: Path, motor: tuple[float, ...], around: tuple[float, ...], variances: list[float]
 ) -> None:
-    """What the ranges allow is generated, or refused in one line: by the budget or because float32 cannot hold it."""
+    """A drive within the ranges is generated or refused in one line: by budget or because float32 cannot hold it."""
     resistance, inductance, flux, inertia = motor
     T, current, voltage, speed = around
     text = "\n".join(
@@ -219,7 +219,7 @@ DTYPES = ("f8", "f4", "f2", "i8", "u1", "?", "c16", "S3", "U3", "M8[s]", "O", "V
 
 
 class Trap:
-    """What would be made if a pickled column were ever unpacked."""
+    """A file that would be made if a pickled column were ever unpacked."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return os.mkdir, ("sprung",)

@@ -1,4 +1,4 @@
-"""What is kept is taken only where everything it depends on is the same; a failure never is."""
+"""A kept result is taken only where everything it depends on is the same; a failure never is."""
 
 from __future__ import annotations
 

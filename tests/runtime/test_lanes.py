@@ -82,7 +82,7 @@ def test_every_lane_has_the_scalar_bits(drive: Drive, kind: str, lanes: int) -> 
 
 
 def test_some_lanes_begin_with_wide_turns(drive: Drive) -> None:
-    """What the test above relies on: the exact path for angles that are not small is taken, by some lanes only."""
+    """The premise of the test above: the exact path for angles that are not small is taken, by some lanes only."""
     module = GeneratedFolder(GENERATED / drive.name).module
     _, words = _start(module, 40, np.random.default_rng(7))
     n, variance = len(module.STATES), module.unpack(words)[module.ANGLE, module.ANGLE]

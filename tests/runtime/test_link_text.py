@@ -24,13 +24,13 @@ def test_every_shipped_expression_is_the_same(drive: str, kind: str) -> None:
     assert steps | {"time_update, C", "time_update, lanes", "control, controller"} <= {row.stage for row in link.rows}
 
 
-#: What is changed in which file, as a pattern and its replacement; which entry is told.
+#: The changes, each with its file, as a pattern and its replacement; which entry is told.
 CHANGES = {
     "another order of additions": (
         "ipmsm_flux_ickf.c",
-        r"(bend_psi_beta_sum =) (\w+) \+ (\w+) \+ (\w+)",
+        r"(curv_psi_beta_sum =) (\w+) \+ (\w+) \+ (\w+)",
         r"\1 \2 + (\3 + \4)",
-        "time_update, C: bend_psi_beta_sum",
+        "time_update, C: curv_psi_beta_sum",
     ),
     "operands exchanged": (
         "ipmsm_flux_ickf.c",
@@ -84,9 +84,9 @@ CHANGES = {
     ),
     "lanes, in another order": (
         "host/ipmsm_flux_ckf_lanes.c",
-        r"(bend_psi_beta_sum =) (\w+) \+ (\w+) \+ (\w+)",
+        r"(curv_psi_beta_sum =) (\w+) \+ (\w+) \+ (\w+)",
         r"\1 \2 + (\3 + \4)",
-        "time_update, lanes: bend_psi_beta_sum",
+        "time_update, lanes: curv_psi_beta_sum",
     ),
     "controller, axes exchanged": (
         "ipmsm_flux_ickf_foc.c",
@@ -96,9 +96,9 @@ CHANGES = {
     ),
     "Python, a sign": (
         "ipmsm_flux.py",
-        r"back_theta = theta_pred - theta_j",
-        "back_theta = theta_pred + theta_j",
-        "ickf_iterate, C: back_theta",
+        r"deviation_theta = theta_pred - theta_j",
+        "deviation_theta = theta_pred + theta_j",
+        "ickf_iterate, C: deviation_theta",
     ),
 }
 

@@ -144,7 +144,7 @@ def test_without_a_reference_nothing_is_called_proved_of_the_equations(desk: Pat
 
 
 def test_casadis_own_numbers_are_a_motor() -> None:
-    """What the reference filters with where there is no second statement: against motors.py, by hand."""
+    """The reference's model where there is no second statement: against motors.py, by hand."""
     drive = load_drive("ipmsm_flux")
     ours, theirs = CasadiMotor(build(drive)), second_motor(drive)
     x, u = np.array([0.5, 0.1, 30.0, 0.4]), np.array([20.0, -7.0])

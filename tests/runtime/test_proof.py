@@ -319,7 +319,7 @@ def test_reordered_float_operations_are_caught(tmp_path: Path) -> None:
 
 
 def test_contraction_would_be_caught() -> None:
-    """What -ffp-contract=off is for: with fused multiply-add the bits differ (on processors that have it)."""
+    """The reason for -ffp-contract=off: with fused multiply-add the bits differ (on processors that have it)."""
     import subprocess
 
     if (

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.unit
 
 
 def test_a_unit_test_may_start_no_program() -> None:
-    """What conftest.py holds every test of such a module to."""
+    """The condition that conftest.py puts on every test of such a module."""
     with pytest.raises(RuntimeError, match="starts a program"):
         subprocess.run(["true"], check=True)
 

@@ -44,7 +44,7 @@ PAPER = next(target for target in targets("paper_spmsm") if target.name == "pape
 #: The last line of a step before it returns.
 END = "    f->iterations = iterations;\n"
 
-#: What is planted before a step returns, and what the judge says of kept inputs.
+#: The fault planted before a step returns, and the judge's verdict on kept inputs.
 FAULTS = {
     "state not finite, unsaid": "f->x[2] = f->x[2] - 1e38f * f->x[2] * 1e38f;",
     "theta outside [-pi, pi), unsaid": "f->x[3] = (f->x[3] < 0.0f) ? f->x[3] : f->x[3] + 3.1415927f;",

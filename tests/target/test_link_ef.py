@@ -172,7 +172,7 @@ def test_a_constants_last_bit_is_caught_and_located(name: str, processor: Proces
 
 
 def test_fused_multiply_add_is_caught() -> None:
-    """What -ffp-contract=off is for: the Cortex-M4F has a fused multiply-add."""
+    """The reason for -ffp-contract=off: the Cortex-M4F has a fused multiply-add."""
     found = run("paper_spmsm_ickf", CortexM4(), QUICK, None, "-ffp-contract=fast")
     assert found.divergence is not None
 

@@ -39,7 +39,7 @@ def plant(folder: Path, body: str = "", before: str = "") -> None:
 
 
 def said(checks: list[Check], name: str) -> list[str]:
-    """What a failed check says; a passed one says nothing here."""
+    """The message of a failed check; a passed one says nothing here."""
     return [line for check in checks if check.name == name and check.state == "failed" for line in check.detail]
 
 

@@ -110,7 +110,7 @@ def _covariance(names: list[str], parameters: dict[str, Any], field: str) -> lis
 
 
 def _least_pivot(name: str, q: float, parameters: dict[str, Any]) -> float:
-    """What D_j, and so P_jj, cannot fall below after a measurement.
+    """The lower bound of D_j, and so of P_jj, after a measurement.
 
     P_pred >= Q, so 1 / D_j <= (P^-1)_jj <= 1 / Q_j + (H^T R^-1 H)_jj. H is bounded over the operating box.
     """

@@ -1,4 +1,4 @@
-"""What a gate says: one line of a table, and a verdict that cannot be mistaken for another."""
+"""The result of a gate: one line of a table, and a verdict that cannot be mistaken for another."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class Division:
 
 @dataclass
 class Function:
-    """What is known of the names of one function; ``ports`` of the elements of its argument arrays."""
+    """The bounds known for the names of one function; ``ports`` of the elements of its argument arrays."""
 
     ranges: dict[str, Range] = field(default_factory=dict)
     definitions: dict[str, c_ast.Node] = field(default_factory=dict)
@@ -187,7 +187,7 @@ class Function:
     # --- what a condition teaches
 
     def guarded(self, condition: c_ast.Node) -> Function:
-        """What is known where the condition holds."""
+        """The bounds known where the condition holds."""
         ranges = dict(self.ranges)
         for name, known in self._lessons(condition):
             before = ranges.get(name, ANY)

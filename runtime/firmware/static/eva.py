@@ -62,7 +62,7 @@ _ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What EVA said: alarms as ``file:line: text``, statements reached of all, and whether it got to the end."""
+    """The result of EVA: alarms as ``file:line: text``, statements reached of all, and whether it got to the end."""
 
     alarms: tuple[str, ...]
     reached: int

@@ -24,7 +24,7 @@ NAME = "MISRA C:2012"
 TABLE = Path(__file__).with_name("misra.toml")
 PLATFORM = Path(__file__).with_name("c28x.xml")
 
-#: What TI's compiler and its limits.h and float.h say; cppcheck reads no system header.
+#: Macros that TI's compiler and its limits.h and float.h define; cppcheck reads no system header.
 DEFINES = {
     **CHIP_MACROS,
     "__TI_STRICT_FP_MODE__": "1",
@@ -97,7 +97,7 @@ def _checks(folder: Path) -> list[Check]:
 
 
 def find(sources: list[Path], *options: str) -> list[Finding]:
-    """What cppcheck says, one finding a place and rule."""
+    """The findings of cppcheck, one a a place and rule."""
     command = ["cppcheck", f"--platform={PLATFORM}", "--addon=misra", "--enable=style,warning", "--std=c89", "--quiet"]
     command += ["--max-configs=1", "--template={file}|{line}|{severity}|{id}|{message}"]
     command += [f"-D{name}={value}" for name, value in DEFINES.items()]

@@ -1,4 +1,4 @@
-"""What the readers of C share: cells of memory, and pieces of pycparser's syntax tree."""
+"""The common parts of the readers of C: cells of memory, and pieces of pycparser's syntax tree."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Memory = dict[tuple[int, int], Term | OverLanes]
 
 
 class Unit(Protocol):
-    """What a call needs of its translation unit: memory, and the functions it may call."""
+    """The context of a call in its translation unit: memory, and the functions it may call."""
 
     terms: Terms
     memory: Memory

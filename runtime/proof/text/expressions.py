@@ -22,7 +22,7 @@ _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 @dataclass
 class Function:
-    """What a block names on its way, and what it hands out: by port, in order, and place."""
+    """The named values of a block, and its outputs: by port, in order, and place."""
 
     entries: dict[str, Tree] = field(default_factory=dict)
     outputs: dict[tuple[int, int], Tree] = field(default_factory=dict)
@@ -130,7 +130,7 @@ class _PythonReader:
 
 
 def _ports(value: ast.expr) -> list[list[ast.expr]]:
-    """What a function returns: ports of entries; one port's stand alone."""
+    """The return value of a function: ports of entries; one port's stand alone."""
     if not isinstance(value, ast.Tuple):
         return [[value]]
     if all(isinstance(entry, ast.Tuple) for entry in value.elts):

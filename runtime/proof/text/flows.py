@@ -1,4 +1,4 @@
-"""What a step, told in C or in Python, leaves in memory: one term a cell, over the same inputs in each text."""
+"""The memory after a step in C or in Python: one term a cell, over the same inputs in each text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the reader of Python shares: the objects and scopes of a call, and pieces of the syntax tree."""
+"""The common parts of the reader of Python: the objects and scopes of a call, and pieces of the syntax tree."""
 
 from __future__ import annotations
 

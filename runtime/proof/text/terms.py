@@ -1,4 +1,4 @@
-"""What a program computes, as terms: two programs do the same for every input if their terms are the same.
+"""The results of a program as terms: two programs do the same for every input if their terms are the same.
 
 A term is a number, an input, an operation, or a choice between two terms by a comparison. Choices are kept as decision
 diagrams, their comparisons in one order, so that ``if``, ``?:``, masks and early returns that mean the same look the
@@ -98,7 +98,7 @@ class Terms:
         return self.make("symbol", name, place, whole=whole)
 
     def unknown(self, why: str) -> Term:
-        """What a reader does not understand: equal to nothing, itself in another text included."""
+        """A term that a reader does not understand: equal to nothing, itself in another text included."""
         self._unknown += 1
         return self.make("unknown", f"{id(self)} {self._unknown}: {why}")
 
@@ -252,7 +252,7 @@ class Terms:
     # --- merging, loops
 
     def merge(self, condition: Term | OverLanes, then: Term, otherwise: Term) -> Term:
-        """What a cell holds after an ``if``.
+        """The value of a cell after an ``if``.
 
         Where the condition is about all lanes, a lane may come through either branch on behalf of others: then it must
         find the same in both.
@@ -288,7 +288,7 @@ class Terms:
     def loop(
         self, start: Mapping[Key, tuple[Term, Term]], after: Mapping[Key, Term], again: Term | OverLanes
     ) -> dict[Key, Term]:
-        """What cells hold after ``do ... while (again)``; ``start``: their phi, and what they held before.
+        """The values of cells after ``do ... while (again)``; ``start``: their phi, and what they held before.
 
         A loop that goes on for lanes together freezes the lanes that are done: then it is each lane's own loop.
         """

@@ -27,7 +27,7 @@ def _at(values: list[float], i: int, value: float) -> list[float]:
 
 
 def changes(drive: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any], str]]:
-    """What is wrong, the section, its keys, and the check that meets it first."""
+    """The fault, the section, its keys, and the check that meets it first."""
     motor, model, tuning = drive["motor"], drive["model"], drive["filter"]
     torque = model["mechanics"] == "load_torque"
     salient = motor["inductance_d"] != motor["inductance_q"]

@@ -27,8 +27,8 @@ FORM = (
         ("column's sign", "line[j] = before - f * gathered[i] / a", "line[j] = before + f * gathered[i] / a", FLUX),
         ("variance grows", "self.D[j] = self.D[j] * a / grown", "self.D[j] = self.D[j] * grown / a", PAPER),
         ("span of the first", "            a = grown\n", "            a = a + 0.0\n", FLUX),
-        ("correction subtracted", "[sum_ + k * share for sum_, k", "[sum_ - k * share for sum_, k", PAPER),
-        ("second innovation kept", "[later - k * share for later, k", "[later for later, k", PAPER),
+        ("correction subtracted", "[sum_ + k * weighted for sum_, k", "[sum_ - k * weighted for sum_, k", PAPER),
+        ("second innovation kept", "[later - k * weighted for later, k", "[later for later, k", PAPER),
         (
             "decorrelated with R_1",
             "m = R[1][0] / R[0][0]\n    rest",
@@ -166,30 +166,30 @@ FORM = (
     ),
     *of(
         "fast form",
-        "codegen/fast/leaning.py",
+        "codegen/fast/dependent_rows.py",
         (
             "own part forgotten",
-            "+ self._across(self.leaning[row].own, other)",
-            "+ self._across(self.leaning[row].own, other) * 0.0",
+            "+ self._across(self.dependent[row].own, other)",
+            "+ self._across(self.dependent[row].own, other) * 0.0",
             TORQUE,
         ),
         (
             "own part without D",
-            "dot([d * g for d, g in zip(self.D, own, strict=True)], self.leaning[j].own)",
-            "dot(own, self.leaning[j].own)",
+            "dot([d * g for d, g in zip(self.D, own, strict=True)], self.dependent[j].own)",
+            "dot(own, self.dependent[j].own)",
             TORQUE,
         ),
         (
             "coefficients lost",
-            "return sum_of([a * value(k) for k, a in self.leaning[i].rows])",
-            "return sum_of([value(k) for k, a in self.leaning[i].rows])",
+            "return sum_of([a * value(k) for k, a in self.dependent[i].rows])",
+            "return sum_of([value(k) for k, a in self.dependent[i].rows])",
             TORQUE,
         ),
         (
             "difference as a sum",
             "return parts[0] - parts[1]",
             "return parts[0] + parts[1]",
-            ("pytest tests/codegen/test_leaning.py",),
+            ("pytest tests/codegen/test_dependent_rows.py",),
         ),
     ),
     *of(
@@ -199,14 +199,14 @@ FORM = (
             "sign lost",
             'sign = -sign if node.op == "neg" else sign',
             "sign = sign",
-            ("pytest tests/codegen/test_leaning.py", *FLUX),
+            ("pytest tests/codegen/test_dependent_rows.py", *FLUX),
         ),
         ("factor lost", "        scale = scale * Expr(graph, factor)\n", "        pass\n", (*PAPER, *FLUX)),
         (
             "any constants are equal",
             "return math.isclose(a.value, b.value, rel_tol=SAME)",
             "return True",
-            ("pytest tests/codegen/test_leaning.py", *FLUX),
+            ("pytest tests/codegen/test_dependent_rows.py", *FLUX),
         ),
     ),
     *of(
@@ -245,8 +245,8 @@ FORM = (
         ("norm of the weights", "change = dot(moved, moved)", "change = dot(moved[1:], moved[1:])", FLUX),
         (
             "correlation dropped always",
-            "decorrelated(seen.rows, seen.innovation, seen.noise, seen.floor)",
-            "(seen.rows, seen.innovation, [seen.noise[k][k] for k in range(2)])",
+            "decorrelated(meas.rows, meas.innovation, meas.noise, meas.floor)",
+            "(meas.rows, meas.innovation, [meas.noise[k][k] for k in range(2)])",
             FLUX,
         ),
         (

@@ -1,4 +1,4 @@
-"""What notices a wrong rewriting, quickest first."""
+"""The checks that notice a wrong rewriting, quickest first."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ Vector = list[Expr]
 
 
 @dataclass(frozen=True)
-class Seen:
+class Measurement:
     """A measurement as the filter takes it: rows of H L (2, n), noise (2, 2), innovation (2,).
 
     ``floor`` bounds the variance of the second from below once the first is known; ``where`` tells the frame.
@@ -29,7 +29,7 @@ class Seen:
         return rows | {"noise_00": self.noise[0][0], "noise_10": self.noise[1][0], "noise_11": self.noise[1][1]}
 
     def carried(self, inputs: Collection[str]) -> dict[str, dict[str, Expr]]:
-        """What a later block must be given of it, by array and name: all but numbers and these ``inputs``."""
+        """The entries that a later block must be given, by array and name: all but numbers and these ``inputs``."""
         found: dict[str, dict[str, Expr]] = {}
         for label, entry in self._labelled().items():
             node = entry.graph[entry.node]
@@ -37,7 +37,7 @@ class Seen:
                 found.setdefault(label.split("_")[0], {})[label] = entry
         return found
 
-    def in_block(self, b: GraphBuilder, given: dict[str, Expr], innovation: Vector, floor: Expr) -> Seen:
+    def in_block(self, b: GraphBuilder, given: dict[str, Expr], innovation: Vector, floor: Expr) -> Measurement:
         """The same in another block, ``given`` there what is carried, and inputs, by name."""
 
         def place(label: str, entry: Expr) -> Expr:
@@ -49,4 +49,4 @@ class Seen:
         at = {label: place(label, entry) for label, entry in self._labelled().items()}
         rows = [[at[f"HL_{k}{c}"] for c in range(len(row))] for k, row in enumerate(self.rows)]
         noise = [[at["noise_00"], at["noise_10"]], [at["noise_10"], at["noise_11"]]]
-        return Seen(rows, noise, innovation, floor, "")
+        return Measurement(rows, noise, innovation, floor, "")

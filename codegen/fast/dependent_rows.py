@@ -22,7 +22,7 @@ Vector = list[Expr]
 
 
 @dataclass(frozen=True)
-class Leaning:
+class DependentRow:
     """f_i = sum of a_k f_k over ``rows`` (k, a_k) + g, whose parts along the columns of L are ``own`` (n,)."""
 
     rows: tuple[tuple[int, Expr], ...]
@@ -32,42 +32,42 @@ class Leaning:
 class Gram:
     """Sums over the columns of D times a product of odd parts: what the linear share of f makes of P.
 
-    ``leaning``: by row. Products of rows are asked for in the order of a lower triangle.
+    ``dependent``: by row. Products of rows are asked for in the order of a lower triangle.
     """
 
-    def __init__(self, D: Vector, odd: Matrix, leaning: dict[int, Leaning]) -> None:
-        self.D, self.leaning = D, leaning
+    def __init__(self, D: Vector, odd: Matrix, dependent: dict[int, DependentRow]) -> None:
+        self.D, self.dependent = D, dependent
         factored = [common_factor(row) for row in odd]
         self.slope, self.odd = [slope for slope, _ in factored], [row for _, row in factored]
         self.weighted = [[d * o for d, o in zip(D, row, strict=True)] for row in self.odd]
 
     def product(self, i: int, j: int) -> Expr:
-        """Of two rows, neither of which leans."""
+        """Of two rows, neither of which is dependent."""
         return self.slope[i] * self.slope[j] * dot(self.weighted[i], self.odd[j])
 
-    def leans(self, i: int, j: int) -> bool:
+    def is_dependent(self, i: int, j: int) -> bool:
         """Whether one row depends linearly on another."""
-        return i in self.leaning or j in self.leaning
+        return i in self.dependent or j in self.dependent
 
-    def leant(self, P: Matrix, i: int, j: int) -> Expr:
-        """Covariance of rows i >= j, of which at least one leans, from those of the rows above."""
-        row, other = (i, j) if i in self.leaning else (j, i)
-        return self._on(row, lambda k: P[k][other]) + self._across(self.leaning[row].own, other)
+    def dependent_product(self, P: Matrix, i: int, j: int) -> Expr:
+        """Covariance of rows i >= j, of which at least one is dependent, from those of the rows above."""
+        row, other = (i, j) if i in self.dependent else (j, i)
+        return self._from_others(row, lambda k: P[k][other]) + self._across(self.dependent[row].own, other)
 
     def _across(self, own: Vector, j: int) -> Expr:
         """Of a row's own linear part with any row."""
-        if j not in self.leaning:
+        if j not in self.dependent:
             return self.slope[j] * dot(self.weighted[j], own)
-        with_own = dot([d * g for d, g in zip(self.D, own, strict=True)], self.leaning[j].own)
-        return self._on(j, lambda k: self._across(own, k)) + with_own
+        with_own = dot([d * g for d, g in zip(self.D, own, strict=True)], self.dependent[j].own)
+        return self._from_others(j, lambda k: self._across(own, k)) + with_own
 
-    def _on(self, i: int, value: Callable[[int], Expr]) -> Expr:
-        """What a row has from those it leans on."""
-        return sum_of([a * value(k) for k, a in self.leaning[i].rows])
+    def _from_others(self, i: int, value: Callable[[int], Expr]) -> Expr:
+        """The part of a row that comes from the rows it depends on."""
+        return sum_of([a * value(k) for k, a in self.dependent[i].rows])
 
 
-def find_leaning(b: GraphBuilder, tape: Tape, inputs: list[Vector], L: Matrix) -> dict[int, Leaning]:
-    """Every row of the tape's function that leans on rows before it, by its index.
+def find_dependent_rows(b: GraphBuilder, tape: Tape, inputs: list[Vector], L: Matrix) -> dict[int, DependentRow]:
+    """Every row of the tape's function that depends on rows before it, by its index.
 
     ``inputs``: plain symbols of the block, the state first. ``L``: its columns are the directions.
     """
@@ -81,7 +81,7 @@ def find_leaning(b: GraphBuilder, tape: Tape, inputs: list[Vector], L: Matrix) -
         if all(end.node in rows or end.node in states or end.node in others or end.value for end, _ in terms):
             on = _held(terms, rows)
             if on:
-                found[i] = Leaning(
+                found[i] = DependentRow(
                     on, [_along(value, states, rows.keys(), [row[c] for row in L]) for c in range(len(L))]
                 )
     return found

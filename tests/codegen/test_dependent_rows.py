@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from codegen.fast.dependent_rows import _along, find_dependent_rows
 from codegen.fast.factored import from_packed
-from codegen.fast.leaning import _along, find_leaning
 from codegen.fast.rows import common_factor
 from codegen.fast.tape import Tape
 from codegen.ir.expr import Expr, GraphBuilder
@@ -34,7 +34,7 @@ def leaning_of(name: str) -> tuple:
     packed = b.input("LD", [f"LD_{i}{j}" for i in range(n) for j in range(i + 1)])
     f, named = model.propagate(ca.vertsplit(model.x), ca.vertsplit(model.u))
     L, _ = from_packed(packed, range(n))
-    return model, b.graph, L, find_leaning(b, Tape(model, [model.x, model.u], f, named), [x, u], L)
+    return model, b.graph, L, find_dependent_rows(b, Tape(model, [model.x, model.u], f, named), [x, u], L)
 
 
 @pytest.mark.parametrize("name", ["spmsm_load_torque", "ipmsm", "ipmsm_adaptive"])
