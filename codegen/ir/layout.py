@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 
+from codegen.ir.constants import with_names
 from codegen.ir.expr import GraphBlock
 from codegen.ir.graph import SIGNIFICANT, Graph, read_tape
 from model.quantities import Block, Constant, Stage
@@ -136,7 +137,7 @@ def _to_graph(block: Block, constants: Sequence[Constant]) -> tuple[Graph, dict[
     if symbolic:
         inputs.append([graph.const(constant.value, constant.name, constant.formula) for constant in symbolic])
     nodes = read_tape(graph, function, inputs)
-    graph = graph.named({c.value: (c.name, c.formula) for c in constants if c.symbol is None})
+    graph = with_names(graph.named({c.value: (c.name, c.formula) for c in constants if c.symbol is None}))
     stage_nodes = dict(zip((stage.name for stage in block.stages), nodes, strict=False))
     assert len(stage_nodes) == len(block.stages), "stage names must differ within a block"
     output_nodes = dict(zip((port.name for port in block.outputs), nodes[len(block.stages) :], strict=True))

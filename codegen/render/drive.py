@@ -12,6 +12,7 @@ from codegen.ir.trig import DOUBLE
 from codegen.render.filter import (
     ANGLE,
     Description,
+    named_constants,
     render,
     sin_cos_arithmetic,
     sin_cos_text,
@@ -70,6 +71,7 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
         "believed": printer.format_block(believed_listing(about)),
         "control_text": printer.format_block(listing),
         "control_constants": control_constants(about, constants),
+        "control_listings": [listing, believed_listing(about), lay_out(clarke_block(), TRANSFORM)],
         "command_max": [printer.format_literal(value) for value in command_limits(about.drive)],
         "command_first": [printer.format_literal(value) for value in first_command(about.drive)],
         "sensed_max": printer.format_literal(SENSED_MAX),
@@ -83,12 +85,10 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
 
 def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, Any]:
     """Template context of the controller's scalar and lane form, float32."""
-    listing, constants = control_listing(about)
-    listings = (listing, believed_listing(about), lay_out(clarke_block(), TRANSFORM))
-    used = {part.graph[node].name for part in listings for node in part.live if part.graph[node].op == "const"}
+    context = controller_context(about, printer)
     p = f"{about.drive.name}_{kind}"
     return {
-        **controller_context(about, printer),
+        **context,
         "p": p,
         "omega_place": state_place(p, "omega"),
         "theta_place": state_place(p, ANGLE),
@@ -96,9 +96,8 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
         "constants": [
-            {"name": c.name, "text": printer.format_literal(c.value), "formula": c.formula}
-            for c in control_constants(about, constants)
-            if c.name in used
+            {"name": name, "text": printer.format_literal(value), "formula": formula}
+            for name, value, formula in named_constants(about, context["control_listings"])
         ],
         "round": printer.format_literal(printer.target.precision.rounding),
         "trig_note": trig_note(printer.target),

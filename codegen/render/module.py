@@ -49,7 +49,7 @@ def render_module(
             for name, value, formula in {
                 c[0]: c
                 for c in (
-                    *named_constants(about, list(listings.values())),
+                    *named_constants(about, [*listings.values(), *controller["control_listings"]]),
                     *((c.name, c.value, c.formula) for c in controller["control_constants"]),
                 )
             }.values()
