@@ -28,7 +28,8 @@ from codegen.passes import (
     without,
 )
 from model.filters import FilterStep, build_filter
-from model.filters.program import Call, IfAccepted, Node, Repeat
+from model.filters.conditions import ACCEPTED
+from model.filters.program import Call, If, Node, Repeat
 from model.machines.state_space import StateSpaceModel
 from model.quantities import Block
 
@@ -110,5 +111,5 @@ def accepted_path(body: tuple[Node, ...]) -> Iterator[Block]:
             yield node.block
         elif isinstance(node, Repeat):
             yield from accepted_path(node.body)
-        elif isinstance(node, IfAccepted):
+        elif isinstance(node, If) and node.condition == ACCEPTED:
             yield from accepted_path(node.then)

@@ -1,11 +1,11 @@
-"""The guards in a step: their limits, and which blocks have something to say besides numbers."""
+"""The guards of a fast filter as nodes of its step, and their limits."""
 
 from __future__ import annotations
 
-from codegen.fast.turns import OPERATIONS
-from codegen.ir.expr import GraphBlock
-from model.filters.program import Call, IfAccepted, Node, Repeat
-from model.quantities import Block
+from codegen.ir.covariance import place
+from model.filters.conditions import All, Compare, Either, Entry, Name, Not, Number, Operation, Reported, total
+from model.filters.program import Count, If, Report, Restart, Seldom, Set, Size
+from model.machines.state_space import StateSpaceModel
 
 #: The step restarts where a state, a word of the covariance or the monitor's mean is beyond it. Its square is far from
 #: the largest float, and a motor's states in SI units are far from it; the sine of an angle turned so fast is a number.
@@ -16,29 +16,37 @@ SANE_LIMIT = 1e9
 #: thousands.
 NIS_MAX, NIS_WEIGHT = 200.0, 1.0 / 64.0
 
-
-def is_watched(block: Block) -> bool:
-    """It leaves pivots that are bounded from below, and the guard's ``check``."""
-    return any(port.name == "check" for port in block.outputs)
-
-
-def is_turns(block: Block) -> bool:
-    """It computes small angles, and says when one of them is not."""
-    return isinstance(block, GraphBlock) and not block.operations.isdisjoint(OPERATIONS)
+_CHECK, _MEAN = Entry("check", 0), Entry("nis")
+_CALM = Compare("<", _MEAN, Entry("nis_max"))
+_REPAIRED, _RESTARTED, _DIVERGED = "COVARIANCE_REPAIRED", "RESTARTED", "DIVERGED"
 
 
-def spread(block: Block) -> float:
-    """The n of a block of small angles, z = d^2 / n."""
-    assert isinstance(block, GraphBlock)
-    turned = (entry.node for port in block.outputs for entry in port.entries)
-    (n,) = {block.graph[node].args[1] for node in turned if block.graph[node].op in OPERATIONS}
-    return block.graph[n].value
+def watch_pivots(model: StateSpaceModel) -> Report:
+    """After the time update: says where a pivot of P_pred was raised to its floor."""
+    above = (Compare(">", Entry("LD_pred", place(k, k)), Entry("Q", state)) for k, state in enumerate(model.order))
+    note = "Exact arithmetic never has a pivot of P at its bound; where one is, it was raised."
+    return Report(_REPAIRED, All(tuple(above)), note)
 
 
-def is_monitored(node: Node) -> bool:
-    """It leaves the normalised innovation squared, ``nis``."""
-    if isinstance(node, Call):
-        return any(port.name == "nis" for port in node.block.outputs)
-    if isinstance(node, Repeat):
-        return any(is_monitored(call) for call in node.body)
-    return isinstance(node, IfAccepted) and any(is_monitored(part) for part in node.then)
+def average() -> Set:
+    """After a measurement: the mean of the normalised innovation squared over the monitor's window."""
+    change = Operation("-", Entry("nis", 0), _MEAN)
+    return Set(_MEAN, Operation("+", _MEAN, Operation("*", Entry("nis_weight"), change)))
+
+
+def look_at_result(model: StateSpaceModel) -> tuple[Set, Seldom]:
+    """Last of a step: reports what was not ordinary, and restarts from what is no number or absurdly large."""
+    states = (Entry("x", k) for k in range(len(model.states)))
+    note = "The sum of pivots, mean and states is no number if one of them is none."
+    limit = Name("SANE_LIMIT")
+    sane = Compare("<=", Operation("*", _CHECK, _CHECK), Operation("*", limit, limit))
+    unusual = (Reported((_REPAIRED,)), Not(sane), Not(_CALM))
+    body = (
+        Report(_RESTARTED, Compare("<=", Name("worst"), Number(1.0))),
+        Report(_DIVERGED, _CALM),
+        If(Reported((_REPAIRED, _RESTARTED)), (Count("repairs", "MOST_REPAIRS"),)),
+        If(Reported((_RESTARTED,)), (Restart(),)),
+    )
+    size = Size("worst", (_CHECK, _MEAN), "LD", "PER_SANE_LIMIT")
+    summed = Set(_CHECK, total(_CHECK, _MEAN, *states), note)
+    return summed, Seldom("set_status_bits", Either(unusual), size, body)

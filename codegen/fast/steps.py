@@ -10,17 +10,19 @@ import casadi as ca
 from codegen.fast.dependent_rows import find_dependent_rows
 from codegen.fast.factored import Matrix, ScalarUpdates, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
+from codegen.fast.guards import average, look_at_result, watch_pivots
 from codegen.fast.measurement import Measurement
 from codegen.fast.split import SplitAlgebra
 from codegen.fast.spread import SigmaPoints, Spread
 from codegen.fast.tape import Tape
-from codegen.fast.turns import split_turns
+from codegen.fast.turns import split_turns, spread_of
 from codegen.ir.covariance import place
 from codegen.ir.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
 from model.filters import build_filter
+from model.filters.conditions import ACCEPTED
 from model.filters.cubature import CUBATURE, Rule
-from model.filters.program import Call, Copy, FilterStep, IfAccepted, Node, Repeat
+from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns
 from model.filters.ukf import UNSCENTED
 from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
 
@@ -50,16 +52,24 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Opt
     builders = _builders(model, kind, literal.gain, options)
     if kind == "ickf" and literal.iteration_proof is None:
         iterate, finish = _cheapest([builder.loop() for builder in builders], options)
-        *turns, iterate = split_turns(iterate, "_pred")
-        head = tuple(Call(block) for block in turns)
-        assert not any(port.name == "x_j" for block in turns for port in block.inputs), "a turn that moves with x^j"
-        update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(finish))
+        *head, call = _calls(split_turns(iterate, "_pred"))
+        assert not any(port.name == "x_j" for turns in head for port in turns.block.inputs), (
+            "a turn that moves with x^j"
+        )
+        update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((call,)), Call(finish))
     else:
         (measurement,) = _cheapest([[builder.measurement_update()] for builder in builders], options)
-        update = tuple(Call(block) for block in split_turns(measurement, "_pred"))
-    before = tuple(Call(block) for block in _time_update(model, "ckf" if kind == "ickf" else kind, options))
-    body: tuple[Node, ...] = (*before, IfAccepted(update, (Call(builders[0].coast()),)))
+        update = _calls(split_turns(measurement, "_pred"))
+    before = _calls(_time_update(model, "ckf" if kind == "ickf" else kind, options))
+    choice = If(ACCEPTED, (*update, average()), (Call(builders[0].coast()),))
+    body: tuple[Node, ...] = (Guard(), *before, watch_pivots(model), choice, *look_at_result(model))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
+
+
+def _calls(blocks: list[GraphBlock]) -> tuple[Call, ...]:
+    """A block behind that of its small angles."""
+    *turns, block = blocks
+    return (*(Turns(angles, spread_of(angles)) for angles in turns), Call(block))
 
 
 def _builders(model: StateSpaceModel, kind: str, gain: str, options: Options) -> list[FilterBuilder]:

@@ -17,6 +17,13 @@ OPERATIONS = ("sinc", "cosm1")
 Angle = tuple[int, ...]
 
 
+def spread_of(block: GraphBlock) -> float:
+    """The n of a block of small angles, z = d^2 / n."""
+    turned = (entry.node for port in block.outputs for entry in port.entries)
+    (n,) = {block.graph[node].args[1] for node in turned if block.graph[node].op in OPERATIONS}
+    return block.graph[n].value
+
+
 def split_turns(block: GraphBlock, tag: str) -> list[GraphBlock]:
     """The block, preceded by the one that computes its turns if it has any.
 

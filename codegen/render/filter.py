@@ -12,8 +12,8 @@ from typing import Any
 
 import jinja2
 
-from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SANE_LIMIT, is_turns, is_watched
-from codegen.ir.covariance import CovarianceLayout, place
+from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SANE_LIMIT
+from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
@@ -21,7 +21,7 @@ from codegen.output.version import __version__
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.targets import Target
 from model.filters import FilterStep
-from model.filters.program import Copy, IfAccepted, Node, Repeat
+from model.filters.program import Call, Repeat, Restart, Seldom, Turns
 from model.machines.own import kept_as, read_word, title
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
@@ -136,14 +136,11 @@ def render_filter(
     model = about.model
     printer = CPrinter(target)
     layout = CovarianceLayout.of(step)
-    looped = has_loop(step.body)
+    looped = step.has(Repeat)
     spread = common_spread(listings[block.name] for block in step.blocks)
     turns = spread is not None
     pair = turns or any(listings[block.name].operations()["sincos"] for block in step.blocks)
     common = _words(about, step, layout, listings, printer)
-    pivots = [f"(LD_pred[{place(k, k)}] > f->Q[{state}])" for k, state in enumerate(layout.order)]
-    watch = [f"if (!({' && '.join(pivots)})) {{", f"{INDENT}status |= PMSM_COVARIANCE_REPAIRED;", "}"]
-    printer.behind = {block.name: watch for block in step.blocks if is_watched(block)}
     header = render(
         "filter.h.j2",
         **common,
@@ -170,10 +167,11 @@ def render_filter(
         wrap_angle=printer.format_helper(wrap_listing(target.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
-        defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer, step.guarded)],
+        defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer, step.has(Restart))],
         zero=printer.format_literal(0.0),
         locals=_locals(step, target),
-        program="\n".join(printer.format_program(step.body)),
+        program="\n".join(printer.format_step(step)),
+        seldom=["\n".join(printer.format_seldom(node)) for node in step.all_of(Seldom)],
     )
     if target.generated_trig:
         source = with_ramfuncs(source, cold={f"{common['p']}_init", f"{common['p']}_reset"})
@@ -196,13 +194,12 @@ def _words(
         "layout": layout,
         "libm": library_calls([listings[block.name] for block in step.blocks], target),
         "covariance": step.covariance,
-        "guarded": step.guarded,
+        "guarded": step.has(Restart),
         "sane_limit": printer.format_literal(SANE_LIMIT),
         "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
         "one": printer.format_literal(1.0),
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),
-        "states_summed": " + ".join(f"f->x[{k}]" for k in range(n)),
     }
 
 
@@ -348,14 +345,8 @@ def _c_defaults(about: Description, printer: CPrinter, guarded: bool) -> list[tu
 def _locals(step: FilterStep, target: Target) -> list[str]:
     """Arrays of the step that do not live in the struct."""
     sizes: dict[str, int] = {}
-    for block in step.blocks:
-        outputs = block.outputs[1:] if is_turns(block) else block.outputs  # the squares stay inside
+    for node in step.nodes:
+        ports = node.block.outputs if isinstance(node, Call) else ()
+        outputs = ports[1:] if isinstance(node, Turns) else ports  # the squares stay inside
         sizes |= {port.name: len(port.entries) for port in outputs if port.name not in STRUCT_FIELDS}
     return [f"{target.real} {name}[{size}];" for name, size in sizes.items()]
-
-
-def has_loop(body: tuple[Node, ...]) -> bool:
-    """Whether a step iterates."""
-    return any(
-        isinstance(node, Repeat | Copy) or (isinstance(node, IfAccepted) and has_loop(node.then)) for node in body
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.fast.guards import SANE_LIMIT, is_turns
+from codegen.fast.guards import SANE_LIMIT
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
@@ -13,7 +13,6 @@ from codegen.render.filter import (
     common_spread,
     covariance_comment,
     filter_constants,
-    has_loop,
     render,
     sin_cos_text,
     trig_note,
@@ -22,6 +21,7 @@ from codegen.render.filter import (
 from codegen.render.printers.lanes import LanesPrinter, lane_arrays
 from codegen.render.printers.targets import F28335, HOST64
 from model.filters import FilterStep
+from model.filters.program import Repeat, Restart, Turns
 
 #: Filters in one struct: two vectors of 256 bits, one of 512.
 LANES = 16
@@ -32,11 +32,11 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
     target = F28335
     model = about.model
     layout = CovarianceLayout.of(step)
-    skips = sum(is_turns(block) for block in step.blocks) > 1  # those behind the measurement's guard
-    printer = LanesPrinter(target, len(model.states), skips)
     operations = [listings[block.name].operations() for block in step.blocks]
     spread = common_spread(listings[block.name] for block in step.blocks)
     scalar = f"{about.drive.name}_{step.kind}"
+    printer = LanesPrinter(target, len(model.states), f"{scalar}_lanes_t")
+    program = "\n".join(printer.format_step(step))
     common = {
         "p": f"{scalar}_lanes",
         "scalar": scalar,
@@ -48,18 +48,16 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "n": len(model.states),
         "packed": layout.size,
         "covariance": step.covariance,
-        "guarded": step.guarded,
+        "guarded": step.has(Restart),
         "sane_limit": printer.format_literal(SANE_LIMIT),
         "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
         "one": printer.format_literal(1.0),
-        "most_turns": max((len(block.outputs[0].entries) for block in step.blocks if is_turns(block)), default=0),
+        "most_turns": max(
+            (len(node.block.outputs[0].entries) for node in step.nodes if isinstance(node, Turns)), default=0
+        ),
         "layout": layout,
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),
-        "states_summed": " +\n            ".join(
-            " + ".join(f"f->x[{k}].of[lane]" for k in range(start, min(start + 4, len(model.states))))
-            for start in range(0, len(model.states), 4)
-        ),
     }
     header = render(
         "lanes.h.j2",
@@ -77,14 +75,15 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         trig_note=trig_note(target),
         sin_cos=_inlined(sin_cos_text(printer)),
         turns=spread is not None,
-        skips=skips,
+        skips=printer.skips,
         **(turn_context(printer, spread) if spread is not None else {}),
         zero=printer.format_literal(0.0),
         wrap_angle=_inlined(printer.format_helper(wrap_listing(target.precision))),
-        looped=has_loop(step.body),
+        looped=step.has(Repeat),
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
         locals=[f"lanes {name}[{size}];" for name, size in lane_arrays(step.body).items()],
-        program="\n".join(printer.format_program(step.body)),
+        program=program,
+        functions=printer.functions,
     )
     return header, source
 
@@ -94,7 +93,7 @@ def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
     n = len(about.model.states)
     context = foc_context(about, step.kind, LanesPrinter(F28335, n))
     context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
-    context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.guarded}
+    context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.has(Restart)}
     return render("foc_lanes.h.j2", **context), render("foc_lanes.c.j2", **context)
 
 

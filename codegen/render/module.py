@@ -9,9 +9,10 @@ from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
-from codegen.render.filter import ANGLE, Description, has_loop, named_constants, render, tuning
+from codegen.render.filter import ANGLE, Description, named_constants, render, tuning
 from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
+from model.filters.program import Restart, Seldom
 
 
 def render_module(
@@ -21,6 +22,7 @@ def render_module(
     drive, model = about.drive, about.model
     printer = PythonPrinter()
     (covariance,) = {step.covariance for step in steps.values()}
+    printer.covariance = covariance
     layout = CovarianceLayout.of(next(iter(steps.values())))
     spreads = sorted(set().union(*(listing.spreads for listing in listings.values())))
     helpers = [
@@ -28,7 +30,9 @@ def render_module(
         printer.format_helper(wrap_listing(SINGLE), "f32"),
         printer.format_helper(wrap_listing(DOUBLE), "f64"),
     ]
-    guarded = all(step.guarded for step in steps.values())
+    guarded = all(step.has(Restart) for step in steps.values())
+    seldom = {node for step in steps.values() for node in step.all_of(Seldom)}
+    assert len(seldom) <= 1, "all filters of a module look at their result in the same way"
     return render(
         "module.py.j2",
         title=f"{drive.name}: {', '.join(steps)} of a {about.machine}, {len(model.states)} states, {about.sample_time}",
@@ -59,7 +63,7 @@ def render_module(
         unknown={f"{n:g}": repr(UNKNOWN / n) for n in spreads},
         small={f"{n:g}": repr(LIMIT / n) for n in spreads},
         guarded=guarded,
-        summed=" + ".join(f"x[{k}]" for k in range(len(model.states))),
+        seldom=["\n".join(printer.format_seldom(node)) for node in seldom],
         sane_limit=repr(SANE_LIMIT),
         per_sane_limit=repr(1.0 / SANE_LIMIT),
         small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
@@ -67,10 +71,7 @@ def render_module(
         packing=render("packing.py.j2", covariance=covariance),
         **controller,
         blocks=[printer.format_block(listing) for listing in listings.values()],
-        steps=[
-            {"kind": kind, "loops": has_loop(step.body), "program": "\n".join(printer.format_program(step.body))}
-            for kind, step in steps.items()
-        ],
+        steps=[{"kind": kind, "program": "\n".join(printer.format_step(step))} for kind, step in steps.items()],
     )
 
 

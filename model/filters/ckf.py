@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from model.filters.conditions import ACCEPTED
 from model.filters.cubature import coast
-from model.filters.program import Call, FilterStep, IfAccepted
+from model.filters.program import Call, FilterStep, Guard, If
 from model.filters.sigma_point import measurement_update, time_update
 from model.machines.state_space import StateSpaceModel
 
@@ -18,5 +19,5 @@ def build_ckf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
     gain : str, optional
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
-    update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))
-    return FilterStep("ckf", "cubature", model, (Call(time_update(model)), update))
+    update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))
+    return FilterStep("ckf", "cubature", model, (Guard(), Call(time_update(model)), update))

@@ -6,8 +6,9 @@ from typing import Any
 
 import casadi as ca
 
+from model.filters.conditions import ACCEPTED
 from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
-from model.filters.program import BlockBuilder, Call, FilterStep, IfAccepted
+from model.filters.program import BlockBuilder, Call, FilterStep, Guard, If
 from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
 from model.quantities import Block
 
@@ -22,8 +23,8 @@ def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
     gain : str, optional
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
-    update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))
-    return FilterStep("ekf", "jacobian", model, (Call(time_update(model)), update))
+    update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))
+    return FilterStep("ekf", "jacobian", model, (Guard(), Call(time_update(model)), update))
 
 
 def time_update(model: StateSpaceModel) -> Block:

@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 
+from model.filters.conditions import ACCEPTED
 from model.filters.cubature import (
     CUBATURE,
     Matrix,
@@ -25,7 +26,7 @@ from model.filters.cubature import (
     unpack,
     wrapped,
 )
-from model.filters.program import BlockBuilder, Call, Copy, FilterStep, IfAccepted, Node, Repeat
+from model.filters.program import BlockBuilder, Call, Copy, FilterStep, Guard, If, Node, Repeat
 from model.filters.sigma_point import time_update
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
@@ -51,7 +52,7 @@ def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
     else:
         head: tuple[Node, ...] = (Call(_factor(model)),) if gain == "cubature" else ()
         update = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(_finish(model)))
-    step = (Call(time_update(model)), IfAccepted(update, (Call(coast(model)),)))
+    step = (Guard(), Call(time_update(model)), If(ACCEPTED, update, (Call(coast(model)),)))
     return FilterStep("ickf", gain, model, step, proof)
 
 

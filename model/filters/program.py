@@ -1,18 +1,32 @@
-"""The control flow of a step: calls of pure blocks, one bounded loop, one branch on the input guard.
+"""The control flow of a step: calls of pure blocks, one bounded loop, branches, and what the status tells.
 
-Small on purpose: C prints it with ``for`` and ``if``, NumPy with masks over a batch, and both compute the
-same bits. Arrays are known by name; ``x, P`` are the state, ``Q, R`` the tuning, ``u, y`` the inputs.
+Small on purpose: C prints it with ``for`` and ``if``, NumPy and C's lane form with masks over a batch, and all compute
+the same bits. Arrays are known by name; ``x, P`` are the state, ``Q, R`` the tuning, ``u, y`` the inputs.
+Conditions and values are in :mod:`model.filters.conditions`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 
+from model.filters.conditions import All, Compare, Condition, Either, Entry, Not, Operation, Value
 from model.machines.state_space import StateSpaceModel
 from model.quantities import Block, Port, Stage
+
+#: A kind of node.
+N = TypeVar("N")
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The input guard, first of a step: holds u if it is good, and says whether y is taken (``ACCEPTED``).
+
+    Reports INPUT_REJECTED where it is not; the step has then made no iteration, else one.
+    """
 
 
 @dataclass(frozen=True)
@@ -20,6 +34,17 @@ class Call:
     """Run a block: arrays named by its input ports in, arrays named by its output ports out."""
 
     block: Block
+
+
+@dataclass(frozen=True)
+class Turns(Call):
+    """Run a block of small angles z = d^2 / ``spread``; where they are not small together, take them again.
+
+    Where they are wider than a turn, the angle is given up in the covariance that the block read, and
+    COVARIANCE_REPAIRED is reported.
+    """
+
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -31,22 +56,80 @@ class Copy:
 
 
 @dataclass(frozen=True)
+class Set:
+    """``target = value``, one number; ``note`` says why."""
+
+    target: Entry
+    value: Value
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Sets a status bit unless a condition holds; ``note`` says why."""
+
+    bit: str
+    unless: Condition
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Count:
+    """One more in a counter that stops at ``most``, a constant's name."""
+
+    counter: str
+    most: str
+
+
+@dataclass(frozen=True)
+class Restart:
+    """Set x = x_0, P = diag(P_0) and the monitor's mean to zero."""
+
+
+@dataclass(frozen=True)
 class Repeat:
-    """At most ``max_iterations`` times; stops once ``change`` (a squared norm) is within tolerance^2, eq. 33."""
+    """At most ``max_iterations`` times; stops once ``change`` (a squared norm) is within tolerance^2, eq. 33.
+
+    Reports NOT_CONVERGED where the last pass still moved.
+    """
 
     body: tuple[Call, ...]
     change: str = "change"
 
 
 @dataclass(frozen=True)
-class IfAccepted:
-    """``then`` where the measurement was accepted, else ``otherwise``; both write the same arrays."""
+class If:
+    """``then`` where the condition holds, else ``otherwise``; blocks of both write the same arrays."""
 
+    condition: Condition
     then: tuple[Node, ...]
-    otherwise: tuple[Node, ...]
+    otherwise: tuple[Node, ...] = ()
 
 
-Node = Call | Copy | Repeat | IfAccepted
+@dataclass(frozen=True)
+class Size:
+    """``target``: the sum of squares of ``entries`` and of a whole ``array``, each in the unit 1 / ``per_unit``."""
+
+    target: str
+    entries: tuple[Entry, ...]
+    array: str
+    per_unit: str
+
+
+@dataclass(frozen=True)
+class Seldom:
+    """``body`` where the condition holds, which is seldom: C and NumPy keep it in a function ``name``.
+
+    ``size`` is made first.
+    """
+
+    name: str
+    condition: Condition
+    size: Size
+    body: tuple[Node, ...]
+
+
+Node = Guard | Call | Copy | Set | Report | Count | Restart | Repeat | If | Seldom
 
 
 @dataclass(frozen=True)
@@ -66,26 +149,65 @@ class FilterStep:
     covariance: str = "P"
 
     @property
-    def guarded(self) -> bool:
-        """It watches itself: floors of P told, a monitor of the innovations, a restart. The literal form does not."""
-        return self.covariance == "LD"
+    def nodes(self) -> list[Node]:
+        """All nodes, those within others too, in the order they run."""
+        return list(_nodes(self.body))
 
     @property
     def blocks(self) -> list[Block]:
         """All blocks, in the order they run."""
-        return _blocks(self.body)
+        return [call.block for call in self.all_of(Call)]
+
+    def all_of(self, kind: type[N]) -> list[N]:
+        """Nodes of one kind, in the order they run.
+
+        Parameters
+        ----------
+        kind : type
+            Such as :class:`Call`.
+        """
+        return [node for node in self.nodes if isinstance(node, kind)]
+
+    def has(self, kind: type[Any]) -> bool:
+        """Whether it has a node of this kind.
+
+        Parameters
+        ----------
+        kind : type
+            Such as :class:`Repeat`.
+        """
+        return bool(self.all_of(kind))
 
 
-def _blocks(body: tuple[Node, ...]) -> list[Block]:
-    found: list[Block] = []
+def _nodes(body: tuple[Node, ...]) -> Iterator[Node]:
     for node in body:
-        if isinstance(node, Call):
-            found.append(node.block)
-        elif isinstance(node, Repeat):
-            found += _blocks(node.body)
-        elif isinstance(node, IfAccepted):
-            found += _blocks(node.then) + _blocks(node.otherwise)
-    return found
+        yield node
+        if isinstance(node, Repeat | Seldom):
+            yield from _nodes(node.body)
+        elif isinstance(node, If):
+            yield from _nodes(node.then + node.otherwise)
+
+
+def entries_of(node: object) -> Iterator[Entry]:
+    """Numbers that a node asks or sets, not those of nodes within it.
+
+    Parameters
+    ----------
+    node : Node, Condition or Value
+    """
+    if isinstance(node, Entry):
+        yield node
+    elif isinstance(node, Set):
+        yield from (node.target, *entries_of(node.value))
+    elif isinstance(node, Report):
+        yield from entries_of(node.unless)
+    elif isinstance(node, Seldom | Not):
+        yield from entries_of(node.condition)
+    elif isinstance(node, Operation | Compare):
+        yield from (*entries_of(node.left), *entries_of(node.right))
+    elif isinstance(node, All | Either):
+        for part in node.conditions:
+            yield from entries_of(part)
 
 
 class BlockBuilder:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from codegen.fast.guards import is_monitored, is_turns
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
-from codegen.render.printers.expression import ExpressionPrinter, unbroken, wrap_line
+from codegen.render.printers.expression import unbroken, wrap_line
+from codegen.render.printers.flow import FlowPrinter
 from codegen.render.printers.targets import Target
-from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
+from model.filters import FilterStep
+from model.filters.conditions import All, Entry
+from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Size, Turns
 from model.quantities import Block
 
 INDENT = "    "
 
 
-class CPrinter(ExpressionPrinter):
+class CPrinter(FlowPrinter):
     """Prints listings for one target.
 
     >>> from codegen.render.printers.targets import F28335
@@ -23,12 +25,17 @@ class CPrinter(ExpressionPrinter):
     '0.1f'
     """
 
+    #: What tells a function which filter is meant.
+    FILTER = "f"
+
     def __init__(self, target: Target) -> None:
         self.target = target
         #: Type of a sine and cosine; the port header declares the firmware's, once for all files (MISRA 5.6).
         self.pair = f"pmsm_pair{target.tag}"
-        #: Lines of a step that stand behind the call of a block, by its name.
-        self.behind: dict[str, list[str]] = {}
+        #: Numbers and the status that a function of the step has as its own, by what the step calls them.
+        self.own: dict[str, str] = {}
+        #: The step iterates.
+        self.loops = False
 
     # --- expressions
 
@@ -95,12 +102,12 @@ class CPrinter(ExpressionPrinter):
 
     def format_block(self, listing: Listing) -> str:
         """A block as a static function: inputs read first, outputs written last, so they may alias."""
-        title = listing.block.title + ("; returns the status" if is_turns(listing.block) else "")
-        lines = [f"/* {title} */", *self._signature(listing.block), "{"]
+        title = listing.block.title + ("; returns the status" if listing.spreads else "")
+        lines = [f"/* {title} */", *self._signature(listing), "{"]
         for port, used in listing.used_inputs.items():
             lines += [f"{INDENT}const {self.target.real} {name} = {port}[{k}];" for k, name in used]
         lines += [*self.format_body(listing), ""]
-        if is_turns(listing.block):
+        if listing.spreads:
             lines += self._turns(listing)
         else:
             lines += [line for port in listing.outputs for line in self._written(listing, port)]
@@ -144,13 +151,13 @@ class CPrinter(ExpressionPrinter):
         z = next(iter(listing.outputs))
         return " + ".join(self.reference(listing, node) for node in listing.outputs[z])
 
-    def _signature(self, block: Block) -> list[str]:
-        real = self.target.real
-        const = "" if is_turns(block) else "const "  # an angle that is given up is given up in P as well
-        outputs = block.outputs[1:] if is_turns(block) else block.outputs  # the squares stay inside
+    def _signature(self, listing: Listing) -> list[str]:
+        real, block = self.target.real, listing.block
+        const = "" if listing.spreads else "const "  # an angle that is given up is given up in P as well
+        outputs = block.outputs[1:] if listing.spreads else block.outputs  # the squares stay inside
         args = [unbroken(f"{const}{real} {port.name}[{len(port.entries)}]") for port in block.inputs]
         args += [unbroken(f"{real} {port.name}_out[{len(port.entries)}]") for port in outputs]
-        returned = "int" if is_turns(block) else "void"
+        returned = "int" if listing.spreads else "void"
         return wrap_line(f"static {returned} {block.name}({', '.join(args)})", "", INDENT).split("\n")
 
     def format_helper(self, listing: Listing) -> str:
@@ -169,45 +176,141 @@ class CPrinter(ExpressionPrinter):
 
     # --- the step
 
-    def format_program(self, body: tuple[Node, ...], depth: int = 1) -> list[str]:
+    def format_step(self, step: FilterStep) -> list[str]:
         """The control flow of a step; state arrays live in the struct ``f``, the others on the stack."""
+        self.loops = step.has(Repeat)
+        return self.format_program(step.body)
+
+    def format_program(self, body: tuple[Node, ...], depth: int = 1) -> list[str]:
+        """Nodes one after the other."""
         lines: list[str] = []
         for node in body:
             lines += self._format_node(node, depth)
         return lines
 
-    def _format_call(self, block: Block, pad: str) -> list[str]:
-        if not is_turns(block):
-            behind = [wrap_line(line, pad, INDENT) for line in self.behind.get(block.name, [])]
-            return [wrap_line(f"{_call(block)};", pad, INDENT), *behind]
+    def format_seldom(self, node: Seldom) -> list[str]:
+        """The body of the function that a step calls seldom; it has the number it is given by that number's array."""
+        self.own = {entry.name: entry.name for entry in node.size.entries if entry.place is not None}
+        self.own["status"] = "result"
+        lines = [*self._format_size(node.size), *self.format_program(node.body)]
+        self.own = {}
+        return lines
+
+    def _format_size(self, node: Size) -> list[str]:
+        first, *others = (self.format_entry(entry) for entry in node.entries)
+        adds = f"{node.target} = {node.target} + size * size;"
+        return [
+            f"{INDENT}{self.target.real} size = {first} * {node.per_unit};",
+            f"{INDENT}{self.target.real} {node.target} = size * size;",
+            *self._declare_status(),
+            f"{INDENT}int k;",
+            *(line for other in others for line in (f"{INDENT}size = {other} * {node.per_unit};", f"{INDENT}{adds}")),
+            f"{INDENT}for (k = 0; k < N_WORDS; k++) {{",
+            f"{INDENT * 2}size = {self.format_word(node.array)} * {node.per_unit};",
+            f"{INDENT * 2}{adds}",
+            f"{INDENT}}}",
+        ]
+
+    def _declare_status(self) -> list[str]:
+        return [f"{INDENT}int {self.format_status()} = status;"]
+
+    def format_word(self, array: str) -> str:
+        """Spell entry k of an array of the struct."""
+        return f"{STRUCT_FIELDS[array]}[k]"
+
+    def format_entry(self, entry: Entry) -> str:
+        """Spell an entry of an array on the stack or in the struct ``f``, or a field."""
+        if entry.place is None:
+            return f"f->{entry.name}"
+        return self.own.get(entry.name) or f"{STRUCT_FIELDS.get(entry.name, entry.name)}[{entry.place}]"
+
+    def format_counter(self, counter: str) -> str:
+        """Spell a field that counts."""
+        return f"f->{counter}"
+
+    def format_status(self) -> str:
+        """Spell the word that gathers the status bits."""
+        return self.own.get("status", "status")
+
+    def _format_call(self, node: Call, pad: str) -> list[str]:
+        if not isinstance(node, Turns):
+            return [wrap_line(f"{_call(node.block)};", pad, INDENT)]
+        block = node.block
         words, _, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
         return [f"{pad}status |= {block.name}({words}, {turn});"]
 
     def _format_node(self, node: Node, depth: int) -> list[str]:
         pad = INDENT * depth
+        if isinstance(node, Guard):
+            return self._format_guard()
         if isinstance(node, Call):
-            return self._format_call(node.block, pad)
+            return self._format_call(node, pad)
         if isinstance(node, Copy):
             return [f"{pad}copy({node.target}, {node.source}, N_STATES);"]
         if isinstance(node, Repeat):
-            return [
-                f"{pad}iterations = 0;",
-                f"{pad}do {{",
-                *self.format_program(node.body, depth + 1),
-                f"{pad}{INDENT}iterations++;",
-                f"{pad}{INDENT}moving = ({node.change}[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */",
-                f"{pad}}} while ((moving != 0) && (iterations < f->max_iterations));",
-                f"{pad}if (moving != 0) {{",
-                f"{pad}{INDENT}status |= PMSM_NOT_CONVERGED;",
-                f"{pad}}}",
-            ]
-        assert isinstance(node, IfAccepted)
+            return self._format_repeat(node, depth)
+        if isinstance(node, If):
+            return self._format_branch(node, depth)
+        return [wrap_line(line, pad, INDENT) for line in self._format_simple(node)]
+
+    def _format_simple(self, node: Set | Report | Count | Restart | Seldom) -> list[str]:
+        if isinstance(node, Set):
+            note = [f"/* {node.note} */"] if node.note else []
+            return [*note, f"{self.format_entry(node.target)} = {self.format_value(node.value)};"]
+        if isinstance(node, Report):
+            return self._format_report(node)
+        if isinstance(node, Count):
+            counter = self.format_counter(node.counter)
+            return [f"{counter} += ({counter} < {node.most}) ? 1 : 0;"]
+        if isinstance(node, Restart):
+            return [f"restart({self.FILTER});"]
+        given = [self.format_entry(entry) for entry in node.size.entries if entry.place is not None]
+        call = f"{self.format_status()} = {node.name}({', '.join(['f', self.format_status(), *given])});"
+        return [f"if ({self.format_condition(node.condition)}) {{", INDENT + call, "}"]
+
+    def _format_report(self, node: Report) -> list[str]:
+        """A branch where there is more to ask than one comparison, else a choice."""
+        condition, bit = self.format_condition(node.unless), self.format_bits((node.bit,))
+        if isinstance(node.unless, All):
+            return [f"if (!({condition})) {{", f"{INDENT}{self.format_status()} |= {bit};", "}"]
+        return [f"{self.format_status()} |= ({condition}) ? 0 : {bit};"]
+
+    def _format_guard(self) -> list[str]:
+        """Declarations among it, so that it stands first."""
         return [
-            f"{pad}if (accepted != 0) {{",
+            f"{INDENT}const int u_good = within(u, f->u_max);",
+            f"{INDENT}const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;",
+            f"{INDENT}int iterations = accepted;",
+            *([f"{INDENT}int moving;"] if self.loops else []),
+            f"{INDENT}int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;",
+            "",
+            f"{INDENT}if (u_good != 0) {{",
+            f"{INDENT * 2}f->u_held[0] = u[0];",
+            f"{INDENT * 2}f->u_held[1] = u[1];",
+            f"{INDENT}}}",
+        ]
+
+    def _format_repeat(self, node: Repeat, depth: int) -> list[str]:
+        pad = INDENT * depth
+        return [
+            f"{pad}iterations = 0;",
+            f"{pad}do {{",
+            *self.format_program(node.body, depth + 1),
+            f"{pad}{INDENT}iterations++;",
+            f"{pad}{INDENT}moving = ({node.change}[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */",
+            f"{pad}}} while ((moving != 0) && (iterations < f->max_iterations));",
+            f"{pad}if (moving != 0) {{",
+            f"{pad}{INDENT}status |= PMSM_NOT_CONVERGED;",
+            f"{pad}}}",
+        ]
+
+    def _format_branch(self, node: If, depth: int) -> list[str]:
+        pad = INDENT * depth
+        otherwise = [f"{pad}}} else {{", *self.format_program(node.otherwise, depth + 1)] if node.otherwise else []
+        return [
+            f"{pad}if ({self.format_condition(node.condition)}) {{",
             *self.format_program(node.then, depth + 1),
-            *([f"{pad}{INDENT}f->nis = f->nis + f->nis_weight * (nis[0] - f->nis);"] if is_monitored(node) else []),
-            f"{pad}}} else {{",
-            *self.format_program(node.otherwise, depth + 1),
+            *otherwise,
             f"{pad}}}",
         ]
 

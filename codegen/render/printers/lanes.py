@@ -9,12 +9,25 @@ from __future__ import annotations
 
 import textwrap
 
-from codegen.fast.guards import is_turns, is_watched
 from codegen.ir.layout import Listing
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.expression import unbroken, wrap_line
 from codegen.render.printers.targets import Target
-from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
+from model.filters import FilterStep
+from model.filters.conditions import ACCEPTED, All, Condition, Either, Entry, Not
+from model.filters.program import (
+    Call,
+    Copy,
+    Guard,
+    If,
+    Node,
+    Repeat,
+    Report,
+    Seldom,
+    Set,
+    Turns,
+    entries_of,
+)
 from model.quantities import Block
 
 #: Ports that their callers give an array to read and another to write: the loop of eq. 33, the regulators, the motor.
@@ -24,11 +37,15 @@ COPIED = frozenset({"x_j", "integrator", "s"})
 class LanesPrinter(CPrinter):
     """Prints the same expressions as :class:`CPrinter`, arrays of ``lanes`` around them."""
 
-    def __init__(self, target: Target, states: int, skips: bool = False) -> None:
+    FILTER = "f, lane"
+
+    def __init__(self, target: Target, states: int, struct: str = "") -> None:
         super().__init__(target)
-        self.states = states
+        self.states, self.struct = states, struct
         #: Some wide turns are not for lanes whose measurement is rejected.
-        self.skips = skips
+        self.skips = False
+        #: Functions that a step needs besides its blocks.
+        self.functions: list[str] = []
         #: The type that holds one number of every lane.
         self.array = f"lanes{target.tag}"
 
@@ -49,14 +66,14 @@ class LanesPrinter(CPrinter):
                 wrap_line(f"{port}_out[{k}].of[lane] = {self.reference(listing, node)};", INDENT, INDENT)
                 for k, node in enumerate(nodes)
             ]
-        turned = is_turns(listing.block)
+        turned = bool(listing.spreads)
         if turned:
             test = f"{self.total_turn(listing)} > SMALL_TURN"
             body.append(wrap_line(f"wide |= ({test}) ? 1 : 0;", INDENT, INDENT))
         return "\n".join(
             [
                 f"/* {listing.block.title} */",
-                *self._signature(listing.block),
+                *self._signature(listing),
                 "{",
                 f"{INDENT}int lane;",
                 *([f"{INDENT}int wide = 0;"] if turned else []),
@@ -76,18 +93,151 @@ class LanesPrinter(CPrinter):
             for name, prefix in zip(names, ("SINC", "COSM1"), strict=True)
         ]
 
-    def _signature(self, block: Block) -> list[str]:
+    def _signature(self, listing: Listing) -> list[str]:
+        block = listing.block
         args = [unbroken(f"const {self.array} *__restrict {port.name}") for port in block.inputs]
         args += [unbroken(f"{self.array} *__restrict {port.name}_out") for port in block.outputs]
-        returned = "int" if is_turns(block) else "void"
+        returned = "int" if listing.spreads else "void"
         return wrap_line(f"static {returned} {block.name}({', '.join(args)})", "", INDENT).split("\n")
 
     # --- the step
 
-    def _format_call(self, block: Block, pad: str) -> list[str]:
-        if not is_turns(block):
-            watched = [f"{pad}watch_pivots(LD_pred, f->Q, f->status);"] if is_watched(block) else []
-            return [wrap_line(f"{_call(block)};", pad, INDENT), *watched]
+    def format_step(self, step: FilterStep) -> list[str]:
+        """The calls of a step; what is between them is printed as functions, loops over lanes (:attr:`functions`)."""
+        self.skips = any(
+            isinstance(node, Turns) for branch in step.nodes if isinstance(branch, If) for node in branch.then
+        )
+        lines: list[str] = []
+        work: list[tuple[Condition | None, Node]] = []
+        for node in step.body:
+            if isinstance(node, Set | Report | Seldom):
+                work.append((None, node))
+                continue
+            lines += self._format_work(work)
+            work = []
+            lines += self._format_node(node, 1)
+            if isinstance(node, If):  # a lane comes to one branch alone: the order of what they do is free
+                work += [(node.condition, part) for part in node.then if isinstance(part, Set)]
+        return [*lines, *self._format_work(work)]
+
+    def _format_work(self, work: list[tuple[Condition | None, Node]]) -> list[str]:
+        """A loop over lanes, which becomes a function, and its call."""
+        if not work:
+            return []
+        seldom = next((node for _, node in work if isinstance(node, Seldom)), None)
+        name = "finish_step" if seldom else "watch_pivots"
+        written = {node.target.name for _, node in work if isinstance(node, Set) and node.target.place is not None}
+        arguments = {"f": f"{self.struct} *__restrict f"}
+        for array in _arrays([node for _, node in work]):
+            const = "" if array in written else "const "
+            arguments[array] = f"{const}{self.array} *__restrict {array}"
+        if any(where for where, _ in work):
+            arguments["rejected"] = "const int *__restrict rejected"
+        notes = [node.note for _, node in work if isinstance(node, Set | Report) and node.note]
+        if seldom:
+            self.functions.append(self._seldom_function(seldom))
+        lines = [
+            wrap_line(f"/* {' '.join(notes)} */", "", " * "),
+            wrap_line(f"static void {name}({', '.join(map(unbroken, arguments.values()))})", "", INDENT),
+            "{",
+            *([f"{INDENT}int special[LANES];", f"{INDENT}int any = 0;"] if seldom else []),
+            f"{INDENT}int lane;",
+            *(line for where, node in work for line in self._lane_loop(node, where)),
+            *(self._seldom_lanes(seldom) if seldom else []),
+            "}",
+        ]
+        self.functions.append("\n".join(lines))
+        return [f"{INDENT}{name}({', '.join(arguments)});"]
+
+    def _lane_loop(self, node: Node, where: Condition | None) -> list[str]:
+        lines = [wrap_line(line, INDENT * 2, INDENT) for line in self._format_lane(node, where)]
+        return [f"{INDENT}for (lane = 0; lane < LANES; lane++) {{", *lines, f"{INDENT}}}"]
+
+    def _format_lane(self, node: Node, where: Condition | None) -> list[str]:
+        """What one lane does, without a branch."""
+        if isinstance(node, Set):
+            target, value = self.format_entry(node.target), self.format_value(node.value)
+            if where is None:
+                return [f"{target} = {value};"]
+            assert where == ACCEPTED
+            name, real = node.target.name, self.target.real
+            return [
+                f"const {real} {name}_before = {target};",
+                f"const {real} {name}_after = {value};",
+                f"{target} = (rejected[lane] != 0) ? {name}_before : {name}_after;",
+            ]
+        if isinstance(node, Report):
+            assert isinstance(node.unless, All)
+            lines, clear = self._apart("clear", node.unless.conditions, " & ")
+            status, bit = self.format_status(), self.format_bits((node.bit,))
+            return [*lines, f"const int clear = {clear};", f"{status} |= (clear != 0) ? 0 : {bit};"]
+        assert isinstance(node, Seldom)
+        assert isinstance(node.condition, Either)
+        lines, unusual = self._apart("unusual", node.condition.conditions, " | ")
+        return [*lines, f"special[lane] = {unusual};", "any |= special[lane];"]
+
+    def _apart(self, name: str, conditions: tuple[Condition, ...], sign: str) -> tuple[list[str], str]:
+        """Each condition with a name of its own, 1 or 0, and all of them together: a compiler sees no branch."""
+        lines, names = [], []
+        for k, condition in enumerate(conditions):
+            choice = "1 : 0"
+            if isinstance(condition, Not):
+                condition, choice = condition.condition, "0 : 1"
+            names.append(f"{name}_{k}")
+            lines.append(f"const int {name}_{k} = ({self.format_condition(condition)}) ? {choice};")
+        return lines, sign.join(names)
+
+    @staticmethod
+    def _seldom_lanes(node: Seldom) -> list[str]:
+        given = [f"{entry.name}[{entry.place}].of[lane]" for entry in node.size.entries if entry.place is not None]
+        return [
+            f"{INDENT}if (any != 0) {{",
+            f"{INDENT * 2}for (lane = 0; lane < LANES; lane++) {{",
+            f"{INDENT * 3}if (special[lane] != 0) {{",
+            f"{INDENT * 4}{node.name}({', '.join(['f', *given, 'lane'])});",
+            f"{INDENT * 3}}}",
+            f"{INDENT * 2}}}",
+            f"{INDENT}}}",
+        ]
+
+    def _seldom_function(self, node: Seldom) -> str:
+        given = [f"{self.target.real} {entry.name}" for entry in node.size.entries if entry.place is not None]
+        return "\n".join(
+            [
+                "/* Sets the remaining status bits of a lane whose step was not ordinary, counts repairs, and "
+                "restarts it if need be: as\n * in the scalar form. */",
+                f"static void {node.name}({', '.join([f'{self.struct} *__restrict f', *given, 'int lane'])})",
+                "{",
+                *self.format_seldom(node),
+                "}",
+            ]
+        )
+
+    def _declare_status(self) -> list[str]:
+        return []
+
+    def format_word(self, array: str) -> str:
+        """Spell entry k of an array of the struct."""
+        return f"{STRUCT_FIELDS[array]}[k].of[lane]"
+
+    def format_entry(self, entry: Entry) -> str:
+        """Spell a lane's number: of an array on the stack or in the struct, or of a field."""
+        if entry.place is None:
+            return f"f->{entry.name}[0].of[lane]"
+        return self.own.get(entry.name) or f"{STRUCT_FIELDS.get(entry.name, entry.name)}[{entry.place}].of[lane]"
+
+    def format_counter(self, counter: str) -> str:
+        """Spell a lane's counter."""
+        return f"f->{counter}[lane]"
+
+    def format_status(self) -> str:
+        """Spell the word that gathers a lane's status bits."""
+        return "f->status[lane]"
+
+    def _format_call(self, node: Call, pad: str) -> list[str]:
+        block = node.block
+        if not isinstance(node, Turns):
+            return [wrap_line(f"{_call(block)};", pad, INDENT)]
         words, z, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
         arguments = [f"&{words}[ANGLE_ROW]", z, turn, str(len(block.outputs[0].entries))]
         arguments += ["NULL" if words.startswith("f->") else "rejected"] if self.skips else []
@@ -99,18 +249,22 @@ class LanesPrinter(CPrinter):
 
     def _format_node(self, node: Node, depth: int) -> list[str]:
         pad = INDENT * depth
-        if isinstance(node, Call):
-            return self._format_call(node.block, pad)
+        if isinstance(node, Guard):
+            return [f"{pad}const int any_rejected = guard(f, u, y, rejected);", ""]
         if isinstance(node, Copy):
             return [f"{pad}copy({node.target}, {node.source}, {self.states});"]
-        if isinstance(node, Repeat):
-            return self._format_repeat(node, pad)
-        assert isinstance(node, IfAccepted)
+        if isinstance(node, If) and node.condition == ACCEPTED:
+            return self._format_accepted(node, depth)
+        return super()._format_node(node, depth)
+
+    def _format_accepted(self, node: If, depth: int) -> list[str]:
+        """What is taken of the other branch where the measurement is rejected; numbers are set afterwards."""
+        pad, calls = INDENT * depth, tuple(part for part in node.then if not isinstance(part, Set))
         (otherwise,) = node.otherwise
         assert isinstance(otherwise, Call)
         outputs = {port.name: len(port.entries) for port in otherwise.block.outputs}
         return [
-            *self.format_program(node.then, depth),
+            *self.format_program(calls, depth),
             f"{pad}if (any_rejected != 0) {{",
             wrap_line(_call(otherwise.block, "other_", frozenset(outputs)) + ";", pad + INDENT, INDENT),
             *(
@@ -120,9 +274,9 @@ class LanesPrinter(CPrinter):
             f"{pad}}}",
         ]
 
-    @staticmethod
-    def _format_repeat(node: Repeat, pad: str) -> list[str]:
+    def _format_repeat(self, node: Repeat, depth: int) -> list[str]:
         """A lane that has converged is frozen, so every lane ends where the scalar loop leaves it."""
+        pad = INDENT * depth
         (call,) = node.body
         outputs = {port.name: len(port.entries) for port in call.block.outputs}
         return [
@@ -139,6 +293,15 @@ class LanesPrinter(CPrinter):
         ]
 
 
+def _arrays(nodes: list[Node]) -> list[str]:
+    """Arrays on the stack of which numbers are used, in order."""
+    found: dict[str, None] = {}
+    for entry in (entry for node in nodes for entry in entries_of(node)):
+        if entry.place is not None and entry.name not in STRUCT_FIELDS:
+            found[entry.name] = None
+    return list(found)
+
+
 def lane_arrays(body: tuple[Node, ...]) -> dict[str, int]:
     """Arrays of the step that do not live in the struct, and their lengths."""
     sizes: dict[str, int] = {}
@@ -150,7 +313,7 @@ def lane_arrays(body: tuple[Node, ...]) -> dict[str, int]:
                 outputs = {p.name: len(p.entries) for p in call.block.outputs}
                 sizes |= {name: size for name, size in outputs.items() if name != node.change}
                 sizes |= {f"new_{name}": size for name, size in outputs.items()}
-        elif isinstance(node, IfAccepted):
+        elif isinstance(node, If):
             sizes |= lane_arrays(node.then)
             (otherwise,) = node.otherwise
             assert isinstance(otherwise, Call)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from codegen.fast.guards import is_monitored, is_turns, is_watched, spread
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
-from codegen.render.printers.expression import ExpressionPrinter, unbroken, wrap_line
-from model.filters.program import Call, Copy, IfAccepted, Node, Repeat
+from codegen.render.printers.expression import unbroken, wrap_line
+from codegen.render.printers.flow import FlowPrinter
+from model.filters import FilterStep
+from model.filters.conditions import ACCEPTED, All, Condition, Either, Entry, Not, Reported
+from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Turns
 from model.quantities import Block
 
 INDENT = "    "
 
 
-class PythonPrinter(ExpressionPrinter):
+class PythonPrinter(FlowPrinter):
     """Prints listings as NumPy functions.
 
     A literal is written as the double it is. NumPy rounds it to float32 when it meets a float32 array, which
     is the value the C printer writes with an f suffix: one text serves both precisions.
     """
+
+    #: The step iterates, and the name of the array that carries P.
+    loops, covariance = False, "P"
+    AND, OR, NOT, BIT, ACCEPTED = "&", "|", "~", "", "accepted"
 
     def format_literal(self, value: float) -> str:
         """Spell a number so that it reads back to the same bits."""
@@ -112,37 +118,132 @@ class PythonPrinter(ExpressionPrinter):
 
     # --- the step
 
-    def format_program(self, body: tuple[Node, ...], accepted: str = "True") -> list[str]:
-        """``accepted``: the mask of the lanes that come here."""
-        lines: list[str] = []
-        for node in body:
-            lines += self._format_node(node, accepted)
-        return lines
+    def format_step(self, step: FilterStep) -> list[str]:
+        """The control flow of a step, masks in place of branches."""
+        self.loops, self.covariance = step.has(Repeat), step.covariance
+        return self.format_program(step.body)
 
-    @staticmethod
-    def _format_call(block: Block, accepted: str) -> list[str]:
-        if not is_turns(block):
-            watched = [f"{INDENT}status = _watch_pivots(LD_pred, f.Q, status)"] if is_watched(block) else []
-            return [f"{INDENT}{_call(block)}", *watched]
-        (words,), (z, turn) = ([port.name for port in ports] for ports in (block.inputs, block.outputs))
-        n = spread(block)
+    def format_program(self, body: tuple[Node, ...], where: str = "") -> list[str]:
+        """Nodes one after the other.
+
+        Parameters
+        ----------
+        body : tuple of Node
+        where : str, optional
+            Name of the mask of the lanes that come here; none: all do.
+        """
+        return [line for node in body for line in self._format_node(node, where)]
+
+    def format_seldom(self, node: Seldom) -> list[str]:
+        """The body of the function that sees to the lanes in which something seldom happened."""
+        first, *others = (self.format_entry(entry) for entry in node.size.entries)
+        adds = f"{node.size.target} = {node.size.target} + size * size"
         return [
-            f"{INDENT}{_call(block)}",
-            f"{INDENT}{words}, {turn}, status = _widen(",
-            f"{INDENT * 2}{words}, {z}, {turn}, {accepted}, status, math, math.small_angle_{n:g}, "
-            f"SMALL_TURN_{n:g}, UNKNOWN_TURN_{n:g}",
-            f"{INDENT})",
+            wrap_line(f"{unbroken('ordinary = (')}{self._negated(node.condition)})", INDENT, INDENT),
+            f"{INDENT}if np.all(ordinary):",
+            f"{INDENT * 2}return x, {node.size.array}, status",
+            f"{INDENT}size = {first} * {node.size.per_unit}",
+            f"{INDENT}{node.size.target} = size * size",
+            f"{INDENT}for entry in ({', '.join([*others, '*' + node.size.array])}):",
+            f"{INDENT * 2}size = entry * {node.size.per_unit}",
+            f"{INDENT * 2}{adds}",
+            *self.format_program(node.body, "~ordinary"),
+            f"{INDENT}return x, {node.size.array}, status",
         ]
 
-    def _format_node(self, node: Node, accepted: str) -> list[str]:
+    def _negated(self, condition: Condition) -> str:
+        """That a condition does not hold, without the ~ that Python's own truths do not have."""
+        if isinstance(condition, Either):
+            return " & ".join(f"({self._negated(part)})" for part in condition.conditions)
+        if isinstance(condition, Not):
+            return self.format_condition(condition.condition)
+        assert isinstance(condition, Reported)
+        return f"(status & {self.format_bits(condition.bits)}) == 0"
+
+    def format_entry(self, entry: Entry) -> str:
+        """Spell an entry of an array, or a field."""
+        if entry.place is None:
+            return f"f.{entry.name}"
+        return f"{_ARGUMENTS.get(entry.name, entry.name)}[{entry.place}]"
+
+    def _format_node(self, node: Node, where: str) -> list[str]:
+        if isinstance(node, Guard):
+            return self._format_guard()
         if isinstance(node, Call):
-            return self._format_call(node.block, accepted)
+            return self._format_call(node, where)
         if isinstance(node, Copy):
             return [f"{INDENT}{node.target} = {node.source}"]
         if isinstance(node, Repeat):
             return self._format_repeat(node)
-        assert isinstance(node, IfAccepted)
-        return self._format_branch(node)
+        if isinstance(node, If) and node.condition == ACCEPTED:
+            return self._format_branch(node)
+        if isinstance(node, If):
+            assert not node.otherwise
+            mask = (
+                f"{where} & ({self.format_condition(node.condition)})"
+                if where
+                else self.format_condition(node.condition)
+            )
+            return [f"{INDENT}where = {mask}", *self.format_program(node.then, "where")]
+        return [wrap_line(line, INDENT, INDENT) for line in self._format_simple(node, where)]
+
+    def _format_simple(self, node: Set | Report | Count | Restart | Seldom, where: str) -> list[str]:
+        if isinstance(node, Set):
+            return self._format_set(node, where)
+        if isinstance(node, Report):
+            return self._format_report(node, where)
+        if isinstance(node, Count):
+            counter = f"f.{node.counter}"
+            return [f"{counter} = np.where({where} & ({counter} < {node.most}), {counter} + 1, {counter})[()]"]
+        if isinstance(node, Restart):
+            return [f"x, {self.covariance} = _restart(f, x, {self.covariance}, {where})"]
+        given = [entry.name for entry in node.size.entries if entry.place is not None]
+        results = f"x, {node.size.array}, status"
+        arguments = ", ".join(["f", "x", node.size.array, *given, "status"])
+        return [f"{results} = _{node.name}({arguments})"]
+
+    def _format_report(self, node: Report, where: str) -> list[str]:
+        """``where``: none, or the opposite of a mask."""
+        note, held = [f"# {node.note}"] if node.note else [], self.format_condition(node.unless)
+        if isinstance(node.unless, All):
+            note, held = [*note, f"{unbroken('clear = (')}{held})"], "clear"
+        held = f"{where.removeprefix('~')} | ({held})" if where else held
+        return [*note, f"status = status | np.where({held}, 0, {node.bit})[()]"]
+
+    def _format_set(self, node: Set, where: str) -> list[str]:
+        target, value = self.format_entry(node.target), self.format_value(node.value)
+        note = [f"# {node.note}"] if node.note else []
+        if node.target.place is not None:  # arrays are tuples: this one has one entry
+            assert not where
+            assert node.target.place == 0
+            return [*note, f"{node.target.name} = ({value},)"]
+        return [*note, f"{target} = " + (f"np.where({where}, {value}, {target})[()]" if where else value)]
+
+    @staticmethod
+    def _format_call(node: Call, where: str) -> list[str]:
+        block = node.block
+        if not isinstance(node, Turns):
+            return [f"{INDENT}{_call(block)}"]
+        (words,), (z, turn) = ([port.name for port in ports] for ports in (block.inputs, block.outputs))
+        n = node.spread
+        return [
+            f"{INDENT}{_call(block)}",
+            f"{INDENT}{words}, {turn}, status = _widen(",
+            f"{INDENT * 2}{words}, {z}, {turn}, {where or 'True'}, status, math, math.small_angle_{n:g}, "
+            f"SMALL_TURN_{n:g}, UNKNOWN_TURN_{n:g}",
+            f"{INDENT})",
+        ]
+
+    def _format_guard(self) -> list[str]:
+        """A rejected measurement is zero: what the blocks make of it is not kept, and warns of nothing."""
+        return [
+            f"{INDENT}u_good = _within(u, f.u_max)",
+            f"{INDENT}accepted = u_good & _within(y, f.y_max)",
+            f"{INDENT}u_held = _select(u_good, u, f.u_held)",
+            f"{INDENT}y = _select(accepted, y, (math.dtype(0), math.dtype(0)))",
+            f"{INDENT}iterations = np.where(accepted, {0 if self.loops else 1}, 0)[()]",
+            f"{INDENT}status = np.where(accepted, 0, INPUT_REJECTED)[()]",
+        ]
 
     def _format_repeat(self, node: Repeat) -> list[str]:
         """A lane that has converged is frozen, so every lane sees the scalar loop's bits."""
@@ -173,12 +274,11 @@ class PythonPrinter(ExpressionPrinter):
             f"{INDENT}status = status | np.where(accepted & moving, NOT_CONVERGED, 0)[()]",
         ]
 
-    def _format_branch(self, node: IfAccepted) -> list[str]:
+    def _format_branch(self, node: If) -> list[str]:
         (otherwise,) = node.otherwise
         assert isinstance(otherwise, Call)
         return [
             *self.format_program(node.then, "accepted"),
-            *([f"{INDENT}_average(f, nis[0], accepted)"] if is_monitored(node) else []),
             f"{INDENT}if not np.all(accepted):",
             f"{INDENT}{INDENT}{_call(otherwise.block, prefix='coast_')}",
             *(

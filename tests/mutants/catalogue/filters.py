@@ -229,8 +229,8 @@ PEER_MUTANTS = (
         ),
         (
             "updates with what it rejected",
-            "update = IfAccepted((Call(measurement_update(model)),), (Call(coast(model)),))",
-            "update = IfAccepted((Call(measurement_update(model)),), (Call(measurement_update(model)),))",
+            "update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))",
+            "update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(measurement_update(model)),))",
             PEERS,
         ),
     )
@@ -239,8 +239,8 @@ PEER_MUTANTS = (
         ("kappa = 2", "kappa=1.0", "kappa=2.0", PEERS),
         (
             "measured with another kappa",
-            "IfAccepted((Call(measurement_update(model, UNSCENTED)),)",
-            'IfAccepted((Call(measurement_update(model, Rule("ukf", kappa=2.0))),)',
+            "If(ACCEPTED, (Call(measurement_update(model, UNSCENTED)),)",
+            'If(ACCEPTED, (Call(measurement_update(model, Rule("ukf", kappa=2.0))),)',
             PEERS,
         ),
     )
