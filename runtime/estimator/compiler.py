@@ -135,7 +135,17 @@ def cached(name: str, make: Callable[[Path], Path]) -> Path:
 
 
 def in_cache(name: str) -> Path | None:
-    """A file of the cache if it is there, and as it was put there."""
+    """A file of the cache if it is there, and as it was put there.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the cache folder.
+
+    Returns
+    -------
+    Path or None
+    """
     built = cache_folder() / name
     seal = _seal(built)
     try:
@@ -146,7 +156,25 @@ def in_cache(name: str) -> Path | None:
 
 
 def put_into_cache(name: str, make: Callable[[Path], Path]) -> Path:
-    """Have a file made and keep it; UserError if nothing can be written there."""
+    """Have a file made and keep it.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the cache folder.
+    make : callable
+        Given a scratch folder, writes the file there and returns its path.
+
+    Returns
+    -------
+    Path
+        The file in the cache.
+
+    Raises
+    ------
+    UserError
+        Nothing can be written there.
+    """
     built = cache_folder() / name
     try:
         built.parent.mkdir(parents=True, exist_ok=True)
@@ -168,7 +196,13 @@ def _seal(built: Path) -> Path:
 
 
 def drop_from_cache(pattern: str) -> None:
-    """Remove files of the cache, by a pattern of their names."""
+    """Remove files of the cache, by a pattern of their names.
+
+    Parameters
+    ----------
+    pattern : str
+        As :meth:`pathlib.Path.glob` reads it.
+    """
     for path in cache_folder().glob(pattern):
         path.unlink(missing_ok=True)
 

@@ -55,12 +55,38 @@ class GeneratedFolder:
         return tuple(self.manifest["filters"])
 
     def require(self, kind: str) -> None:
-        """Raise UserError unless the folder has a filter of this kind."""
+        """Make sure that the folder has a filter of this kind.
+
+        Parameters
+        ----------
+        kind : str
+            ekf, ukf, ckf or ickf.
+
+        Raises
+        ------
+        UserError
+            The folder has no filter of this kind; the message lists those it has.
+        """
         if kind not in self.kinds:
             raise UserError(f"drive '{self.drive}' has no filter '{kind}'; generated: {', '.join(self.kinds)}.")
 
     def chosen(self, kind: str | None) -> str:
-        """The kind asked for; None: the ickf where there is one, else the first. UserError if it is not there."""
+        """The kind of filter that is asked for.
+
+        Parameters
+        ----------
+        kind : str or None
+            None: the ickf where there is one, else the first.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        UserError
+            The folder has no filter of this kind.
+        """
         found = kind or ("ickf" if "ickf" in self.kinds else self.kinds[0])
         self.require(found)
         return found

@@ -23,7 +23,19 @@ SLICES = 400
 
 @np.errstate(all="ignore")  # a diverged filter is drawn as far as it goes
 def write_figures(replay: Replay, folder: Path) -> list[Path]:
-    """estimate.svg and innovations.svg in a folder."""
+    """Write estimate.svg and innovations.svg to a folder.
+
+    Parameters
+    ----------
+    replay : Replay
+    folder : Path
+        Made if it is missing.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+    """
     texts = {"estimate.svg": estimate_figure(replay), "innovations.svg": innovation_figure(replay)}
     make_folder(folder)
     for name, text in texts.items():
@@ -32,7 +44,17 @@ def write_figures(replay: Replay, folder: Path) -> list[Path]:
 
 
 def estimate_figure(replay: Replay) -> str:
-    """Speed, position and the slow states, estimate against truth; their errors within two sigma of the filter's."""
+    """Speed, position and the slow states, estimate against truth; their errors within two sigma of the filter's.
+
+    Parameters
+    ----------
+    replay : Replay
+
+    Returns
+    -------
+    str
+        SVG: time in s, speed in r/min, angle in electrical degrees, other states in their own units.
+    """
     rows = _estimate_rows(replay)
     figure, axes = pyplot().subplots(len(rows), 1, figsize=(7.5, 1.75 * len(rows)), squeeze=False)
     for axis, draw in zip(axes[:, 0], rows, strict=True):
@@ -95,7 +117,17 @@ def _position(axis: Any, replay: Replay) -> None:
 
 
 def innovation_figure(replay: Replay) -> str:
-    """Innovations within two sigma, the normalised innovation squared with its band, the autocorrelation."""
+    """Innovations within two sigma, the normalised innovation squared with its band, the autocorrelation.
+
+    Parameters
+    ----------
+    replay : Replay
+
+    Returns
+    -------
+    str
+        SVG: innovations in A over time in s.
+    """
     found, consistency, t = replay.innovations, replay.consistency, replay.recorded.t
     figure, axes = pyplot().subplots(4, 1, figsize=(7.5, 8.0))
     thin = _thinned(len(t))

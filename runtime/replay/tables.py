@@ -13,7 +13,16 @@ from runtime.style.tables import columns_table, pairs_table
 
 
 def replay_tables(replay: Replay) -> RenderableType:
-    """Run, errors against the truth, innovation statistics."""
+    """Run, errors against the truth, innovation statistics.
+
+    Parameters
+    ----------
+    replay : Replay
+
+    Returns
+    -------
+    rich renderable
+    """
     parts: list[RenderableType] = [_run(replay), ""]
     if replay.errors is not None:
         parts += [_errors(replay.errors), ""]

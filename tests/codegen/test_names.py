@@ -93,10 +93,11 @@ def test_a_literal_without_a_name_is_seen() -> None:
     for path in FILTERS:
         text = path.read_text()
         body = text[text.index("static void time_update(") :]
-        names = [name for name in re.findall(r"^#define (\w+) \S+f /\*", text, re.MULTILINE) if f"* {name}" in body]
+        names = [name for name in re.findall(r"^#define (\w+) \S+f /\*", text, re.MULTILINE)]
+        names = [name for name in names if re.search(rf"\* {name}\b", body)]
         assert len(names) > 1, "constants that the filter multiplies with"
         for name in names:
-            assert nameless(body.replace(f"* {name}", "* 0.123f", 1)) == {0.123}, name
+            assert nameless(re.sub(rf"\* {name}\b", "* 0.123f", body, count=1)) == {0.123}, name
     module = GENERATED / "ipmsm" / "ipmsm.py"
     assert nameless(module.read_text().replace("GAIN_D * ", "0.0027 * ")) == {0.0027}
 

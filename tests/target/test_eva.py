@@ -45,13 +45,13 @@ int proof(void)
 }}
 """
 
-SOUND = {
+CLEAN = {
     "square": "const float32 r = 1.0f / (a * a + 0.01f);",
     "floor": "const float32 r = a / larger(a, 0.01f);",
     "ternary": "const float32 c = (a > 0.01f) ? a : 0.01f; const float32 r = 1.0f / c;",
     "root of a floor": "const float32 r = PMSM_SQRT(larger(a, 0.0f));",
 }
-UNSOUND = {
+FAULTY = {
     "division": ("const float32 r = 1.0f / a;", "div_float"),
     "overflow": ("const float32 r = b * b;", "mul_float"),
     "root": ("const float32 r = PMSM_SQRT(a);", "arg_positive"),
@@ -61,14 +61,14 @@ UNSOUND = {
 }
 
 
-@pytest.mark.parametrize("body", SOUND.values(), ids=SOUND)
+@pytest.mark.parametrize("body", CLEAN.values(), ids=CLEAN)
 def test_what_is_sound_is_proved(body: str) -> None:
     need("frama-c")
     verdict = analyse({"snippet.c": SNIPPET.format(body=body)}, PORT)
     assert verdict.proved, verdict
 
 
-@pytest.mark.parametrize(("body", "alarm"), UNSOUND.values(), ids=UNSOUND)
+@pytest.mark.parametrize(("body", "alarm"), FAULTY.values(), ids=FAULTY)
 def test_what_is_unsound_alarms(body: str, alarm: str) -> None:
     need("frama-c")
     verdict = analyse({"snippet.c": SNIPPET.format(body=body)}, PORT)
