@@ -17,6 +17,7 @@
 #pragma CODE_SECTION(is_within, ".TI.ramfunc")
 #pragma CODE_SECTION(is_beyond, ".TI.ramfunc")
 #pragma CODE_SECTION(is_quiet, ".TI.ramfunc")
+#pragma CODE_SECTION(clear_counts, ".TI.ramfunc")
 #pragma CODE_SECTION(start_filter, ".TI.ramfunc")
 #pragma CODE_SECTION(probe, ".TI.ramfunc")
 #pragma CODE_SECTION(angle_of, ".TI.ramfunc")
@@ -41,6 +42,7 @@
 #pragma CODE_SECTION(is_within, "ramfuncs")
 #pragma CODE_SECTION(is_beyond, "ramfuncs")
 #pragma CODE_SECTION(is_quiet, "ramfuncs")
+#pragma CODE_SECTION(clear_counts, "ramfuncs")
 #pragma CODE_SECTION(start_filter, "ramfuncs")
 #pragma CODE_SECTION(probe, "ramfuncs")
 #pragma CODE_SECTION(angle_of, "ramfuncs")
@@ -75,7 +77,7 @@
 #define INTERRUPT /* a plain function where this file is only tried out */
 #endif
 
-/* What counts as lost, and how the drive comes back; interrupts unless said otherwise. */
+/* Limits that tell a lost rotor, and times of the way back; interrupts unless said otherwise. */
 #define MAX_REJECTED 20 /* inputs rejected in a row, after which the estimate is worth no enabled inverter */
 #define MAX_DIVERGED 1000 /* steps in a row with PMSM_DIVERGED: what passes sooner is ridden through */
 #define MAX_EXCESS 2 /* samples in a row beyond TRIP_CURRENT */
@@ -217,6 +219,14 @@ static int is_quiet(const float32 i[2])
     return (since >= REST) ? 1 : 0;
 }
 
+/* What is counted in a row begins with none. */
+static void clear_counts(void)
+{
+    rejected = 0;
+    diverged = 0;
+    content = 0;
+}
+
 /* The filter from anew, neither speed nor angle known. */
 static void start_filter(float32 x_0, float32 x_1, float32 omega, float32 theta)
 {
@@ -228,9 +238,7 @@ static void start_filter(float32 x_0, float32 x_1, float32 omega, float32 theta)
     FILTER.LD[VARIANCE_OF_OMEGA] = UNKNOWN_SPEED;
     FILTER.LD[VARIANCE_OF_THETA] = UNKNOWN_ANGLE;
     since = 0;
-    content = 0;
-    rejected = 0;
-    diverged = 0;
+    clear_counts();
 }
 
 /* From RESTING to PROBING: zero voltage waits in the compare registers. */
@@ -338,8 +346,7 @@ static void catch_rotor(const float32 phase[2], float32 reference)
 static void start_at_rest(void)
 {
     ipmsm_ickf_reset(&FILTER);
-    rejected = 0;
-    diverged = 0;
+    clear_counts();
     start_regulators();
     run();
 }
@@ -395,7 +402,7 @@ static void judge_run(int lost)
     }
 }
 
-/* What the status of a step asks for. PMSM_NOT_CONVERGED is no reason to stop: the last iterate is kept and the next
+/* The reaction to the status of a step. PMSM_NOT_CONVERGED is no reason to stop: the last iterate is kept and the next
  * step goes on from it; often, it says that max_iterations or the tolerance is tight. PMSM_DIVERGED says that currents,
  * voltages and motor do not fit each other: a stuck sensor, a DC link that was not measured. The angle may be good for
  * all that, and the fault may pass; torque goes on as long as the angle turns as it should. */
@@ -432,11 +439,16 @@ static void report(int status)
     telemetry(words, 4);
 }
 
-/* Once, before interrupts are enabled and after the code has been copied to RAM. 0 is good; otherwise the self-test's
- * code, negative for the filter's: the inverter must stay off. */
+/* Before interrupts are enabled and after the code has been copied to RAM. 0 is good; otherwise the self-test's code,
+ * negative for the filter's: the inverter is off and must stay so. Whatever went before an earlier call is forgotten. */
 int motor_setup(void)
 {
     int failed;
+    rest(); /* the motor may turn already */
+    clear_counts();
+    ticks = 0;
+    excess = 0;
+    mirrored = 0;
 #if WHOLE_CONTROLLER
     failed = ipmsm_ickf_selftest(&control.filter, PMSM_SELFTEST_TOLERANCE);
     if (failed != 0) {
@@ -454,8 +466,6 @@ int motor_setup(void)
     }
     ipmsm_ickf_init(&filter);
 #endif
-    ticks = 0;
-    rest(); /* the motor may turn already */
     return 0;
 }
 

@@ -51,27 +51,34 @@ SMALL_TURN_5 = 0.1  # rad^2, of z = d^2 / 5: polynomials serve while the sum ove
 UNKNOWN_TURN_5 = 1.9739208802178716  # rad^2, of that sum: d = pi, beyond which points alias
 
 # Motor data and sample time, folded.
+POLE_PAIRS = 3.0  # p
 PSI_M = 0.545  # magnet flux linkage, Wb
 DECAY_HALF_D = 0.9950124791926823  # exp(-T / 2 R / L_d)
-GAIN_HALF_D = 0.0013854224464771333  # (1 - exp(-T / 2 R / L_d)) / R, A/V
+GAIN_HALF_D = 0.0013854224464771355  # (1 - exp(-T / 2 R / L_d)) / R, A/V
 DECAY_HALF_Q = 0.9964768092879589  # exp(-T / 2 R / L_q)
-GAIN_HALF_Q = 0.000978664086678084  # (1 - exp(-T / 2 R / L_q)) / R, A/V
+GAIN_HALF_Q = 0.000978664086678071  # (1 - exp(-T / 2 R / L_q)) / R, A/V
 DECAY_D = 0.9900498337491681  # exp(-T R / L_d)
-GAIN_D = 0.0027639350696755257  # (1 - exp(-T R / L_d)) / R, A/V
+GAIN_D = 0.0027639350696755413  # (1 - exp(-T R / L_d)) / R, A/V
 DECAY_Q = 0.9929660314487113  # exp(-T R / L_q)
-GAIN_Q = 0.0019538801531357453  # (1 - exp(-T R / L_q)) / R, A/V
-GAIN_OMEGA = 0.006666666666666667  # T (1 + exp(-T D / J)) / (2 J), rad/s per N m
+GAIN_Q = 0.0019538801531357496  # (1 - exp(-T R / L_q)) / R, A/V
+GAIN_OMEGA = 0.006666666666666667  # T / J, rad/s per N m
 HALF_T_POLE_PAIRS = 0.00015000000000000001  # HALF_T * POLE_PAIRS
 POLE_PAIRS_SALIENCY = -0.045  # POLE_PAIRS * SALIENCY
 POLE_PAIRS_PSI_M = 1.6350000000000002  # POLE_PAIRS * PSI_M
 POLE_PAIRS_SALIENCY_X5 = -0.22499999999999998  # 5 * POLE_PAIRS * SALIENCY
-GAIN_HALF_Q_POLE_PAIRS_SALIENCY = -4.403988390051378e-05  # GAIN_HALF_Q * POLE_PAIRS * SALIENCY
-GAIN_HALF_D_POLE_PAIRS_SALIENCY = -6.234401009147099e-05  # GAIN_HALF_D * POLE_PAIRS * SALIENCY
-GAIN_Q_POLE_PAIRS_SALIENCY = -8.792460689110853e-05  # GAIN_Q * POLE_PAIRS * SALIENCY
-GAIN_D_POLE_PAIRS_SALIENCY = -0.00012437707813539866  # GAIN_D * POLE_PAIRS * SALIENCY
+GAIN_HALF_Q_POLE_PAIRS_SALIENCY = -4.4039883900513197e-05  # GAIN_HALF_Q * POLE_PAIRS * SALIENCY
+GAIN_HALF_D_POLE_PAIRS_SALIENCY = -6.23440100914711e-05  # GAIN_HALF_D * POLE_PAIRS * SALIENCY
+GAIN_Q_POLE_PAIRS_SALIENCY = -8.792460689110873e-05  # GAIN_Q * POLE_PAIRS * SALIENCY
+GAIN_D_GAIN_HALF_Q_PP_SQ_SAL_SQ = 5.477552080968045e-09  # GAIN_D * GAIN_HALF_Q * POLE_PAIRS * POLE_PAIRS * SALIENCY * SALIENCY
+GAIN_D_POLE_PAIRS_SALIENCY = -0.00012437707813539936  # GAIN_D * POLE_PAIRS * SALIENCY
+GAIN_HALF_D_GAIN_Q_PP_SQ_SAL_SQ = 5.481572579307912e-09  # GAIN_HALF_D * GAIN_Q * POLE_PAIRS * POLE_PAIRS * SALIENCY * SALIENCY
+PAIR_WEIGHT = 0.2  # 1 / 5: weight of the two points of a column of S
 GAIN_TORQUE_BY2 = 2.25  # 0.5 * GAIN_TORQUE
 SALIENCY_BY2 = -0.0075  # 0.5 * SALIENCY
 GAIN_OMEGA_GAIN_TORQUE_BY5 = 0.006000000000000001  # 0.2 * GAIN_OMEGA * GAIN_TORQUE
+SALIENCY_X5_BY4 = -0.01875  # 1.25 * SALIENCY
+G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP = 9.000000000000003e-07  # GAIN_OMEGA * GAIN_TORQUE * HALF_T * PAIR_WEIGHT * POLE_PAIRS
+PAIR_WEIGHT_SQ = 0.04000000000000001  # PAIR_WEIGHT * PAIR_WEIGHT
 GAIN_OMEGA_GAIN_TORQUE_BY2 = 0.015000000000000001  # 0.5 * GAIN_OMEGA * GAIN_TORQUE
 GAIN_TORQUE_SALIENCY_BY2 = -0.03375  # 0.5 * GAIN_TORQUE * SALIENCY
 GAIN_OMEGA_GAIN_TORQUE = 0.030000000000000002  # GAIN_OMEGA * GAIN_TORQUE
@@ -79,10 +86,12 @@ GAIN_OMEGA_SQ = 4.444444444444445e-05  # GAIN_OMEGA * GAIN_OMEGA
 GAIN_OMEGA_SQ_GAIN_TORQUE_SQ = 0.0009000000000000002  # GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE
 L_D = 0.036  # L_d, H
 L_Q = 0.051  # L_q, H
-POLE_PAIRS = 3.0  # p
 TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
 MTPA_RATIO = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
 A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 HALF_T = 5e-05  # T / 2, s
 SALIENCY = -0.015  # L_d - L_q, H
 GAIN_TORQUE = 4.5  # 1.5 p
@@ -96,14 +105,6 @@ def _smaller(a, b):
 def _larger(a, b):
     """The larger of two, lane by lane; the second one where they do not compare."""
     return np.where(a > b, a, b)[()]
-
-
-def _watch_pivots(words, Q, status):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
-    clear = words[VARIANCES[0]] > Q[0]
-    for place, floor in zip(VARIANCES, Q):
-        clear = clear & (words[place] > floor)
-    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
 def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
@@ -131,42 +132,37 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _average(f, nis, where):
-    """Averages the normalised innovation squared over the window, where a measurement was taken."""
-    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _restart(f, where):
-    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+def _restart(f, x, LD, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. Returns x and LD."""
     words = diagonal(f.P_0, 0.0)
-    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
-    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
     f.nis = np.where(where, 0.0, f.nis)[()]
+    return (
+        tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, x)),
+        tuple(np.where(where, new, old)[()] for new, old in zip(words, LD)),
+    )
 
 
-def _set_status_bits(f, check, status):
+def _set_status_bits(f, x, LD, check, status):
     """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
-    number. Returns the status.
+    number. Returns x, LD and the status.
     """
-    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
-    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
-        return status
-    size = check * PER_SANE_LIMIT
+        return x, LD, status
+    size = check[0] * PER_SANE_LIMIT
     worst = size * size
-    for word in (f.nis, *f.LD):
-        size = word * PER_SANE_LIMIT
+    for entry in (f.nis, *LD):
+        size = entry * PER_SANE_LIMIT
         worst = worst + size * size
     status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
-    status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
-    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
-    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
-    restarted = (status & RESTARTED) != 0
-    if np.any(restarted):
-        _restart(f, restarted)
-    return status
+    status = status | np.where(ordinary | (f.nis < f.nis_max), 0, DIVERGED)[()]
+    where = ~ordinary & ((status & (COVARIANCE_REPAIRED | RESTARTED)) != 0)
+    f.repairs = np.where(where & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    where = ~ordinary & ((status & RESTARTED) != 0)
+    x, LD = _restart(f, x, LD, where)
+    return x, LD, status
 
 
 def _sin_cos_f32(x):
@@ -352,30 +348,30 @@ def _select(mask, new, old):
 
 def time_update_turns(LD, math, stages=None):
     """Small angles of time_update: sin(d) / d and cos(d) - 1."""
-    D_0 = LD[0]
-    D_1 = LD[2]
+    D_i_alpha = LD[0]
+    D_i_beta = LD[2]
     L_20 = LD[3]
     L_21 = LD[4]
-    D_2 = LD[5]
+    D_omega = LD[5]
     L_30 = LD[6]
     L_31 = LD[7]
     L_32 = LD[8]
-    D_3 = LD[9]
+    D_theta = LD[9]
 
     # --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30
-    z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30
-    L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31
-    z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31
-    half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32
-    z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32
+    odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
+    z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0
+    odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
+    z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1
+    odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
+    z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.turn_5(z_theta_mid_0)
     sinc_theta_mid_1, cosm1_theta_mid_1 = math.turn_5(z_theta_mid_1)
     sinc_theta_mid_2, cosm1_theta_mid_2 = math.turn_5(z_theta_mid_2)
-    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_5(D_3)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_5(D_theta)
 
     return (
-        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_3,),
+        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_theta,),
         (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
             cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3,),
     )
@@ -384,7 +380,8 @@ def time_update_turns(LD, math, stages=None):
 def time_update(x, LD, Q, u, turn, math, stages=None):
     """Time update, eq. 13-18."""
     (i_alpha, i_beta, omega, theta, load_torque) = x
-    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3, L_40, L_41, L_42, L_43, D_4) = LD
+    (D_i_alpha, L_10, D_i_beta, L_20, L_21, D_omega, L_30, L_31, L_32, D_theta, L_40, L_41, L_42, L_43,
+        D_load_torque) = LD
     (Q_0, Q_1, Q_2, Q_3, Q_4) = Q
     (v_alpha, v_beta) = u
     (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
@@ -396,14 +393,14 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
     i_d_now = cos_theta_mid * i_alpha + sin_theta_mid * i_beta
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    D_0_scaled_x_sind_theta_mid_0 = D_0 * 5.0 * sind_theta_mid_0
+    n_D_sind_theta_mid_0 = D_i_alpha * 5.0 * sind_theta_mid_0
     odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
-    even_i_d_now_0 = i_d_now * cosm1_theta_mid_0 + D_0_scaled_x_sind_theta_mid_0 * odd_i_beta_turned_0
+    even_i_d_now_0 = i_d_now * cosm1_theta_mid_0 + n_D_sind_theta_mid_0 * odd_i_beta_turned_0
     odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
     i_q_now = cos_theta_mid * i_beta - i_alpha * sin_theta_mid
     odd_i_d_now_0 = odd_i_alpha_turned_0 * one_plus_cosm1_theta_mid_0 + i_q_now * sind_theta_mid_0
-    even_i_q_now_0 = i_q_now * cosm1_theta_mid_0 - D_0_scaled_x_sind_theta_mid_0 * odd_i_alpha_turned_0
+    even_i_q_now_0 = i_q_now * cosm1_theta_mid_0 - n_D_sind_theta_mid_0 * odd_i_alpha_turned_0
     odd_i_q_now_0 = odd_i_beta_turned_0 * one_plus_cosm1_theta_mid_0 - i_d_now * sind_theta_mid_0
     v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
     even_v_d_0 = v_d * cosm1_theta_mid_0
@@ -412,27 +409,27 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_v_q_0 = v_q * cosm1_theta_mid_0
     coupling = POLE_PAIRS_SALIENCY * omega
     i_d_mid = i_d_now * DECAY_HALF_D + GAIN_HALF_D * (v_d - coupling * i_q_now)
-    D_0_scaled_x_L_20 = POLE_PAIRS_SALIENCY_X5 * D_0 * L_20
+    n_D_odd_coupling_0 = POLE_PAIRS_SALIENCY_X5 * D_i_alpha * L_20
     even_i_d_mid_0 = (even_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (even_v_d_0 - coupling * even_i_q_now_0 -
-        D_0_scaled_x_L_20 * odd_i_q_now_0))
+        n_D_odd_coupling_0 * odd_i_q_now_0))
     odd_i_d_mid_0 = (odd_i_d_now_0 * DECAY_HALF_D + (odd_v_d_0 - coupling * odd_i_q_now_0) * GAIN_HALF_D -
         GAIN_HALF_D_POLE_PAIRS_SALIENCY * L_20 * (i_q_now + even_i_q_now_0))
     v_q_less_omega_scaled = v_q - POLE_PAIRS_PSI_M * omega
     i_q_mid = DECAY_HALF_Q * i_q_now + GAIN_HALF_Q * (v_q_less_omega_scaled - coupling * i_d_now)
     even_i_q_mid_0 = (DECAY_HALF_Q * even_i_q_now_0 + GAIN_HALF_Q * (even_v_q_0 - coupling * even_i_d_now_0 -
-        D_0_scaled_x_L_20 * odd_i_d_now_0))
+        n_D_odd_coupling_0 * odd_i_d_now_0))
     part_of_odd_i_q_mid_0 = v_d * sind_theta_mid_0 + POLE_PAIRS_PSI_M * L_20
     odd_i_q_mid_0 = (DECAY_HALF_Q * odd_i_q_now_0 -
         GAIN_HALF_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_now_0) -
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * L_20 * (i_d_now + even_i_d_now_0))
     i_d_next = DECAY_D * i_d_now + GAIN_D * (v_d - coupling * i_q_mid)
     even_i_d_next_0 = (DECAY_D * even_i_d_now_0 + GAIN_D * (even_v_d_0 - coupling * even_i_q_mid_0 -
-        D_0_scaled_x_L_20 * odd_i_q_mid_0))
+        n_D_odd_coupling_0 * odd_i_q_mid_0))
     odd_i_d_next_0 = (DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0) -
         GAIN_D_POLE_PAIRS_SALIENCY * L_20 * (i_q_mid + even_i_q_mid_0))
     i_q_next = i_q_now * DECAY_Q + GAIN_Q * (v_q_less_omega_scaled - coupling * i_d_mid)
     even_i_q_next_0 = (even_i_q_now_0 * DECAY_Q + GAIN_Q * (even_v_q_0 - coupling * even_i_d_mid_0 -
-        D_0_scaled_x_L_20 * odd_i_d_mid_0))
+        n_D_odd_coupling_0 * odd_i_d_mid_0))
     odd_i_q_next_0 = (odd_i_q_now_0 * DECAY_Q - (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0) * GAIN_Q -
         GAIN_Q_POLE_PAIRS_SALIENCY * L_20 * (i_d_mid + even_i_d_mid_0))
     i_q_now_plus_next = i_q_now + i_q_next
@@ -441,32 +438,32 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_i_q_between_0 = 0.5 * even_i_q_now_plus_next_0
     odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
-    D_1_scaled_x_sind_theta_mid_1 = 5.0 * D_1 * sind_theta_mid_1
-    even_i_d_now_1 = i_d_now * cosm1_theta_mid_1 + cos_theta_mid * D_1_scaled_x_sind_theta_mid_1
+    n_D_sind_theta_mid_1 = 5.0 * D_i_beta * sind_theta_mid_1
+    even_i_d_now_1 = i_d_now * cosm1_theta_mid_1 + cos_theta_mid * n_D_sind_theta_mid_1
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
     odd_i_d_now_1 = sin_theta_mid * one_plus_cosm1_theta_mid_1 + i_q_now * sind_theta_mid_1
-    even_i_q_now_1 = i_q_now * cosm1_theta_mid_1 - sin_theta_mid * D_1_scaled_x_sind_theta_mid_1
+    even_i_q_now_1 = i_q_now * cosm1_theta_mid_1 - sin_theta_mid * n_D_sind_theta_mid_1
     odd_i_q_now_1 = cos_theta_mid * one_plus_cosm1_theta_mid_1 - i_d_now * sind_theta_mid_1
     even_v_d_1 = v_d * cosm1_theta_mid_1
     odd_v_d_1 = v_q * sind_theta_mid_1
     even_v_q_1 = v_q * cosm1_theta_mid_1
-    D_1_scaled_x_L_21 = POLE_PAIRS_SALIENCY_X5 * D_1 * L_21
+    n_D_odd_coupling_1 = POLE_PAIRS_SALIENCY_X5 * D_i_beta * L_21
     even_i_d_mid_1 = (DECAY_HALF_D * even_i_d_now_1 + GAIN_HALF_D * (even_v_d_1 - coupling * even_i_q_now_1 -
-        D_1_scaled_x_L_21 * odd_i_q_now_1))
+        n_D_odd_coupling_1 * odd_i_q_now_1))
     odd_i_d_mid_1 = (DECAY_HALF_D * odd_i_d_now_1 + GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1) -
         GAIN_HALF_D_POLE_PAIRS_SALIENCY * L_21 * (i_q_now + even_i_q_now_1))
     even_i_q_mid_1 = (DECAY_HALF_Q * even_i_q_now_1 + GAIN_HALF_Q * (even_v_q_1 - coupling * even_i_d_now_1 -
-        D_1_scaled_x_L_21 * odd_i_d_now_1))
+        n_D_odd_coupling_1 * odd_i_d_now_1))
     part_of_odd_i_q_mid_1 = v_d * sind_theta_mid_1 + POLE_PAIRS_PSI_M * L_21
     odd_i_q_mid_1 = (DECAY_HALF_Q * odd_i_q_now_1 -
         GAIN_HALF_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_now_1) -
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * L_21 * (i_d_now + even_i_d_now_1))
     even_i_d_next_1 = (DECAY_D * even_i_d_now_1 + GAIN_D * (even_v_d_1 - coupling * even_i_q_mid_1 -
-        D_1_scaled_x_L_21 * odd_i_q_mid_1))
+        n_D_odd_coupling_1 * odd_i_q_mid_1))
     odd_i_d_next_1 = (DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1) -
         GAIN_D_POLE_PAIRS_SALIENCY * L_21 * (i_q_mid + even_i_q_mid_1))
     even_i_q_next_1 = (DECAY_Q * even_i_q_now_1 + GAIN_Q * (even_v_q_1 - coupling * even_i_d_mid_1 -
-        D_1_scaled_x_L_21 * odd_i_d_mid_1))
+        n_D_odd_coupling_1 * odd_i_d_mid_1))
     odd_i_q_next_1 = (DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1) -
         GAIN_Q_POLE_PAIRS_SALIENCY * L_21 * (i_d_mid + even_i_d_mid_1))
     even_i_q_now_plus_next_1 = even_i_q_now_1 + even_i_q_next_1
@@ -479,77 +476,77 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_v_d_2 = v_d * cosm1_theta_mid_2
     odd_v_d_2 = v_q * sind_theta_mid_2
     even_v_q_2 = v_q * cosm1_theta_mid_2
-    pole_pairs_saliency_x5_x_D_2 = POLE_PAIRS_SALIENCY_X5 * D_2
+    n_D_odd_coupling_2 = POLE_PAIRS_SALIENCY_X5 * D_omega
     minus_odd_i_q_now_2 = i_d_now * sind_theta_mid_2
     even_i_d_mid_2 = (DECAY_HALF_D * even_i_d_now_2 + GAIN_HALF_D * (even_v_d_2 - coupling * even_i_q_now_2 +
-        pole_pairs_saliency_x5_x_D_2 * minus_odd_i_q_now_2))
+        n_D_odd_coupling_2 * minus_odd_i_q_now_2))
     odd_i_d_mid_2 = (DECAY_HALF_D * odd_i_d_now_2 + GAIN_HALF_D * (odd_v_d_2 + coupling * minus_odd_i_q_now_2)
         - GAIN_HALF_D_POLE_PAIRS_SALIENCY * (i_q_now + even_i_q_now_2))
     even_i_q_mid_2 = (DECAY_HALF_Q * even_i_q_now_2 + GAIN_HALF_Q * (even_v_q_2 - coupling * even_i_d_now_2 -
-        pole_pairs_saliency_x5_x_D_2 * odd_i_d_now_2))
+        n_D_odd_coupling_2 * odd_i_d_now_2))
     part_of_even_i_d_next_2 = v_d * sind_theta_mid_2 + POLE_PAIRS_PSI_M
     minus_odd_i_q_mid_2 = (DECAY_HALF_Q * minus_odd_i_q_now_2 +
         GAIN_HALF_Q * (part_of_even_i_d_next_2 + coupling * odd_i_d_now_2) +
         GAIN_HALF_Q_POLE_PAIRS_SALIENCY * (i_d_now + even_i_d_now_2))
     even_i_d_next_2 = (DECAY_D * even_i_d_now_2 + GAIN_D * (even_v_d_2 - coupling * even_i_q_mid_2 +
-        pole_pairs_saliency_x5_x_D_2 * minus_odd_i_q_mid_2))
+        n_D_odd_coupling_2 * minus_odd_i_q_mid_2))
     odd_i_d_next_2 = (DECAY_D * odd_i_d_now_2 + GAIN_D * (odd_v_d_2 + coupling * minus_odd_i_q_mid_2) -
         GAIN_D_POLE_PAIRS_SALIENCY * (i_q_mid + even_i_q_mid_2))
     even_i_q_next_2 = (DECAY_Q * even_i_q_now_2 + GAIN_Q * (even_v_q_2 - coupling * even_i_d_mid_2 -
-        pole_pairs_saliency_x5_x_D_2 * odd_i_d_mid_2))
+        n_D_odd_coupling_2 * odd_i_d_mid_2))
     even_i_q_now_plus_next_2 = even_i_q_now_2 + even_i_q_next_2
     even_i_q_between_2 = 0.5 * even_i_q_now_plus_next_2
     even_i_d_now_3 = i_d_now * cosm1_theta_mid_3
     odd_i_d_now_3 = i_q_now * sinc_theta_mid_3
     even_i_q_now_3 = i_q_now * cosm1_theta_mid_3
     omega_sq = omega * omega
-    decay_d_plus_omega_sq_scaled = DECAY_D + 5.477552080968088e-09 * omega_sq
+    decay_d_and_omega_sq_scaled = DECAY_D + GAIN_D_GAIN_HALF_Q_PP_SQ_SAL_SQ * omega_sq
     even_v_d_3 = v_d * cosm1_theta_mid_3
     omega_scaled = GAIN_D_POLE_PAIRS_SALIENCY * omega
     even_v_q_3 = v_q * cosm1_theta_mid_3
-    even_i_d_next_3 = (decay_d_plus_omega_sq_scaled * even_i_d_now_3 + GAIN_D * even_v_d_3 -
+    even_i_d_next_3 = (decay_d_and_omega_sq_scaled * even_i_d_now_3 + GAIN_D * even_v_d_3 -
         omega_scaled * (DECAY_HALF_Q * even_i_q_now_3 + GAIN_HALF_Q * even_v_q_3))
     odd_v_d_3 = v_q * sinc_theta_mid_3
     minus_odd_i_q_now_3 = i_d_now * sinc_theta_mid_3
     minus_odd_v_q_3 = v_d * sinc_theta_mid_3
-    odd_i_d_next_3 = (decay_d_plus_omega_sq_scaled * odd_i_d_now_3 + GAIN_D * odd_v_d_3 +
+    odd_i_d_next_3 = (decay_d_and_omega_sq_scaled * odd_i_d_now_3 + GAIN_D * odd_v_d_3 +
         omega_scaled * (DECAY_HALF_Q * minus_odd_i_q_now_3 + GAIN_HALF_Q * minus_odd_v_q_3))
-    decay_q_plus_omega_sq_scaled = DECAY_Q + 5.481572579307892e-09 * omega_sq
+    decay_q_and_omega_sq_scaled = DECAY_Q + GAIN_HALF_D_GAIN_Q_PP_SQ_SAL_SQ * omega_sq
     omega_scaled_2 = GAIN_Q_POLE_PAIRS_SALIENCY * omega
-    even_i_q_next_3 = (even_i_q_now_3 * decay_q_plus_omega_sq_scaled + GAIN_Q * even_v_q_3 -
+    even_i_q_next_3 = (even_i_q_now_3 * decay_q_and_omega_sq_scaled + GAIN_Q * even_v_q_3 -
         omega_scaled_2 * (DECAY_HALF_D * even_i_d_now_3 + GAIN_HALF_D * even_v_d_3))
     even_i_q_now_plus_next_3 = even_i_q_now_3 + even_i_q_next_3
     even_i_q_between_3 = 0.5 * even_i_q_now_plus_next_3
     total_i_d_next_0 = i_d_next + even_i_d_next_0
     even_i_alpha_next_0 = (even_i_d_next_0 + cosm1_theta_mid_0 * total_i_d_next_0 -
-        D_0_scaled_x_sind_theta_mid_0 * odd_i_q_next_0)
+        n_D_sind_theta_mid_0 * odd_i_q_next_0)
     total_i_d_next_1 = i_d_next + even_i_d_next_1
     even_i_alpha_next_1 = (even_i_d_next_1 + cosm1_theta_mid_1 * total_i_d_next_1 -
-        D_1_scaled_x_sind_theta_mid_1 * odd_i_q_next_1)
+        n_D_sind_theta_mid_1 * odd_i_q_next_1)
     total_i_d_next_2 = i_d_next + even_i_d_next_2
-    D_2_scaled_x_sind_theta_mid_2 = 5.0 * D_2 * sind_theta_mid_2
+    n_D_sind_theta_mid_2 = 5.0 * D_omega * sind_theta_mid_2
     minus_odd_i_q_next_2 = (DECAY_Q * minus_odd_i_q_now_2 +
         GAIN_Q * (part_of_even_i_d_next_2 + coupling * odd_i_d_mid_2) +
         GAIN_Q_POLE_PAIRS_SALIENCY * (i_d_mid + even_i_d_mid_2))
     even_i_alpha_next_2 = (even_i_d_next_2 + cosm1_theta_mid_2 * total_i_d_next_2 +
-        D_2_scaled_x_sind_theta_mid_2 * minus_odd_i_q_next_2)
+        n_D_sind_theta_mid_2 * minus_odd_i_q_next_2)
     total_i_d_next_3 = i_d_next + even_i_d_next_3
-    D_3_scaled_x_sinc_theta_mid_3 = 5.0 * D_3 * sinc_theta_mid_3
-    minus_odd_i_q_next_3 = (minus_odd_i_q_now_3 * decay_q_plus_omega_sq_scaled + GAIN_Q * minus_odd_v_q_3 +
+    n_D_sind_theta_mid_3 = 5.0 * D_theta * sinc_theta_mid_3
+    minus_odd_i_q_next_3 = (minus_odd_i_q_now_3 * decay_q_and_omega_sq_scaled + GAIN_Q * minus_odd_v_q_3 +
         omega_scaled_2 * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3))
     even_i_alpha_next_3 = (even_i_d_next_3 + cosm1_theta_mid_3 * total_i_d_next_3 +
-        D_3_scaled_x_sinc_theta_mid_3 * minus_odd_i_q_next_3)
+        n_D_sind_theta_mid_3 * minus_odd_i_q_next_3)
     total_i_q_next_0 = i_q_next + even_i_q_next_0
-    even_i_beta_next_0 = (D_0_scaled_x_sind_theta_mid_0 * odd_i_d_next_0 + even_i_q_next_0 +
+    even_i_beta_next_0 = (n_D_sind_theta_mid_0 * odd_i_d_next_0 + even_i_q_next_0 +
         cosm1_theta_mid_0 * total_i_q_next_0)
     total_i_q_next_1 = i_q_next + even_i_q_next_1
-    even_i_beta_next_1 = (D_1_scaled_x_sind_theta_mid_1 * odd_i_d_next_1 + even_i_q_next_1 +
+    even_i_beta_next_1 = (n_D_sind_theta_mid_1 * odd_i_d_next_1 + even_i_q_next_1 +
         cosm1_theta_mid_1 * total_i_q_next_1)
     total_i_q_next_2 = i_q_next + even_i_q_next_2
-    even_i_beta_next_2 = (D_2_scaled_x_sind_theta_mid_2 * odd_i_d_next_2 + even_i_q_next_2 +
+    even_i_beta_next_2 = (n_D_sind_theta_mid_2 * odd_i_d_next_2 + even_i_q_next_2 +
         cosm1_theta_mid_2 * total_i_q_next_2)
     total_i_q_next_3 = i_q_next + even_i_q_next_3
-    even_i_beta_next_3 = (D_3_scaled_x_sinc_theta_mid_3 * odd_i_d_next_3 + even_i_q_next_3 +
+    even_i_beta_next_3 = (n_D_sind_theta_mid_3 * odd_i_d_next_3 + even_i_q_next_3 +
         cosm1_theta_mid_3 * total_i_q_next_3)
     odd_i_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_i_d_next_0 - sind_theta_mid_0 * total_i_q_next_0
     odd_i_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_i_d_next_1 - sind_theta_mid_1 * total_i_q_next_1
@@ -587,42 +584,42 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         GAIN_OMEGA_GAIN_TORQUE_BY2 * minus_odd_i_q_now_plus_next_2 * (part_of_omega_pred + even_i_d_now_and_next_2_scaled))
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
-    D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
-    D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
-    D_2_times_odd_i_alpha_next_2 = D_2 * odd_i_alpha_next_2
-    D_3_times_odd_i_alpha_next_3 = D_3 * odd_i_alpha_next_3
-    bend_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 + even_i_alpha_next_3
-    bend_i_alpha_sum_scaled = 0.04000000000000001 * bend_i_alpha_sum
-    P_turned_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + odd_i_alpha_next_2 * D_2_times_odd_i_alpha_next_2
-        + odd_i_alpha_next_3 * D_3_times_odd_i_alpha_next_3 + 0.2 * (even_i_alpha_next_0 * even_i_alpha_next_0
-        + even_i_alpha_next_1 * even_i_alpha_next_1 + even_i_alpha_next_2 * even_i_alpha_next_2 +
-        even_i_alpha_next_3 * even_i_alpha_next_3) - bend_i_alpha_sum * bend_i_alpha_sum_scaled)
-    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
-    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
-    D_2_times_odd_i_beta_next_2 = D_2 * odd_i_beta_next_2
-    D_3_times_odd_i_beta_next_3 = D_3 * odd_i_beta_next_3
-    bend_i_beta_sum = even_i_beta_next_0 + even_i_beta_next_1 + even_i_beta_next_2 + even_i_beta_next_3
-    bend_i_beta_sum_scaled = 0.04000000000000001 * bend_i_beta_sum
-    P_turned_11 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 + odd_i_beta_next_2 * D_2_times_odd_i_beta_next_2 +
-        odd_i_beta_next_3 * D_3_times_odd_i_beta_next_3 + 0.2 * (even_i_beta_next_0 * even_i_beta_next_0 +
-        even_i_beta_next_1 * even_i_beta_next_1 + even_i_beta_next_2 * even_i_beta_next_2 +
-        even_i_beta_next_3 * even_i_beta_next_3) - bend_i_beta_sum * bend_i_beta_sum_scaled)
-    P_turned_10 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 + D_2_times_odd_i_alpha_next_2 * odd_i_beta_next_2 +
-        D_3_times_odd_i_alpha_next_3 * odd_i_beta_next_3 + 0.2 * (even_i_alpha_next_0 * even_i_beta_next_0 +
-        even_i_alpha_next_1 * even_i_beta_next_1 + even_i_alpha_next_2 * even_i_beta_next_2 +
-        even_i_alpha_next_3 * even_i_beta_next_3) - bend_i_alpha_sum_scaled * bend_i_beta_sum)
+    D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0
+    D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1
+    D_odd_i_alpha_2 = D_omega * odd_i_alpha_next_2
+    D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3
+    curv_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 + even_i_alpha_next_3
+    mean_i_alpha_by_n = PAIR_WEIGHT_SQ * curv_i_alpha_sum
+    P_turned_00 = (odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
+        odd_i_alpha_next_2 * D_odd_i_alpha_2 + odd_i_alpha_next_3 * D_odd_i_alpha_3 +
+        PAIR_WEIGHT * (even_i_alpha_next_0 * even_i_alpha_next_0 + even_i_alpha_next_1 * even_i_alpha_next_1 +
+        even_i_alpha_next_2 * even_i_alpha_next_2 + even_i_alpha_next_3 * even_i_alpha_next_3) -
+        curv_i_alpha_sum * mean_i_alpha_by_n)
+    D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0
+    D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1
+    D_odd_i_beta_2 = D_omega * odd_i_beta_next_2
+    D_odd_i_beta_3 = D_theta * odd_i_beta_next_3
+    curv_i_beta_sum = even_i_beta_next_0 + even_i_beta_next_1 + even_i_beta_next_2 + even_i_beta_next_3
+    mean_i_beta_by_n = PAIR_WEIGHT_SQ * curv_i_beta_sum
+    P_turned_11 = (odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+        odd_i_beta_next_2 * D_odd_i_beta_2 + odd_i_beta_next_3 * D_odd_i_beta_3 +
+        PAIR_WEIGHT * (even_i_beta_next_0 * even_i_beta_next_0 + even_i_beta_next_1 * even_i_beta_next_1 +
+        even_i_beta_next_2 * even_i_beta_next_2 + even_i_beta_next_3 * even_i_beta_next_3) -
+        curv_i_beta_sum * mean_i_beta_by_n)
+    P_turned_10 = (D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 +
+        D_odd_i_alpha_2 * odd_i_beta_next_2 + D_odd_i_alpha_3 * odd_i_beta_next_3 +
+        PAIR_WEIGHT * (even_i_alpha_next_0 * even_i_beta_next_0 + even_i_alpha_next_1 * even_i_beta_next_1 +
+        even_i_alpha_next_2 * even_i_beta_next_2 + even_i_alpha_next_3 * even_i_beta_next_3) -
+        mean_i_alpha_by_n * curv_i_beta_sum)
     P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0
     P_turn = sin_theta_mid * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
-    D_pred_0 = _larger(P_pred_00, Q_0)
+    D_pred_i_alpha = _larger(P_pred_00, Q_0)
     P_pred_10 = cos_theta_mid * P_tilt - P_turned_10
-    one_per_D_pred_0 = 1.0 / D_pred_0
-    L_pred_10 = P_pred_10 * one_per_D_pred_0
+    inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha
+    L_pred_10 = P_pred_10 * inv_D_pred_i_alpha
     P_pred_11 = P_turned_11 + P_turn + Q_1
-    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    D_pred_i_beta = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
     total_i_q_between_3 = i_q_between + even_i_q_between_3
     odd_i_d_now_plus_next_3 = odd_i_d_now_3 + odd_i_d_next_3
     minus_odd_i_q_now_plus_next_3 = minus_odd_i_q_now_3 + minus_odd_i_q_next_3
@@ -631,113 +628,113 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         -
         GAIN_TORQUE_BY2 * minus_odd_i_q_now_plus_next_3 * (part_of_omega_pred + even_i_d_now_and_next_3_scaled)
         - L_43))
-    part_of_bend_omega_0 = 0.5 * part_of_omega_pred
-    bend_omega_0 = (part_of_bend_omega_0 * even_i_q_now_plus_next_0 +
+    part_of_curv_omega_0 = 0.5 * part_of_omega_pred
+    curv_omega_0 = (part_of_curv_omega_0 * even_i_q_now_plus_next_0 +
         even_i_d_now_and_next_0_scaled * total_i_q_between_0 +
-        -0.01875 * D_0 * odd_i_d_now_plus_next_0 * odd_i_q_now_plus_next_0)
-    bend_omega_1 = (part_of_bend_omega_0 * even_i_q_now_plus_next_1 +
+        SALIENCY_X5_BY4 * D_i_alpha * odd_i_d_now_plus_next_0 * odd_i_q_now_plus_next_0)
+    curv_omega_1 = (part_of_curv_omega_0 * even_i_q_now_plus_next_1 +
         even_i_d_now_and_next_1_scaled * total_i_q_between_1 +
-        -0.01875 * D_1 * odd_i_d_now_plus_next_1 * odd_i_q_now_plus_next_1)
-    bend_omega_2 = (part_of_bend_omega_0 * even_i_q_now_plus_next_2 +
+        SALIENCY_X5_BY4 * D_i_beta * odd_i_d_now_plus_next_1 * odd_i_q_now_plus_next_1)
+    curv_omega_2 = (part_of_curv_omega_0 * even_i_q_now_plus_next_2 +
         even_i_d_now_and_next_2_scaled * total_i_q_between_2 -
-        -0.01875 * D_2 * odd_i_d_now_plus_next_2 * minus_odd_i_q_now_plus_next_2)
-    bend_omega_3 = (part_of_bend_omega_0 * even_i_q_now_plus_next_3 +
+        SALIENCY_X5_BY4 * D_omega * odd_i_d_now_plus_next_2 * minus_odd_i_q_now_plus_next_2)
+    curv_omega_3 = (part_of_curv_omega_0 * even_i_q_now_plus_next_3 +
         even_i_d_now_and_next_3_scaled * total_i_q_between_3 -
-        -0.01875 * D_3 * odd_i_d_now_plus_next_3 * minus_odd_i_q_now_plus_next_3)
-    bend_omega_sum = bend_omega_0 + bend_omega_1 + bend_omega_2 + bend_omega_3
-    P_turned_20 = (D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + D_2_times_odd_i_alpha_next_2 * odd_omega_next_2 +
-        D_3_times_odd_i_alpha_next_3 * odd_omega_next_3 +
-        GAIN_OMEGA_GAIN_TORQUE * (0.2 * (even_i_alpha_next_0 * bend_omega_0 +
-        even_i_alpha_next_1 * bend_omega_1 + even_i_alpha_next_2 * bend_omega_2 +
-        even_i_alpha_next_3 * bend_omega_3) - bend_i_alpha_sum_scaled * bend_omega_sum))
-    P_turned_21 = (D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_beta_next_1 * odd_omega_next_1 + D_2_times_odd_i_beta_next_2 * odd_omega_next_2 +
-        D_3_times_odd_i_beta_next_3 * odd_omega_next_3 +
-        GAIN_OMEGA_GAIN_TORQUE * (0.2 * (even_i_beta_next_0 * bend_omega_0 + even_i_beta_next_1 * bend_omega_1
-        + even_i_beta_next_2 * bend_omega_2 + even_i_beta_next_3 * bend_omega_3) -
-        bend_i_beta_sum_scaled * bend_omega_sum))
+        SALIENCY_X5_BY4 * D_theta * odd_i_d_now_plus_next_3 * minus_odd_i_q_now_plus_next_3)
+    curv_omega_sum = curv_omega_0 + curv_omega_1 + curv_omega_2 + curv_omega_3
+    P_turned_20 = (D_odd_i_alpha_0 * odd_omega_next_0 + D_odd_i_alpha_1 * odd_omega_next_1 +
+        D_odd_i_alpha_2 * odd_omega_next_2 + D_odd_i_alpha_3 * odd_omega_next_3 +
+        GAIN_OMEGA_GAIN_TORQUE * (PAIR_WEIGHT * (even_i_alpha_next_0 * curv_omega_0 +
+        even_i_alpha_next_1 * curv_omega_1 + even_i_alpha_next_2 * curv_omega_2 +
+        even_i_alpha_next_3 * curv_omega_3) - mean_i_alpha_by_n * curv_omega_sum))
+    P_turned_21 = (D_odd_i_beta_0 * odd_omega_next_0 + D_odd_i_beta_1 * odd_omega_next_1 +
+        D_odd_i_beta_2 * odd_omega_next_2 + D_odd_i_beta_3 * odd_omega_next_3 +
+        GAIN_OMEGA_GAIN_TORQUE * (PAIR_WEIGHT * (even_i_beta_next_0 * curv_omega_0 +
+        even_i_beta_next_1 * curv_omega_1 + even_i_beta_next_2 * curv_omega_2 +
+        even_i_beta_next_3 * curv_omega_3) - mean_i_beta_by_n * curv_omega_sum))
     P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21
-    L_pred_20 = one_per_D_pred_0 * P_pred_20
+    L_pred_20 = inv_D_pred_i_alpha * P_pred_20
     P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21
     LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
-    one_per_D_pred_1 = 1.0 / D_pred_1
-    L_pred_21 = LD_pred_21 * one_per_D_pred_1
-    D_3_times_odd_omega_next_3 = D_3 * odd_omega_next_3
-    part_of_P_pred_22 = (D_0 * odd_omega_next_0 * odd_omega_next_0 + D_1 * odd_omega_next_1 * odd_omega_next_1
-        + D_2 * odd_omega_next_2 * odd_omega_next_2 + odd_omega_next_3 * D_3_times_odd_omega_next_3 +
-        GAIN_OMEGA_SQ * D_4 + GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (0.2 * (bend_omega_0 * bend_omega_0 +
-        bend_omega_1 * bend_omega_1 + bend_omega_2 * bend_omega_2 + bend_omega_3 * bend_omega_3) -
-        0.04000000000000001 * bend_omega_sum * bend_omega_sum))
+    inv_D_pred_i_beta = 1.0 / D_pred_i_beta
+    L_pred_21 = LD_pred_21 * inv_D_pred_i_beta
+    D_odd_omega_3 = D_theta * odd_omega_next_3
+    part_of_P_pred_22 = (D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
+        D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
+        odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA_SQ * D_load_torque +
+        GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (PAIR_WEIGHT * (curv_omega_0 * curv_omega_0 +
+        curv_omega_1 * curv_omega_1 + curv_omega_2 * curv_omega_2 + curv_omega_3 * curv_omega_3) -
+        PAIR_WEIGHT_SQ * curv_omega_sum * curv_omega_sum))
     P_pred_22 = part_of_P_pred_22 + Q_2
-    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
-    D_0_times_odd_theta_mid_0 = D_0 * odd_theta_mid_0
-    D_1_times_odd_theta_mid_1 = D_1 * odd_theta_mid_1
-    D_2_times_odd_theta_mid_2 = D_2 * odd_theta_mid_2
-    P_turned_30 = (HALF_T_POLE_PAIRS * P_turned_20 + D_0_times_odd_theta_mid_0 * odd_i_alpha_next_0 +
-        D_1_times_odd_theta_mid_1 * odd_i_alpha_next_1 + D_2_times_odd_theta_mid_2 * odd_i_alpha_next_2 +
-        D_3_times_odd_i_alpha_next_3)
-    P_turned_31 = (HALF_T_POLE_PAIRS * P_turned_21 + D_0_times_odd_theta_mid_0 * odd_i_beta_next_0 +
-        D_1_times_odd_theta_mid_1 * odd_i_beta_next_1 + D_2_times_odd_theta_mid_2 * odd_i_beta_next_2 +
-        D_3_times_odd_i_beta_next_3)
+    D_pred_omega = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
+    D_i_alpha_times_odd_theta_mid_0 = D_i_alpha * odd_theta_mid_0
+    D_i_beta_times_odd_theta_mid_1 = D_i_beta * odd_theta_mid_1
+    D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2
+    P_turned_30 = (HALF_T_POLE_PAIRS * P_turned_20 + D_i_alpha_times_odd_theta_mid_0 * odd_i_alpha_next_0 +
+        D_i_beta_times_odd_theta_mid_1 * odd_i_alpha_next_1 +
+        D_omega_times_odd_theta_mid_2 * odd_i_alpha_next_2 + D_odd_i_alpha_3)
+    P_turned_31 = (HALF_T_POLE_PAIRS * P_turned_21 + D_i_alpha_times_odd_theta_mid_0 * odd_i_beta_next_0 +
+        D_i_beta_times_odd_theta_mid_1 * odd_i_beta_next_1 + D_omega_times_odd_theta_mid_2 * odd_i_beta_next_2
+        + D_odd_i_beta_3)
     P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31
-    L_pred_30 = one_per_D_pred_0 * P_pred_30
+    L_pred_30 = inv_D_pred_i_alpha * P_pred_30
     P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31
     LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
-    L_pred_31 = one_per_D_pred_1 * LD_pred_31
-    part_of_P_pred_32 = (D_0_times_odd_theta_mid_0 * odd_omega_next_0 +
-        D_1_times_odd_theta_mid_1 * odd_omega_next_1 + D_2_times_odd_theta_mid_2 * odd_omega_next_2 +
-        D_3_times_odd_omega_next_3)
+    L_pred_31 = inv_D_pred_i_beta * LD_pred_31
+    part_of_P_pred_32 = (D_i_alpha_times_odd_theta_mid_0 * odd_omega_next_0 +
+        D_i_beta_times_odd_theta_mid_1 * odd_omega_next_1 + D_omega_times_odd_theta_mid_2 * odd_omega_next_2 +
+        D_odd_omega_3)
     P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32
     LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31
-    one_per_D_pred_2 = 1.0 / D_pred_2
-    L_pred_32 = LD_pred_32 * one_per_D_pred_2
+    inv_D_pred_omega = 1.0 / D_pred_omega
+    L_pred_32 = LD_pred_32 * inv_D_pred_omega
     P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
-        odd_theta_mid_0 * D_0_times_odd_theta_mid_0 + odd_theta_mid_1 * D_1_times_odd_theta_mid_1 +
-        odd_theta_mid_2 * D_2_times_odd_theta_mid_2 + D_3 + Q_3)
-    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 - LD_pred_32 * L_pred_32,
-        Q_3))
-    P_turned_40 = (D_0_times_odd_i_alpha_next_0 * L_40 + D_1_times_odd_i_alpha_next_1 * L_41 +
-        D_2_times_odd_i_alpha_next_2 * L_42 + D_3_times_odd_i_alpha_next_3 * L_43)
-    P_turned_41 = (D_0_times_odd_i_beta_next_0 * L_40 + D_1_times_odd_i_beta_next_1 * L_41 +
-        D_2_times_odd_i_beta_next_2 * L_42 + D_3_times_odd_i_beta_next_3 * L_43)
+        odd_theta_mid_0 * D_i_alpha_times_odd_theta_mid_0 + odd_theta_mid_1 * D_i_beta_times_odd_theta_mid_1 +
+        odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3)
+    D_pred_theta = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3))
+    P_turned_40 = (D_odd_i_alpha_0 * L_40 + D_odd_i_alpha_1 * L_41 + D_odd_i_alpha_2 * L_42 +
+        D_odd_i_alpha_3 * L_43)
+    P_turned_41 = (D_odd_i_beta_0 * L_40 + D_odd_i_beta_1 * L_41 + D_odd_i_beta_2 * L_42 +
+        D_odd_i_beta_3 * L_43)
     P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41
-    L_pred_40 = one_per_D_pred_0 * P_pred_40
+    L_pred_40 = inv_D_pred_i_alpha * P_pred_40
     P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41
     LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40
-    L_pred_41 = one_per_D_pred_1 * LD_pred_41
-    D_0_times_L_40 = D_0 * L_40
-    D_1_times_L_41 = D_1 * L_41
-    D_2_times_L_42 = D_2 * L_42
-    D_3_times_L_43 = D_3 * L_43
-    P_pred_42 = (D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
-        D_2_times_L_42 * odd_omega_next_2 + D_3_times_L_43 * odd_omega_next_3 - GAIN_OMEGA * D_4)
+    L_pred_41 = inv_D_pred_i_beta * LD_pred_41
+    D_odd_load_torque_0 = D_i_alpha * L_40
+    D_odd_load_torque_1 = D_i_beta * L_41
+    D_odd_load_torque_2 = D_omega * L_42
+    D_odd_load_torque_3 = D_theta * L_43
+    P_pred_42 = (D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1 +
+        D_odd_load_torque_2 * odd_omega_next_2 + D_odd_load_torque_3 * odd_omega_next_3 -
+        GAIN_OMEGA * D_load_torque)
     LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41
-    L_pred_42 = one_per_D_pred_2 * LD_pred_42
-    P_pred_43 = (HALF_T_POLE_PAIRS * P_pred_42 + D_0_times_odd_theta_mid_0 * L_40 +
-        D_1_times_odd_theta_mid_1 * L_41 + D_2_times_odd_theta_mid_2 * L_42 + D_3_times_L_43)
+    L_pred_42 = inv_D_pred_omega * LD_pred_42
+    P_pred_43 = (HALF_T_POLE_PAIRS * P_pred_42 + D_i_alpha_times_odd_theta_mid_0 * L_40 +
+        D_i_beta_times_odd_theta_mid_1 * L_41 + D_omega_times_odd_theta_mid_2 * L_42 + D_odd_load_torque_3)
     LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 - L_pred_32 * LD_pred_42
-    L_pred_43 = LD_pred_43 / D_pred_3
-    P_pred_44 = (L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 + L_43 * D_3_times_L_43
-        + D_4 + Q_4)
-    D_pred_4 = (_larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 - LD_pred_42 * L_pred_42 -
-        LD_pred_43 * L_pred_43, Q_4))
+    L_pred_43 = LD_pred_43 / D_pred_theta
+    P_pred_44 = (L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 + L_42 * D_odd_load_torque_2 +
+        L_43 * D_odd_load_torque_3 + D_load_torque + Q_4)
+    D_pred_load_torque = (_larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4))
 
     # --- eq. 16: x_pred = mean X_i'
-    bend_i_alpha_mean = bend_i_alpha_sum * 0.2
-    bend_i_beta_mean = 0.2 * bend_i_beta_sum
-    offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * bend_omega_sum
-    offset_theta = 9.000000000000003e-07 * bend_omega_sum
-    i_alpha_mean = i_d_next + bend_i_alpha_mean
-    i_beta_mean = i_q_next + bend_i_beta_mean
+    curv_i_alpha_mean = curv_i_alpha_sum * PAIR_WEIGHT
+    curv_i_beta_mean = PAIR_WEIGHT * curv_i_beta_sum
+    offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * curv_omega_sum
+    offset_theta = G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP * curv_omega_sum
+    i_alpha_mean = i_d_next + curv_i_alpha_mean
+    i_beta_mean = i_q_next + curv_i_beta_mean
     i_alpha_pred = cos_theta_mid * i_alpha_mean - sin_theta_mid * i_beta_mean
     i_beta_pred = sin_theta_mid * i_alpha_mean + cos_theta_mid * i_beta_mean
     omega_of_x = GAIN_OMEGA * (GAIN_TORQUE_BY2 * part_of_omega_pred * i_q_now_plus_next - load_torque) + omega
     omega_pred = omega_of_x + offset_omega
-    theta_pred = theta_mid + omega_of_x * 0.00015000000000000001 + offset_theta
+    theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
 
     # --- sum of the pivots, for the guard
-    check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4
+    check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta + D_pred_load_torque
 
     if stages is not None:
         stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,)
@@ -745,8 +742,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (check,),
     )
 
@@ -754,53 +751,52 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
 def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18-26."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 25: y - y_pred; theta wrapped
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_new = correction_second_0 + i_alpha_pred
-    i_beta_new = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_new = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_new = (math.wrap(correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
-        theta_pred))
-    load_torque_new = (correction_second_0 * L_pred_40 + D_pred_1_times_share_second * L_pred_41 +
-        load_torque_pred)
+    i_beta_new = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_new = D_pred_i_beta * nu_by_var_second
+    omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
+    theta_new = math.wrap(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
+    load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 + load_torque_pred
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
     L_new_40 = L_pred_40 - L_pred_41 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x"] = (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,)
     return (
         (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
-            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (nis,),
     )
 
@@ -808,69 +804,69 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
 
 
 def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_after = correction_second_0 + i_alpha_pred
-    i_beta_after = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 + theta_pred
-    load_torque_after = (correction_second_0 * L_pred_40 + D_pred_1_times_share_second * L_pred_41 +
-        load_torque_pred)
+    i_beta_after = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_after = D_pred_i_beta * nu_by_var_second
+    omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 + omega_pred
+    theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
+    load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 + load_torque_pred
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
     L_new_40 = L_pred_40 - L_pred_41 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,)
         stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,)
     return (
         (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
-            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (nis,),
     )
 
@@ -892,15 +888,21 @@ def ckf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]) &
+        (LD_pred[14] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
+    return status
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -920,22 +922,28 @@ def ickf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]) &
+        (LD_pred[14] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
+    return status
 
 
 def clarke(phase, math, stages=None):
     """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
     (i_a, i_b) = phase
 
-    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+    return (i_a, ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b,)
 
 
 def believed_currents(x, math, stages=None):
@@ -989,7 +997,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
-    v_max = 0.5773502691896258 * v_link
+    v_max = ONE_BY_SQRT_3 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -1008,7 +1016,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- dead-time compensation
     minus_half_i_alpha = -0.5 * i_alpha
-    cross_i_beta = 0.8660254037844386 * i_beta
+    cross_i_beta = SQRT_3_BY_2 * i_beta
     i_b = minus_half_i_alpha + cross_i_beta
     i_c = minus_half_i_alpha - cross_i_beta
     sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
@@ -1017,7 +1025,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- SVPWM
     minus_half_v_alpha = -0.5 * v_alpha
-    cross_v_beta = 0.8660254037844386 * v_beta
+    cross_v_beta = SQRT_3_BY_2 * v_beta
     v_b = minus_half_v_alpha + cross_v_beta
     v_c = minus_half_v_alpha - cross_v_beta
     v_highest = _larger(v_alpha, _larger(v_b, v_c))

@@ -56,22 +56,28 @@ INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
 SALIENCY = 8.169934640522875  # 1 / L_d - 1 / L_q, A/Wb
 POLE_PAIRS = 3.0  # p
 HALF_T = 5e-05  # T / 2, s
-MAGNET_TURN = 4.1376251256330935e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
-GAIN_D = 9.950166250831892e-05  # (1 - exp(-T R / L_d)) L_d / R, s
-LOSS_D = 0.0027639350696755257  # (1 - exp(-T R / L_d)) / R, 1 / ohm
-GAIN_Q = 9.9647887809923e-05  # (1 - exp(-T R / L_q)) L_q / R, s
-LOSS_Q = 0.0019538801531357453  # (1 - exp(-T R / L_q)) / R, 1 / ohm
-GAIN_OMEGA = 0.006666666666666667  # T (1 + exp(-T D / J)) / (2 J), rad/s per N m
+MAGNET_TURN = 4.1376251234927435e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
+GAIN_D = 9.950166250831948e-05  # (1 - exp(-T R / L_d)) L_d / R, s
+LOSS_D = 0.0027639350696755413  # (1 - exp(-T R / L_d)) / R, 1 / ohm
+GAIN_Q = 9.964788780992322e-05  # (1 - exp(-T R / L_q)) L_q / R, s
+LOSS_Q = 0.0019538801531357496  # (1 - exp(-T R / L_q)) / R, 1 / ohm
+GAIN_OMEGA = 0.006666666666666667  # T / J, rad/s per N m
 HALF_T_POLE_PAIRS = 0.00015000000000000001  # HALF_T * POLE_PAIRS
 HALF_T_SQ_POLE_PAIRS_SQ = 2.2500000000000003e-08  # HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS
-MAGNET_TURN_POLE_PAIRS = 1.2412875376899281e-09  # MAGNET_TURN * POLE_PAIRS
+PAIR_WEIGHT = 0.14285714285714285  # 1 / 7: weight of the two points of a column of S
+MAGNET_TURN_POLE_PAIRS = 1.2412875370478232e-09  # MAGNET_TURN * POLE_PAIRS
 GAIN_TORQUE_INV_L_D = 125.0  # GAIN_TORQUE * INV_L_D
 GAIN_TORQUE_SALIENCY = 36.76470588235294  # GAIN_TORQUE * SALIENCY
 GAIN_TORQUE_SALIENCY_BY2 = 18.38235294117647  # 0.5 * GAIN_TORQUE * SALIENCY
+GAIN_TORQUE_SALIENCY_X7_BY2 = 128.6764705882353  # 3.5 * GAIN_TORQUE * SALIENCY
 GAIN_OMEGA_HALF_T_POLE_PAIRS = 1.0000000000000002e-06  # GAIN_OMEGA * HALF_T * POLE_PAIRS
 ONE_MINUS_RETURN = 0.9998779296875  # 1 - RETURN
+OWN_MAGNET_FLUX_RETURN = 6.65283203125e-05  # OWN_MAGNET_FLUX * RETURN
+OWN_STATOR_RESISTANCE_RETURN = 0.000439453125  # OWN_STATOR_RESISTANCE * RETURN
 GAIN_OMEGA_SQ = 4.444444444444445e-05  # GAIN_OMEGA * GAIN_OMEGA
 INV_L_Q_PLUS_SALIENCY = 27.77777777777778  # INV_L_Q + SALIENCY
+PAIR_WT_MINUS_PAIR_WT_SQ = 0.12244897959183673  # PAIR_WEIGHT - PAIR_WEIGHT * PAIR_WEIGHT
+ONE_MINUS_PAIR_WEIGHT = 0.8571428571428572  # 1 - PAIR_WEIGHT
 INV_L_Q_PLUS_SALIENCY_SQ = 771.604938271605  # (INV_L_Q + SALIENCY) * (INV_L_Q + SALIENCY)
 L_D = 0.036  # L_d, H
 L_Q = 0.051  # L_q, H
@@ -79,6 +85,9 @@ PSI_M = 0.545  # magnet flux linkage, Wb
 TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
 MTPA_RATIO = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
 A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 GAIN_TORQUE = 4.5  # 1.5 p
 OWN_MAGNET_FLUX = 0.545  # the motor's magnet_flux
 RETURN = 0.0001220703125  # T / adaptive_time, to a power of two
@@ -93,14 +102,6 @@ def _smaller(a, b):
 def _larger(a, b):
     """The larger of two, lane by lane; the second one where they do not compare."""
     return np.where(a > b, a, b)[()]
-
-
-def _watch_pivots(words, Q, status):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
-    clear = words[VARIANCES[0]] > Q[0]
-    for place, floor in zip(VARIANCES, Q):
-        clear = clear & (words[place] > floor)
-    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
 def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
@@ -128,42 +129,37 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _average(f, nis, where):
-    """Averages the normalised innovation squared over the window, where a measurement was taken."""
-    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _restart(f, where):
-    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+def _restart(f, x, LD, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. Returns x and LD."""
     words = diagonal(f.P_0, 0.0)
-    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
-    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
     f.nis = np.where(where, 0.0, f.nis)[()]
+    return (
+        tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, x)),
+        tuple(np.where(where, new, old)[()] for new, old in zip(words, LD)),
+    )
 
 
-def _set_status_bits(f, check, status):
+def _set_status_bits(f, x, LD, check, status):
     """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
-    number. Returns the status.
+    number. Returns x, LD and the status.
     """
-    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
-    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
-        return status
-    size = check * PER_SANE_LIMIT
+        return x, LD, status
+    size = check[0] * PER_SANE_LIMIT
     worst = size * size
-    for word in (f.nis, *f.LD):
-        size = word * PER_SANE_LIMIT
+    for entry in (f.nis, *LD):
+        size = entry * PER_SANE_LIMIT
         worst = worst + size * size
     status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
-    status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
-    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
-    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
-    restarted = (status & RESTARTED) != 0
-    if np.any(restarted):
-        _restart(f, restarted)
-    return status
+    status = status | np.where(ordinary | (f.nis < f.nis_max), 0, DIVERGED)[()]
+    where = ~ordinary & ((status & (COVARIANCE_REPAIRED | RESTARTED)) != 0)
+    f.repairs = np.where(where & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    where = ~ordinary & ((status & RESTARTED) != 0)
+    x, LD = _restart(f, x, LD, where)
+    return x, LD, status
 
 
 def _sin_cos_f32(x):
@@ -349,14 +345,14 @@ def _select(mask, new, old):
 
 def time_update_turns(LD, math, stages=None):
     """Small angles of time_update: sin(d) / d and cos(d) - 1."""
-    D_0 = LD[0]
+    D_theta = LD[0]
     L_10 = LD[1]
-    D_1 = LD[2]
+    D_omega = LD[2]
 
     # --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    one_and_L_10_scaled = 1.0 + HALF_T_POLE_PAIRS * L_10
-    z_theta_mid_0 = D_0 * one_and_L_10_scaled * one_and_L_10_scaled
-    z_theta_mid_1 = D_1 * HALF_T_SQ_POLE_PAIRS_SQ
+    odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10
+    z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0
+    z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.turn_7(z_theta_mid_0)
     sinc_theta_mid_1, cosm1_theta_mid_1 = math.turn_7(z_theta_mid_1)
 
@@ -369,8 +365,9 @@ def time_update_turns(LD, math, stages=None):
 def time_update(x, LD, Q, u, turn, math, stages=None):
     """Time update, eq. 13-18."""
     (psi_alpha, psi_beta, omega, theta, load_torque, magnet_flux, stator_resistance) = x
-    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3, L_40, L_41, L_42, L_43, D_4, L_50, L_51, L_52,
-        L_53, L_54, D_5, L_60, L_61, L_62, L_63, L_64, L_65, D_6) = LD
+    (D_theta, L_10, D_omega, L_20, L_21, D_stator_resistance, L_30, L_31, L_32, D_magnet_flux, L_40, L_41,
+        L_42, L_43, D_psi_alpha, L_50, L_51, L_52, L_53, L_54, D_psi_beta, L_60, L_61, L_62, L_63, L_64, L_65,
+        D_load_torque) = LD
     (Q_0, Q_1, Q_2, Q_3, Q_4, Q_5, Q_6) = Q
     (v_alpha, v_beta) = u
     (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1) = turn
@@ -382,16 +379,16 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0
     sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
-    n_D_0 = D_0 * 7.0
+    n_D_0 = D_theta * 7.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    n_D_0_times_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0
+    n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0
     odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40
-    even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 + n_D_0_times_sind_theta_mid_0 * odd_psi_beta_turned_0
+    even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 + n_D_sind_theta_mid_0 * odd_psi_beta_turned_0
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
     odd_psi_alpha_turned_0 = cos_theta_mid * L_40 + sin_theta_mid * L_50
     psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid
     odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 + sind_theta_mid_0 * psi_q_mid
-    even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid - n_D_0_times_sind_theta_mid_0 * odd_psi_alpha_turned_0
+    even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid - n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0
     odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 - psi_d_mid * sind_theta_mid_0
     v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
     v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha
@@ -432,15 +429,15 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
         part_of_even_torque_0_2 * total_psi_q_between_0 +
         n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0)
-    n_D_1 = 7.0 * D_1
+    n_D_1 = 7.0 * D_omega
     sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
-    n_D_1_times_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
+    n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
     odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41
-    even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 + n_D_1_times_sind_theta_mid_1 * odd_psi_beta_turned_1
+    even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 + n_D_sind_theta_mid_1 * odd_psi_beta_turned_1
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
     odd_psi_alpha_turned_1 = cos_theta_mid * L_41 + sin_theta_mid * L_51
     odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 + psi_q_mid * sind_theta_mid_1
-    even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 - n_D_1_times_sind_theta_mid_1 * odd_psi_alpha_turned_1
+    even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 - n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1
     odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 - psi_d_mid * sind_theta_mid_1
     loss_d_times_L_21 = LOSS_D * L_21
     odd_psi_d_mid_1_minus_L_31 = odd_psi_d_mid_1 - L_31
@@ -471,7 +468,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_q_next_2 = (part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
         omega_e_times_magnet_turn * L_32)
     odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2)
-    n_D_2 = 7.0 * D_2
+    n_D_2 = 7.0 * D_stator_resistance
     minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32
     minus_even_psi_d_next_2_scaled = GAIN_TORQUE_SALIENCY_BY2 * minus_even_psi_d_next_2
     minus_even_psi_q_next_2 = LOSS_Q * n_D_2 * odd_psi_q_mid_2
@@ -489,34 +486,34 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_d_next_3 = part_of_even_psi_d_next_0 * odd_psi_d_mid_3 + loss_d_times_stator_resistance
     odd_psi_q_next_3 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_3 + omega_e_times_magnet_turn
     odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3)
-    part_of_bend_omega_3 = (GAIN_TORQUE_INV_L_D -
+    part_of_curv_omega_3 = (GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3))
-    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 + psi_q_between * part_of_bend_omega_3
+    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 + psi_q_between * part_of_curv_omega_3
     odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54
     odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid
     odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4
     odd_psi_q_next_4 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_4
     odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4)
     odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4
-    psi_q_between_scaled = psi_q_between * 18.38235294117647
+    psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2
     odd_torque_4 = (part_of_even_torque_0 * odd_psi_q_between_4 -
         odd_psi_d_mid_plus_next_4 * psi_q_between_scaled)
     odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0
     odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0
     odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5)
-    part_of_bend_omega_sum = sin_theta_mid + odd_psi_d_next_5
-    odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 - part_of_bend_omega_sum * psi_q_between_scaled
+    part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5
+    odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 - part_of_curv_omega_sum * psi_q_between_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-        n_D_0_times_sind_theta_mid_0 * odd_psi_q_next_0)
+        n_D_sind_theta_mid_0 * odd_psi_q_next_0)
     total_psi_d_next_1 = psi_d_next + even_psi_d_next_1
     even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-        n_D_1_times_sind_theta_mid_1 * odd_psi_q_next_1)
+        n_D_sind_theta_mid_1 * odd_psi_q_next_1)
     total_psi_q_next_0 = psi_q_next + even_psi_q_next_0
-    even_psi_beta_next_0 = (n_D_0_times_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
+    even_psi_beta_next_0 = (n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
         cosm1_theta_mid_0 * total_psi_q_next_0)
     total_psi_q_next_1 = psi_q_next + even_psi_q_next_1
-    even_psi_beta_next_1 = (n_D_1_times_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
+    even_psi_beta_next_1 = (n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
         cosm1_theta_mid_1 * total_psi_q_next_1)
     odd_psi_alpha_next_0 = (one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
         sind_theta_mid_0 * total_psi_q_next_0)
@@ -542,226 +539,217 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_stator_resistance_next_1 = L_21 * ONE_MINUS_RETURN
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
-    D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0
-    D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1
-    D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2
-    D_3_times_odd_omega_next_3 = D_3 * odd_omega_next_3
-    D_4_times_odd_omega_next_4 = D_4 * odd_omega_next_4
-    D_5_times_odd_omega_next_5 = D_5 * odd_omega_next_5
-    gain_omega_times_D_6 = GAIN_OMEGA * D_6
-    bend_omega_3 = 7.0 * odd_psi_q_between_3 * part_of_bend_omega_3 * D_3
-    minus_even_torque_4 = 128.6764705882353 * odd_psi_q_between_4 * odd_psi_d_mid_plus_next_4 * D_4
-    minus_even_torque_5 = 128.6764705882353 * odd_psi_q_between_5 * part_of_bend_omega_sum * D_5
-    bend_omega_sum = (even_torque_0 + even_torque_1 + even_torque_2 + bend_omega_3 - minus_even_torque_4 -
+    D_odd_omega_0 = D_theta * odd_omega_next_0
+    D_odd_omega_1 = D_omega * odd_omega_next_1
+    D_odd_omega_2 = D_stator_resistance * odd_omega_next_2
+    D_odd_omega_3 = D_magnet_flux * odd_omega_next_3
+    D_odd_omega_4 = D_psi_alpha * odd_omega_next_4
+    D_odd_omega_5 = D_psi_beta * odd_omega_next_5
+    minus_D_odd_omega_6 = GAIN_OMEGA * D_load_torque
+    curv_omega_3 = 7.0 * odd_psi_q_between_3 * part_of_curv_omega_3 * D_magnet_flux
+    minus_even_torque_4 = (GAIN_TORQUE_SALIENCY_X7_BY2 * odd_psi_q_between_4 * odd_psi_d_mid_plus_next_4 * D_psi_alpha)
+    minus_even_torque_5 = (GAIN_TORQUE_SALIENCY_X7_BY2 * odd_psi_q_between_5 * part_of_curv_omega_sum * D_psi_beta)
+    curv_omega_sum = (even_torque_0 + even_torque_1 + even_torque_2 + curv_omega_3 - minus_even_torque_4 -
         minus_even_torque_5)
-    bend_omega_mean = 0.14285714285714285 * bend_omega_sum
-    part_of_P_pred_32 = (odd_omega_next_0 * D_0_times_odd_omega_next_0 +
-        odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
-        odd_omega_next_3 * D_3_times_odd_omega_next_3 + odd_omega_next_4 * D_4_times_odd_omega_next_4 +
-        odd_omega_next_5 * D_5_times_odd_omega_next_5 + GAIN_OMEGA * gain_omega_times_D_6 +
-        GAIN_OMEGA_SQ * (0.14285714285714285 * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1
-        + even_torque_2 * even_torque_2 + bend_omega_3 * bend_omega_3 +
+    curv_omega_mean = PAIR_WEIGHT * curv_omega_sum
+    part_of_P_pred_32 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
+        + odd_omega_next_5 * D_odd_omega_5 + GAIN_OMEGA * minus_D_odd_omega_6 +
+        GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+        even_torque_2 * even_torque_2 + curv_omega_3 * curv_omega_3 +
         minus_even_torque_4 * minus_even_torque_4 + minus_even_torque_5 * minus_even_torque_5) -
-        bend_omega_mean * bend_omega_mean))
-    part_of_P_pred_32_2 = (odd_theta_mid_0 * D_0_times_odd_omega_next_0 +
-        HALF_T_POLE_PAIRS * D_1_times_odd_omega_next_1)
+        curv_omega_mean * curv_omega_mean))
+    part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
     P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2
-    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_1 * HALF_T_POLE_PAIRS) +
-        D_0 * odd_theta_mid_0 * odd_theta_mid_0 + Q_3)
-    D_pred_0 = _larger(P_pred_33, Q_3)
-    one_per_D_pred_0 = 1.0 / D_pred_0
-    L_pred_10 = P_pred_32 * one_per_D_pred_0
+    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_omega * HALF_T_POLE_PAIRS) +
+        D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3)
+    D_pred_theta = _larger(P_pred_33, Q_3)
+    inv_D_pred_theta = 1.0 / D_pred_theta
+    L_pred_10 = P_pred_32 * inv_D_pred_theta
     P_pred_22 = part_of_P_pred_32 + Q_2
-    D_pred_1 = _larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2)
-    part_of_P_pred_62 = D_0 * odd_stator_resistance_next_0
-    part_of_P_pred_62_2 = D_1 * odd_stator_resistance_next_1
-    D_2_times_one_minus_return = D_2 * ONE_MINUS_RETURN
-    P_pred_62 = (odd_omega_next_0 * part_of_P_pred_62 + odd_omega_next_1 * part_of_P_pred_62_2 +
-        odd_omega_next_2 * D_2_times_one_minus_return)
-    P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + part_of_P_pred_62_2) + odd_theta_mid_0 * part_of_P_pred_62
-    L_pred_20 = one_per_D_pred_0 * P_pred_63
+    D_pred_omega = _larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2)
+    D_odd_stator_resistance_0 = D_theta * odd_stator_resistance_next_0
+    D_odd_stator_resistance_1 = D_omega * odd_stator_resistance_next_1
+    D_odd_stator_resistance_2 = D_stator_resistance * ONE_MINUS_RETURN
+    P_pred_62 = (odd_omega_next_0 * D_odd_stator_resistance_0 + odd_omega_next_1 * D_odd_stator_resistance_1 +
+        odd_omega_next_2 * D_odd_stator_resistance_2)
+    P_pred_63 = (HALF_T_POLE_PAIRS * (P_pred_62 + D_odd_stator_resistance_1) +
+        odd_theta_mid_0 * D_odd_stator_resistance_0)
+    L_pred_20 = inv_D_pred_theta * P_pred_63
     LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63
-    one_per_D_pred_1 = 1.0 / D_pred_1
-    L_pred_21 = LD_pred_21 * one_per_D_pred_1
-    P_pred_66 = (odd_stator_resistance_next_0 * part_of_P_pred_62 +
-        odd_stator_resistance_next_1 * part_of_P_pred_62_2 + ONE_MINUS_RETURN * D_2_times_one_minus_return +
-        Q_6)
-    D_pred_2 = _larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6)
-    D_0_x_odd_magnet_flux_next_0 = D_0 * odd_magnet_flux_next_0
-    D_1_x_odd_magnet_flux_next_1 = D_1 * odd_magnet_flux_next_1
-    D_2_x_odd_magnet_flux_next_2 = D_2 * odd_magnet_flux_next_2
-    D_3_times_one_minus_return = D_3 * ONE_MINUS_RETURN
-    P_pred_52 = (odd_omega_next_0 * D_0_x_odd_magnet_flux_next_0 +
-        odd_omega_next_1 * D_1_x_odd_magnet_flux_next_1 + odd_omega_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_omega_next_3 * D_3_times_one_minus_return)
-    P_pred_53 = (HALF_T_POLE_PAIRS * (P_pred_52 + D_1_x_odd_magnet_flux_next_1) +
-        odd_theta_mid_0 * D_0_x_odd_magnet_flux_next_0)
-    L_pred_30 = one_per_D_pred_0 * P_pred_53
+    inv_D_pred_omega = 1.0 / D_pred_omega
+    L_pred_21 = LD_pred_21 * inv_D_pred_omega
+    P_pred_66 = (odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
+        odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
+        ONE_MINUS_RETURN * D_odd_stator_resistance_2 + Q_6)
+    D_pred_stator_resistance = _larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6)
+    D_odd_magnet_flux_0 = D_theta * odd_magnet_flux_next_0
+    D_odd_magnet_flux_1 = D_omega * odd_magnet_flux_next_1
+    D_odd_magnet_flux_2 = D_stator_resistance * odd_magnet_flux_next_2
+    D_odd_magnet_flux_3 = D_magnet_flux * ONE_MINUS_RETURN
+    P_pred_52 = (odd_omega_next_0 * D_odd_magnet_flux_0 + odd_omega_next_1 * D_odd_magnet_flux_1 +
+        odd_omega_next_2 * D_odd_magnet_flux_2 + odd_omega_next_3 * D_odd_magnet_flux_3)
+    P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_odd_magnet_flux_1) + odd_theta_mid_0 * D_odd_magnet_flux_0
+    L_pred_30 = inv_D_pred_theta * P_pred_53
     LD_pred_31 = P_pred_52 - L_pred_10 * P_pred_53
-    L_pred_31 = one_per_D_pred_1 * LD_pred_31
-    P_pred_65 = (part_of_P_pred_62 * odd_magnet_flux_next_0 + part_of_P_pred_62_2 * odd_magnet_flux_next_1 +
-        D_2_times_one_minus_return * odd_magnet_flux_next_2)
+    L_pred_31 = inv_D_pred_omega * LD_pred_31
+    P_pred_65 = (D_odd_stator_resistance_0 * odd_magnet_flux_next_0 +
+        D_odd_stator_resistance_1 * odd_magnet_flux_next_1 +
+        D_odd_stator_resistance_2 * odd_magnet_flux_next_2)
     LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31
-    one_per_D_pred_2 = 1.0 / D_pred_2
-    L_pred_32 = LD_pred_32 * one_per_D_pred_2
-    P_pred_55 = (odd_magnet_flux_next_0 * D_0_x_odd_magnet_flux_next_0 +
-        odd_magnet_flux_next_1 * D_1_x_odd_magnet_flux_next_1 +
-        odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + ONE_MINUS_RETURN * D_3_times_one_minus_return
-        + Q_5)
-    D_pred_3 = (_larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 - LD_pred_32 * L_pred_32,
-        Q_5))
-    bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 - minus_even_psi_d_next_2
-    bend_psi_alpha_mean = bend_psi_alpha_sum * 0.14285714285714285
-    P_turned_20 = (D_0_times_odd_omega_next_0 * odd_psi_alpha_next_0 +
-        D_1_times_odd_omega_next_1 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_2_times_odd_omega_next_2 +
-        odd_psi_d_next_3 * D_3_times_odd_omega_next_3 + odd_psi_d_next_4 * D_4_times_odd_omega_next_4 +
-        odd_psi_d_next_5 * D_5_times_odd_omega_next_5 +
-        GAIN_OMEGA * (0.14285714285714285 * (even_psi_alpha_next_0 * even_torque_0 +
+    inv_D_pred_stator_resistance = 1.0 / D_pred_stator_resistance
+    L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance
+    P_pred_55 = (odd_magnet_flux_next_0 * D_odd_magnet_flux_0 + odd_magnet_flux_next_1 * D_odd_magnet_flux_1 +
+        odd_magnet_flux_next_2 * D_odd_magnet_flux_2 + ONE_MINUS_RETURN * D_odd_magnet_flux_3 + Q_5)
+    D_pred_magnet_flux = (_larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_5))
+    curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 - minus_even_psi_d_next_2
+    curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT
+    P_turned_20 = (D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+        odd_psi_d_next_2 * D_odd_omega_2 + odd_psi_d_next_3 * D_odd_omega_3 + odd_psi_d_next_4 * D_odd_omega_4
+        + odd_psi_d_next_5 * D_odd_omega_5 +
+        GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
         even_psi_alpha_next_1 * even_torque_1 - minus_even_psi_d_next_2 * even_torque_2) -
-        bend_psi_alpha_mean * bend_omega_mean))
-    D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1
-    D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0
-    P_turned_30 = (HALF_T_POLE_PAIRS * (P_turned_20 + D_1_times_odd_psi_alpha_next_1) +
-        odd_theta_mid_0 * D_0_times_odd_psi_alpha_next_0)
-    bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2
-    bend_psi_beta_mean = 0.14285714285714285 * bend_psi_beta_sum
-    P_turned_21 = (D_0_times_odd_omega_next_0 * odd_psi_beta_next_0 +
-        D_1_times_odd_omega_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_omega_next_2 +
-        odd_psi_q_next_3 * D_3_times_odd_omega_next_3 + odd_psi_q_next_4 * D_4_times_odd_omega_next_4 +
-        odd_psi_q_next_5 * D_5_times_odd_omega_next_5 +
-        GAIN_OMEGA * (0.14285714285714285 * (even_psi_beta_next_0 * even_torque_0 +
-        even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
-        bend_psi_beta_mean * bend_omega_mean))
-    D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1
-    D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0
-    P_turned_31 = (HALF_T_POLE_PAIRS * (P_turned_21 + D_1_times_odd_psi_beta_next_1) +
-        odd_theta_mid_0 * D_0_times_odd_psi_beta_next_0)
+        curv_psi_alpha_mean * curv_omega_mean))
+    D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1
+    D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0
+    P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) + odd_theta_mid_0 * D_odd_psi_alpha_0
+    curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2
+    curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum
+    P_turned_21 = (D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+        odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 + odd_psi_q_next_4 * D_odd_omega_4
+        + odd_psi_q_next_5 * D_odd_omega_5 + GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0
+        + even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
+        curv_psi_beta_mean * curv_omega_mean))
+    D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1
+    D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0
+    P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) + odd_theta_mid_0 * D_odd_psi_beta_0
     P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31
-    L_pred_40 = one_per_D_pred_0 * P_pred_30
+    L_pred_40 = inv_D_pred_theta * P_pred_30
     P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21
     LD_pred_41 = P_pred_20 - L_pred_10 * P_pred_30
-    L_pred_41 = one_per_D_pred_1 * LD_pred_41
-    P_turned_60 = (part_of_P_pred_62 * odd_psi_alpha_next_0 + part_of_P_pred_62_2 * odd_psi_alpha_next_1 +
-        odd_psi_d_next_2 * D_2_times_one_minus_return)
-    P_turned_61 = (part_of_P_pred_62 * odd_psi_beta_next_0 + part_of_P_pred_62_2 * odd_psi_beta_next_1 +
-        odd_psi_q_next_2 * D_2_times_one_minus_return)
+    L_pred_41 = inv_D_pred_omega * LD_pred_41
+    P_turned_60 = (D_odd_stator_resistance_0 * odd_psi_alpha_next_0 +
+        D_odd_stator_resistance_1 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_odd_stator_resistance_2)
+    P_turned_61 = (D_odd_stator_resistance_0 * odd_psi_beta_next_0 +
+        D_odd_stator_resistance_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_stator_resistance_2)
     P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61
     LD_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_41
-    L_pred_42 = one_per_D_pred_2 * LD_pred_42
-    P_turned_50 = (D_0_x_odd_magnet_flux_next_0 * odd_psi_alpha_next_0 +
-        D_1_x_odd_magnet_flux_next_1 * odd_psi_alpha_next_1 + odd_psi_d_next_2 * D_2_x_odd_magnet_flux_next_2
-        + odd_psi_d_next_3 * D_3_times_one_minus_return)
-    P_turned_51 = (D_0_x_odd_magnet_flux_next_0 * odd_psi_beta_next_0 +
-        D_1_x_odd_magnet_flux_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_psi_q_next_3 * D_3_times_one_minus_return)
+    L_pred_42 = inv_D_pred_stator_resistance * LD_pred_42
+    P_turned_50 = (D_odd_magnet_flux_0 * odd_psi_alpha_next_0 + D_odd_magnet_flux_1 * odd_psi_alpha_next_1 +
+        odd_psi_d_next_2 * D_odd_magnet_flux_2 + odd_psi_d_next_3 * D_odd_magnet_flux_3)
+    P_turned_51 = (D_odd_magnet_flux_0 * odd_psi_beta_next_0 + D_odd_magnet_flux_1 * odd_psi_beta_next_1 +
+        odd_psi_q_next_2 * D_odd_magnet_flux_2 + odd_psi_q_next_3 * D_odd_magnet_flux_3)
     P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51
     LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 - L_pred_32 * LD_pred_42
-    one_per_D_pred_3 = 1.0 / D_pred_3
-    L_pred_43 = LD_pred_43 * one_per_D_pred_3
-    P_turned_00 = (odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 + D_2 * odd_psi_d_next_2 * odd_psi_d_next_2 +
-        odd_psi_d_next_3 * odd_psi_d_next_3 * D_3 + odd_psi_d_next_4 * odd_psi_d_next_4 * D_4 +
-        odd_psi_d_next_5 * odd_psi_d_next_5 * D_5 +
-        0.14285714285714285 * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
+    inv_D_pred_magnet_flux = 1.0 / D_pred_magnet_flux
+    L_pred_43 = LD_pred_43 * inv_D_pred_magnet_flux
+    P_turned_00 = (odd_psi_alpha_next_0 * D_odd_psi_alpha_0 + odd_psi_alpha_next_1 * D_odd_psi_alpha_1 +
+        D_stator_resistance * odd_psi_d_next_2 * odd_psi_d_next_2 +
+        odd_psi_d_next_3 * odd_psi_d_next_3 * D_magnet_flux +
+        odd_psi_d_next_4 * odd_psi_d_next_4 * D_psi_alpha + odd_psi_d_next_5 * odd_psi_d_next_5 * D_psi_beta +
+        PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
         even_psi_alpha_next_1 * even_psi_alpha_next_1 + minus_even_psi_d_next_2 * minus_even_psi_d_next_2) -
-        bend_psi_alpha_mean * bend_psi_alpha_mean)
-    D_2_times_odd_psi_q_next_2 = D_2 * odd_psi_q_next_2
-    odd_psi_q_next_3_times_D_3 = odd_psi_q_next_3 * D_3
-    odd_psi_q_next_4_times_D_4 = odd_psi_q_next_4 * D_4
-    odd_psi_q_next_5_times_D_5 = odd_psi_q_next_5 * D_5
-    P_turned_11 = (odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_psi_q_next_2 +
-        odd_psi_q_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_q_next_4 * odd_psi_q_next_4_times_D_4 +
-        odd_psi_q_next_5 * odd_psi_q_next_5_times_D_5 +
-        0.14285714285714285 * (even_psi_beta_next_0 * even_psi_beta_next_0 +
+        curv_psi_alpha_mean * curv_psi_alpha_mean)
+    D_odd_psi_beta_2 = D_stator_resistance * odd_psi_q_next_2
+    D_odd_psi_beta_3 = odd_psi_q_next_3 * D_magnet_flux
+    D_odd_psi_beta_4 = odd_psi_q_next_4 * D_psi_alpha
+    D_odd_psi_beta_5 = odd_psi_q_next_5 * D_psi_beta
+    P_turned_11 = (odd_psi_beta_next_0 * D_odd_psi_beta_0 + odd_psi_beta_next_1 * D_odd_psi_beta_1 +
+        odd_psi_q_next_2 * D_odd_psi_beta_2 + odd_psi_q_next_3 * D_odd_psi_beta_3 +
+        odd_psi_q_next_4 * D_odd_psi_beta_4 + odd_psi_q_next_5 * D_odd_psi_beta_5 +
+        PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
         even_psi_beta_next_1 * even_psi_beta_next_1 + minus_even_psi_q_next_2 * minus_even_psi_q_next_2) -
-        bend_psi_beta_mean * bend_psi_beta_mean)
-    P_turned_10 = (odd_psi_alpha_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_d_next_2 * D_2_times_odd_psi_q_next_2 +
-        odd_psi_d_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_d_next_4 * odd_psi_q_next_4_times_D_4 +
-        odd_psi_d_next_5 * odd_psi_q_next_5_times_D_5 +
-        0.14285714285714285 * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
+        curv_psi_beta_mean * curv_psi_beta_mean)
+    P_turned_10 = (odd_psi_alpha_next_0 * D_odd_psi_beta_0 + odd_psi_alpha_next_1 * D_odd_psi_beta_1 +
+        odd_psi_d_next_2 * D_odd_psi_beta_2 + odd_psi_d_next_3 * D_odd_psi_beta_3 +
+        odd_psi_d_next_4 * D_odd_psi_beta_4 + odd_psi_d_next_5 * D_odd_psi_beta_5 +
+        PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
         even_psi_alpha_next_1 * even_psi_beta_next_1 + minus_even_psi_d_next_2 * minus_even_psi_q_next_2) -
-        bend_psi_alpha_mean * bend_psi_beta_mean)
+        curv_psi_alpha_mean * curv_psi_beta_mean)
     P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0
     P_turn = sin_theta_mid * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
-    D_pred_4 = (_larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 - LD_pred_42 * L_pred_42 -
-        LD_pred_43 * L_pred_43, Q_0))
+    D_pred_psi_alpha = (_larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0))
     P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31
-    L_pred_50 = one_per_D_pred_0 * P_pred_31
+    L_pred_50 = inv_D_pred_theta * P_pred_31
     P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21
     LD_pred_51 = P_pred_21 - L_pred_10 * P_pred_31
-    L_pred_51 = one_per_D_pred_1 * LD_pred_51
+    L_pred_51 = inv_D_pred_omega * LD_pred_51
     P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61
     LD_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_51
-    L_pred_52 = one_per_D_pred_2 * LD_pred_52
+    L_pred_52 = inv_D_pred_stator_resistance * LD_pred_52
     P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51
     LD_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * LD_pred_51 - L_pred_32 * LD_pred_52
-    L_pred_53 = one_per_D_pred_3 * LD_pred_53
+    L_pred_53 = inv_D_pred_magnet_flux * LD_pred_53
     P_pred_10 = cos_theta_mid * P_tilt - P_turned_10
     LD_pred_54 = (P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 - L_pred_42 * LD_pred_52 -
         L_pred_43 * LD_pred_53)
-    one_per_D_pred_4 = 1.0 / D_pred_4
-    L_pred_54 = LD_pred_54 * one_per_D_pred_4
+    inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha
+    L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha
     P_pred_11 = P_turned_11 + P_turn + Q_1
-    D_pred_5 = (_larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 - LD_pred_52 * L_pred_52 -
-        LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1))
-    D_0_times_L_60 = D_0 * L_60
-    D_1_times_L_61 = D_1 * L_61
-    D_2_times_L_62 = D_2 * L_62
-    D_3_times_L_63 = D_3 * L_63
-    D_4_times_L_64 = D_4 * L_64
-    D_5_times_L_65 = D_5 * L_65
-    P_pred_42 = (odd_omega_next_0 * D_0_times_L_60 + odd_omega_next_1 * D_1_times_L_61 +
-        odd_omega_next_2 * D_2_times_L_62 + odd_omega_next_3 * D_3_times_L_63 +
-        odd_omega_next_4 * D_4_times_L_64 + odd_omega_next_5 * D_5_times_L_65 - gain_omega_times_D_6)
-    P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_1_times_L_61) + odd_theta_mid_0 * D_0_times_L_60
-    L_pred_60 = one_per_D_pred_0 * P_pred_43
+    D_pred_psi_beta = (_larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
+        LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1))
+    D_odd_load_torque_0 = D_theta * L_60
+    D_odd_load_torque_1 = D_omega * L_61
+    D_odd_load_torque_2 = D_stator_resistance * L_62
+    D_odd_load_torque_3 = D_magnet_flux * L_63
+    D_odd_load_torque_4 = D_psi_alpha * L_64
+    D_odd_load_torque_5 = D_psi_beta * L_65
+    P_pred_42 = (odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1 +
+        odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 +
+        odd_omega_next_4 * D_odd_load_torque_4 + odd_omega_next_5 * D_odd_load_torque_5 - minus_D_odd_omega_6)
+    P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) + odd_theta_mid_0 * D_odd_load_torque_0
+    L_pred_60 = inv_D_pred_theta * P_pred_43
     LD_pred_61 = P_pred_42 - L_pred_10 * P_pred_43
-    L_pred_61 = one_per_D_pred_1 * LD_pred_61
-    P_pred_64 = L_60 * part_of_P_pred_62 + L_61 * part_of_P_pred_62_2 + L_62 * D_2_times_one_minus_return
+    L_pred_61 = inv_D_pred_omega * LD_pred_61
+    P_pred_64 = (L_60 * D_odd_stator_resistance_0 + L_61 * D_odd_stator_resistance_1 +
+        L_62 * D_odd_stator_resistance_2)
     LD_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_61
-    L_pred_62 = one_per_D_pred_2 * LD_pred_62
-    P_pred_54 = (L_60 * D_0_x_odd_magnet_flux_next_0 + L_61 * D_1_x_odd_magnet_flux_next_1 +
-        L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * D_3_times_one_minus_return)
+    L_pred_62 = inv_D_pred_stator_resistance * LD_pred_62
+    P_pred_54 = (L_60 * D_odd_magnet_flux_0 + L_61 * D_odd_magnet_flux_1 + L_62 * D_odd_magnet_flux_2 +
+        L_63 * D_odd_magnet_flux_3)
     LD_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_61 - L_pred_32 * LD_pred_62
-    L_pred_63 = one_per_D_pred_3 * LD_pred_63
-    P_turned_40 = (odd_psi_alpha_next_0 * D_0_times_L_60 + odd_psi_alpha_next_1 * D_1_times_L_61 +
-        odd_psi_d_next_2 * D_2_times_L_62 + odd_psi_d_next_3 * D_3_times_L_63 +
-        odd_psi_d_next_4 * D_4_times_L_64 + odd_psi_d_next_5 * D_5_times_L_65)
-    P_turned_41 = (odd_psi_beta_next_0 * D_0_times_L_60 + odd_psi_beta_next_1 * D_1_times_L_61 +
-        odd_psi_q_next_2 * D_2_times_L_62 + odd_psi_q_next_3 * D_3_times_L_63 +
-        odd_psi_q_next_4 * D_4_times_L_64 + odd_psi_q_next_5 * D_5_times_L_65)
+    L_pred_63 = inv_D_pred_magnet_flux * LD_pred_63
+    P_turned_40 = (odd_psi_alpha_next_0 * D_odd_load_torque_0 + odd_psi_alpha_next_1 * D_odd_load_torque_1 +
+        odd_psi_d_next_2 * D_odd_load_torque_2 + odd_psi_d_next_3 * D_odd_load_torque_3 +
+        odd_psi_d_next_4 * D_odd_load_torque_4 + odd_psi_d_next_5 * D_odd_load_torque_5)
+    P_turned_41 = (odd_psi_beta_next_0 * D_odd_load_torque_0 + odd_psi_beta_next_1 * D_odd_load_torque_1 +
+        odd_psi_q_next_2 * D_odd_load_torque_2 + odd_psi_q_next_3 * D_odd_load_torque_3 +
+        odd_psi_q_next_4 * D_odd_load_torque_4 + odd_psi_q_next_5 * D_odd_load_torque_5)
     P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41
     LD_pred_64 = (P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * LD_pred_61 - L_pred_42 * LD_pred_62 -
         L_pred_43 * LD_pred_63)
-    L_pred_64 = one_per_D_pred_4 * LD_pred_64
+    L_pred_64 = inv_D_pred_psi_alpha * LD_pred_64
     P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41
     LD_pred_65 = (P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 - L_pred_52 * LD_pred_62 -
         L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64)
-    L_pred_65 = LD_pred_65 / D_pred_5
-    P_pred_44 = (L_60 * D_0_times_L_60 + L_61 * D_1_times_L_61 + L_62 * D_2_times_L_62 + L_63 * D_3_times_L_63
-        + L_64 * D_4_times_L_64 + L_65 * D_5_times_L_65 + D_6 + Q_4)
-    D_pred_6 = (_larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 - LD_pred_62 * L_pred_62 -
-        LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65, Q_4))
+    L_pred_65 = LD_pred_65 / D_pred_psi_beta
+    P_pred_44 = (L_60 * D_odd_load_torque_0 + L_61 * D_odd_load_torque_1 + L_62 * D_odd_load_torque_2 +
+        L_63 * D_odd_load_torque_3 + L_64 * D_odd_load_torque_4 + L_65 * D_odd_load_torque_5 + D_load_torque +
+        Q_4)
+    D_pred_load_torque = (_larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
+        LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
+        Q_4))
 
     # --- eq. 16: x_pred = mean X_i'
-    offset_omega = GAIN_OMEGA * bend_omega_mean
-    offset_theta = bend_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS
-    psi_alpha_mean = psi_d_next + bend_psi_alpha_mean
-    psi_beta_mean = psi_q_next + bend_psi_beta_mean
+    offset_omega = GAIN_OMEGA * curv_omega_mean
+    offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS
+    psi_alpha_mean = psi_d_next + curv_psi_alpha_mean
+    psi_beta_mean = psi_q_next + curv_psi_beta_mean
     psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
     psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
-    omega_of_x = ((magnet_flux * 125.0 - 36.76470588235294 * psi_d_between) * GAIN_OMEGA * psi_q_between -
-        GAIN_OMEGA * load_torque + omega)
+    omega_of_x = ((magnet_flux * GAIN_TORQUE_INV_L_D -
+        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega)
     omega_pred = omega_of_x + offset_omega
-    theta_pred = theta_mid + omega_of_x * 0.00015000000000000001 + offset_theta
-    magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + 6.65283203125e-05
-    stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + 0.000439453125
+    theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
+    magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN
+    stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + OWN_STATOR_RESISTANCE_RETURN
 
     # --- sum of the pivots, for the guard
-    check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4 + D_pred_5 + D_pred_6
+    check = (D_pred_theta + D_pred_omega + D_pred_stator_resistance + D_pred_magnet_flux + D_pred_psi_alpha +
+        D_pred_psi_beta + D_pred_load_torque)
 
     if stages is not None:
         stages["x_pred"] = (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque,
@@ -773,23 +761,23 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     return (
         (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque, magnet_flux_pred,
             stator_resistance_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4, L_pred_50, L_pred_51, L_pred_52,
-            L_pred_53, L_pred_54, D_pred_5, L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65,
-            D_pred_6,),
+        (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
+            L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
+            D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta,
+            L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque,),
         (check,),
     )
 
 
 def ckf_measurement_update_turns(LD_pred, math, stages=None):
     """Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1."""
-    D_pred_0 = LD_pred[0]
+    D_pred_theta = LD_pred[0]
 
     # --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    sinc_theta_0, cosm1_theta_0 = math.turn_7(D_pred_0)
+    sinc_theta_0, cosm1_theta_0 = math.turn_7(D_pred_theta)
 
     return (
-        (D_pred_0,),
+        (D_pred_theta,),
         (sinc_theta_0, cosm1_theta_0,),
     )
 
@@ -798,10 +786,10 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     """Measurement update, eq. 18-26."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred, magnet_flux_pred,
         stator_resistance_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4, L_pred_50, L_pred_51, L_pred_52, L_pred_53,
-        L_pred_54, D_pred_5, L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65,
-        D_pred_6) = LD_pred
+    (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
+        L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
+        D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta, L_pred_60,
+        L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
     (sinc_theta_0, cosm1_theta_0) = turn_pred
@@ -809,7 +797,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
-    D_sind_theta_0 = D_pred_0 * sinc_theta_0
+    D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_50 - sin_theta_pred * L_pred_40
     even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred + D_sind_theta_0 * 7.0 * odd_psi_beta_turned_0
     odd_psi_alpha_turned_0 = cos_theta_pred * L_pred_40 + sin_theta_pred * L_pred_50
@@ -841,189 +829,190 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     odd_y_i_beta_5 = cos_theta_pred * INV_L_Q
 
     # --- eq. 21
-    bend_y_i_alpha_mean = even_y_i_alpha_0 * 0.14285714285714285
-    bend_y_i_beta_mean = D_sind_theta_0 * odd_i_salient_pred_0
+    curv_y_i_alpha_mean = even_y_i_alpha_0 * PAIR_WEIGHT
+    curv_y_i_beta_mean = D_sind_theta_0 * odd_i_salient_pred_0
 
     # --- eq. 22: R, and what the bend of h adds to it
     R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1
     R_0_min_R_1 = _smaller(R_0, R_1)
-    noise_00 = _larger(R_turned_00 + even_y_i_alpha_0 * even_y_i_alpha_0 * 0.12244897959183673, R_0_min_R_1)
+    noise_00 = (_larger(R_turned_00 + even_y_i_alpha_0 * even_y_i_alpha_0 * PAIR_WT_MINUS_PAIR_WT_SQ,
+        R_0_min_R_1))
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
-        bend_y_i_beta_mean * even_y_i_alpha_0 * 0.8571428571428572)
+        curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT)
 
     # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
-        - i_salient_pred - bend_y_i_alpha_mean)
+        - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
-        INV_L_Q * psi_beta_turned - bend_y_i_beta_mean)
+        INV_L_Q * psi_beta_turned - curv_y_i_beta_mean)
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
-    g_first_5 = HL_05 * D_pred_5
-    span_first_5 = _larger(noise_00 + HL_05 * g_first_5, noise_00)
+    g_first_5 = HL_05 * D_pred_psi_beta
+    var_first_5 = _larger(noise_00 + HL_05 * g_first_5, noise_00)
     HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4
-    g_first_4 = D_pred_4 * HL_04
-    span_first_4 = _larger(span_first_5 + HL_04 * g_first_4, noise_00)
-    g_first_3 = D_pred_3 * odd_y_i_alpha_3
-    span_first_3 = _larger(span_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00)
-    g_first_2 = D_pred_2 * odd_y_i_alpha_2
-    span_first_2 = _larger(span_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00)
-    g_first_1 = D_pred_1 * odd_y_i_alpha_1
-    span_first_1 = _larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
-    g_first_0 = D_pred_0 * odd_y_i_alpha_0
-    span_first = _larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
-    one_per_span_first = 1.0 / span_first
-    share_first = innovation_i_alpha * one_per_span_first
+    g_first_4 = D_pred_psi_alpha * HL_04
+    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, noise_00)
+    g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3
+    var_first_3 = _larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00)
+    g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2
+    var_first_2 = _larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00)
+    g_first_1 = D_pred_omega * odd_y_i_alpha_1
+    var_first_1 = _larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
+    g_first_0 = D_pred_theta * odd_y_i_alpha_0
+    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    one_per_var_first = 1.0 / var_first
+    nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00
     HL_14_apart = odd_y_i_beta_4 - HL_04 * noise_10_per_noise_00
-    gathered_first_y4 = g_first_5 * HL_15_apart + g_first_4 * HL_14_apart
+    gain_first_y4 = g_first_5 * HL_15_apart + g_first_4 * HL_14_apart
     HL_13_apart = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00
-    gathered_first_y3 = gathered_first_y4 + g_first_3 * HL_13_apart
+    gain_first_y3 = gain_first_y4 + g_first_3 * HL_13_apart
     HL_12_apart = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00
-    gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12_apart
+    gain_first_y2 = gain_first_y3 + g_first_2 * HL_12_apart
     HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00
-    gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart
+    gain_first_y1 = gain_first_y2 + g_first_1 * HL_11_apart
     HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00
     innovation_after_first = (innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
-        share_first * (gathered_first_y1 + g_first_0 * HL_10_apart))
-    variance_second = (_larger(bend_y_i_beta_mean * bend_y_i_beta_mean * 6.0 - R_turned_00 -
+        nu_by_var_first * (gain_first_y1 + g_first_0 * HL_10_apart))
+    R_second = (_larger(curv_y_i_beta_mean * curv_y_i_beta_mean * 6.0 - R_turned_00 -
         noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1))
-    D_pred_5_per_span_first_5 = D_pred_5 / span_first_5
-    D_first_5 = noise_00 * D_pred_5_per_span_first_5
+    D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
+    D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15_apart * D_first_5
-    span_second_5 = _larger(variance_second + HL_15_apart * g_second_5, variance_second)
-    change_first_54 = INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_5_per_span_first_5
+    var_second_5 = _larger(R_second + HL_15_apart * g_second_5, R_second)
+    change_first_54 = (INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5)
     f_second_4 = HL_14_apart - HL_15_apart * change_first_54
-    one_per_span_first_4 = 1.0 / span_first_4
-    D_first_4 = span_first_5 * (D_pred_4 * one_per_span_first_4)
+    one_per_var_first_4 = 1.0 / var_first_4
+    D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = D_first_4 * f_second_4
-    span_second_4 = _larger(span_second_5 + f_second_4 * g_second_4, variance_second)
-    lambda_first_3 = odd_y_i_alpha_3 * one_per_span_first_4
-    f_second_3 = HL_13_apart - lambda_first_3 * gathered_first_y4
-    one_per_span_first_3 = 1.0 / span_first_3
-    D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3)
+    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_second)
+    lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4
+    f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4
+    one_per_var_first_3 = 1.0 / var_first_3
+    D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = D_first_3 * f_second_3
-    span_second_3 = _larger(span_second_4 + f_second_3 * g_second_3, variance_second)
-    lambda_first_2 = odd_y_i_alpha_2 * one_per_span_first_3
-    f_second_2 = HL_12_apart - lambda_first_2 * gathered_first_y3
-    one_per_span_first_2 = 1.0 / span_first_2
-    D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2)
+    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_second)
+    lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3
+    f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3
+    one_per_var_first_2 = 1.0 / var_first_2
+    D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    span_second_2 = _larger(span_second_3 + f_second_2 * g_second_2, variance_second)
-    lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2
-    f_second_1 = HL_11_apart - lambda_first_1 * gathered_first_y2
-    one_per_span_first_1 = 1.0 / span_first_1
-    D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1)
+    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2
+    f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
+    one_per_var_first_1 = 1.0 / var_first_1
+    D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    span_second_1 = _larger(span_second_2 + f_second_1 * g_second_1, variance_second)
-    lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1
-    f_second_0 = HL_10_apart - lambda_first_0 * gathered_first_y1
-    D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first)
+    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
+    f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
+    D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    span_second = _larger(span_second_1 + f_second_0 * g_second_0, variance_second)
-    gathered_first_43 = g_first_4 + L_pred_43 * g_first_3
-    gathered_first_42 = gathered_first_43 + L_pred_42 * g_first_2
-    gathered_first_41 = gathered_first_42 + L_pred_41 * g_first_1
+    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    gain_first_43 = g_first_4 + L_pred_43 * g_first_3
+    gain_first_42 = gain_first_43 + L_pred_42 * g_first_2
+    gain_first_41 = gain_first_42 + L_pred_41 * g_first_1
     L_first_43 = L_pred_43 - g_first_4 * lambda_first_3
-    gathered_second_43 = g_second_4 + L_first_43 * g_second_3
-    L_first_42 = L_pred_42 - gathered_first_43 * lambda_first_2
-    gathered_second_42 = gathered_second_43 + L_first_42 * g_second_2
-    L_first_41 = L_pred_41 - gathered_first_42 * lambda_first_1
-    gathered_second_41 = gathered_second_42 + L_first_41 * g_second_1
-    L_first_40 = L_pred_40 - gathered_first_41 * lambda_first_0
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    psi_alpha_new = ((gathered_first_41 + L_pred_40 * g_first_0) * share_first +
-        (gathered_second_41 + L_first_40 * g_second_0) * share_second + psi_alpha_pred)
-    gathered_first_54 = g_first_5 + L_pred_54 * g_first_4
-    gathered_first_53 = gathered_first_54 + L_pred_53 * g_first_3
-    gathered_first_52 = gathered_first_53 + L_pred_52 * g_first_2
-    gathered_first_51 = gathered_first_52 + L_pred_51 * g_first_1
+    gain_second_43 = g_second_4 + L_first_43 * g_second_3
+    L_first_42 = L_pred_42 - gain_first_43 * lambda_first_2
+    gain_second_42 = gain_second_43 + L_first_42 * g_second_2
+    L_first_41 = L_pred_41 - gain_first_42 * lambda_first_1
+    gain_second_41 = gain_second_42 + L_first_41 * g_second_1
+    L_first_40 = L_pred_40 - gain_first_41 * lambda_first_0
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    psi_alpha_new = ((gain_first_41 + L_pred_40 * g_first_0) * nu_by_var_first +
+        (gain_second_41 + L_first_40 * g_second_0) * nu_by_var_second + psi_alpha_pred)
+    gain_first_54 = g_first_5 + L_pred_54 * g_first_4
+    gain_first_53 = gain_first_54 + L_pred_53 * g_first_3
+    gain_first_52 = gain_first_53 + L_pred_52 * g_first_2
+    gain_first_51 = gain_first_52 + L_pred_51 * g_first_1
     L_first_54 = L_pred_54 - change_first_54
-    gathered_second_54 = g_second_5 + g_second_4 * L_first_54
-    L_first_53 = L_pred_53 - lambda_first_3 * gathered_first_54
-    gathered_second_53 = gathered_second_54 + g_second_3 * L_first_53
-    L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53
-    gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52
-    L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52
-    gathered_second_51 = gathered_second_52 + g_second_1 * L_first_51
-    L_first_50 = L_pred_50 - lambda_first_0 * gathered_first_51
-    psi_beta_new = (share_first * (gathered_first_51 + L_pred_50 * g_first_0) +
-        share_second * (gathered_second_51 + g_second_0 * L_first_50) + psi_beta_pred)
+    gain_second_54 = g_second_5 + g_second_4 * L_first_54
+    L_first_53 = L_pred_53 - lambda_first_3 * gain_first_54
+    gain_second_53 = gain_second_54 + g_second_3 * L_first_53
+    L_first_52 = L_pred_52 - lambda_first_2 * gain_first_53
+    gain_second_52 = gain_second_53 + g_second_2 * L_first_52
+    L_first_51 = L_pred_51 - lambda_first_1 * gain_first_52
+    gain_second_51 = gain_second_52 + g_second_1 * L_first_51
+    L_first_50 = L_pred_50 - lambda_first_0 * gain_first_51
+    psi_beta_new = (nu_by_var_first * (gain_first_51 + L_pred_50 * g_first_0) +
+        nu_by_var_second * (gain_second_51 + g_second_0 * L_first_50) + psi_beta_pred)
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
-    omega_new = (share_first * (g_first_1 + g_first_0 * L_pred_10) +
-        share_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = math.wrap(g_first_0 * share_first + g_second_0 * share_second + theta_pred)
-    gathered_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
-    gathered_first_63 = gathered_first_64 + g_first_3 * L_pred_63
-    gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62
-    gathered_first_61 = gathered_first_62 + g_first_1 * L_pred_61
+    omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
+        nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
+    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
+    gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
+    gain_first_63 = gain_first_64 + g_first_3 * L_pred_63
+    gain_first_62 = gain_first_63 + g_first_2 * L_pred_62
+    gain_first_61 = gain_first_62 + g_first_1 * L_pred_61
     L_first_64 = L_pred_64 - change_first_54 * L_pred_65
-    gathered_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64
-    L_first_63 = L_pred_63 - lambda_first_3 * gathered_first_64
-    gathered_second_63 = gathered_second_64 + g_second_3 * L_first_63
-    L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63
-    gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62
-    L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62
-    gathered_second_61 = gathered_second_62 + g_second_1 * L_first_61
-    L_first_60 = L_pred_60 - lambda_first_0 * gathered_first_61
-    load_torque_new = (share_first * (gathered_first_61 + g_first_0 * L_pred_60) +
-        share_second * (gathered_second_61 + g_second_0 * L_first_60) + load_torque_pred)
-    gathered_first_32 = g_first_3 + L_pred_32 * g_first_2
-    gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1
+    gain_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64
+    L_first_63 = L_pred_63 - lambda_first_3 * gain_first_64
+    gain_second_63 = gain_second_64 + g_second_3 * L_first_63
+    L_first_62 = L_pred_62 - lambda_first_2 * gain_first_63
+    gain_second_62 = gain_second_63 + g_second_2 * L_first_62
+    L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62
+    gain_second_61 = gain_second_62 + g_second_1 * L_first_61
+    L_first_60 = L_pred_60 - lambda_first_0 * gain_first_61
+    load_torque_new = (nu_by_var_first * (gain_first_61 + g_first_0 * L_pred_60) +
+        nu_by_var_second * (gain_second_61 + g_second_0 * L_first_60) + load_torque_pred)
+    gain_first_32 = g_first_3 + L_pred_32 * g_first_2
+    gain_first_31 = gain_first_32 + L_pred_31 * g_first_1
     L_first_32 = L_pred_32 - g_first_3 * lambda_first_2
-    gathered_second_32 = g_second_3 + g_second_2 * L_first_32
-    L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32
-    gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31
-    L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31
-    magnet_flux_new = (share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
-        share_second * (gathered_second_31 + g_second_0 * L_first_30) + magnet_flux_pred)
-    gathered_first_21 = g_first_2 + g_first_1 * L_pred_21
+    gain_second_32 = g_second_3 + g_second_2 * L_first_32
+    L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32
+    gain_second_31 = gain_second_32 + g_second_1 * L_first_31
+    L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31
+    magnet_flux_new = (nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + magnet_flux_pred)
+    gain_first_21 = g_first_2 + g_first_1 * L_pred_21
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
-    gathered_second_21 = g_second_2 + g_second_1 * L_first_21
-    L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21
-    stator_resistance_new = (share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
-        share_second * (gathered_second_21 + g_second_0 * L_first_20) + stator_resistance_pred)
+    gain_second_21 = g_second_2 + g_second_1 * L_first_21
+    L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21
+    stator_resistance_new = (nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
+        nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + stator_resistance_pred)
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    one_per_span_second_1 = 1.0 / span_second_1
-    lambda_second_0 = f_second_0 * one_per_span_second_1
+    D_new_theta = D_first_0 * var_second_1 * one_per_var_second
+    one_per_var_second_1 = 1.0 / var_second_1
+    lambda_second_0 = f_second_0 * one_per_var_second_1
     L_new_10 = L_first_10 - g_second_1 * lambda_second_0
-    D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1
-    L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0
-    one_per_span_second_2 = 1.0 / span_second_2
-    lambda_second_1 = f_second_1 * one_per_span_second_2
+    D_new_omega = D_first_1 * var_second_2 * one_per_var_second_1
+    L_new_20 = L_first_20 - gain_second_21 * lambda_second_0
+    one_per_var_second_2 = 1.0 / var_second_2
+    lambda_second_1 = f_second_1 * one_per_var_second_2
     L_new_21 = L_first_21 - g_second_2 * lambda_second_1
-    D_new_2 = D_first_2 * span_second_3 * one_per_span_second_2
-    L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0
-    L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1
-    one_per_span_second_3 = 1.0 / span_second_3
-    lambda_second_2 = f_second_2 * one_per_span_second_3
+    D_new_stator_resistance = D_first_2 * var_second_3 * one_per_var_second_2
+    L_new_30 = L_first_30 - gain_second_31 * lambda_second_0
+    L_new_31 = L_first_31 - gain_second_32 * lambda_second_1
+    one_per_var_second_3 = 1.0 / var_second_3
+    lambda_second_2 = f_second_2 * one_per_var_second_3
     L_new_32 = L_first_32 - g_second_3 * lambda_second_2
-    D_new_3 = D_first_3 * span_second_4 * one_per_span_second_3
-    L_new_40 = L_first_40 - gathered_second_41 * lambda_second_0
-    L_new_41 = L_first_41 - gathered_second_42 * lambda_second_1
-    L_new_42 = L_first_42 - gathered_second_43 * lambda_second_2
-    one_per_span_second_4 = 1.0 / span_second_4
-    lambda_second_3 = f_second_3 * one_per_span_second_4
+    D_new_magnet_flux = D_first_3 * var_second_4 * one_per_var_second_3
+    L_new_40 = L_first_40 - gain_second_41 * lambda_second_0
+    L_new_41 = L_first_41 - gain_second_42 * lambda_second_1
+    L_new_42 = L_first_42 - gain_second_43 * lambda_second_2
+    one_per_var_second_4 = 1.0 / var_second_4
+    lambda_second_3 = f_second_3 * one_per_var_second_4
     L_new_43 = L_first_43 - g_second_4 * lambda_second_3
-    D_new_4 = D_first_4 * span_second_5 * one_per_span_second_4
-    L_new_50 = L_first_50 - gathered_second_51 * lambda_second_0
-    L_new_51 = L_first_51 - gathered_second_52 * lambda_second_1
-    L_new_52 = L_first_52 - gathered_second_53 * lambda_second_2
-    L_new_53 = L_first_53 - gathered_second_54 * lambda_second_3
-    one_per_span_second_5 = 1.0 / span_second_5
-    change_second_54 = g_second_5 * f_second_4 * one_per_span_second_5
+    D_new_psi_alpha = D_first_4 * var_second_5 * one_per_var_second_4
+    L_new_50 = L_first_50 - gain_second_51 * lambda_second_0
+    L_new_51 = L_first_51 - gain_second_52 * lambda_second_1
+    L_new_52 = L_first_52 - gain_second_53 * lambda_second_2
+    L_new_53 = L_first_53 - gain_second_54 * lambda_second_3
+    one_per_var_second_5 = 1.0 / var_second_5
+    change_second_54 = g_second_5 * f_second_4 * one_per_var_second_5
     L_new_54 = L_first_54 - change_second_54
-    D_new_5 = D_first_5 * variance_second * one_per_span_second_5
-    L_new_60 = L_first_60 - gathered_second_61 * lambda_second_0
-    L_new_61 = L_first_61 - gathered_second_62 * lambda_second_1
-    L_new_62 = L_first_62 - gathered_second_63 * lambda_second_2
-    L_new_63 = L_first_63 - gathered_second_64 * lambda_second_3
+    D_new_psi_beta = D_first_5 * R_second * one_per_var_second_5
+    L_new_60 = L_first_60 - gain_second_61 * lambda_second_0
+    L_new_61 = L_first_61 - gain_second_62 * lambda_second_1
+    L_new_62 = L_first_62 - gain_second_63 * lambda_second_2
+    L_new_63 = L_first_63 - gain_second_64 * lambda_second_3
     L_new_64 = L_first_64 - L_pred_65 * change_second_54
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * share_first + innovation_after_first * share_second
+    nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second
 
     if stages is not None:
         stages["x"] = (psi_alpha_new, psi_beta_new, omega_new, theta_new, load_torque_new, magnet_flux_new,
@@ -1031,9 +1020,10 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     return (
         (psi_alpha_new, psi_beta_new, omega_new, theta_new, load_torque_new, magnet_flux_new,
             stator_resistance_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,
-            L_new_40, L_new_41, L_new_42, L_new_43, D_new_4, L_new_50, L_new_51, L_new_52, L_new_53, L_new_54,
-            D_new_5, L_new_60, L_new_61, L_new_62, L_new_63, L_new_64, L_pred_65, D_pred_6,),
+        (D_new_theta, L_new_10, D_new_omega, L_new_20, L_new_21, D_new_stator_resistance, L_new_30, L_new_31,
+            L_new_32, D_new_magnet_flux, L_new_40, L_new_41, L_new_42, L_new_43, D_new_psi_alpha, L_new_50,
+            L_new_51, L_new_52, L_new_53, L_new_54, D_new_psi_beta, L_new_60, L_new_61, L_new_62, L_new_63,
+            L_new_64, L_pred_65, D_pred_load_torque,),
         (nis,),
     )
 
@@ -1042,18 +1032,18 @@ def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred, magnet_flux_pred,
         stator_resistance_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4, L_pred_50, L_pred_51, L_pred_52, L_pred_53,
-        L_pred_54, D_pred_5, L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65,
-        D_pred_6) = LD_pred
+    (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
+        L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
+        D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta, L_pred_60,
+        L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque) = LD_pred
 
     return (
         (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred, magnet_flux_pred,
             stator_resistance_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4, L_pred_50, L_pred_51, L_pred_52,
-            L_pred_53, L_pred_54, D_pred_5, L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65,
-            D_pred_6,),
+        (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
+            L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
+            D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta,
+            L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque,),
     )
 
 
@@ -1062,27 +1052,27 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_j, stator_resistance_j) = x_j
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred, magnet_flux_pred,
         stator_resistance_pred) = x_pred
-    D_pred_0 = LD_pred[0]
+    D_pred_theta = LD_pred[0]
     L_pred_10 = LD_pred[1]
-    D_pred_1 = LD_pred[2]
+    D_pred_omega = LD_pred[2]
     L_pred_20 = LD_pred[3]
     L_pred_21 = LD_pred[4]
-    D_pred_2 = LD_pred[5]
+    D_pred_stator_resistance = LD_pred[5]
     L_pred_30 = LD_pred[6]
     L_pred_31 = LD_pred[7]
     L_pred_32 = LD_pred[8]
-    D_pred_3 = LD_pred[9]
+    D_pred_magnet_flux = LD_pred[9]
     L_pred_40 = LD_pred[10]
     L_pred_41 = LD_pred[11]
     L_pred_42 = LD_pred[12]
     L_pred_43 = LD_pred[13]
-    D_pred_4 = LD_pred[14]
+    D_pred_psi_alpha = LD_pred[14]
     L_pred_50 = LD_pred[15]
     L_pred_51 = LD_pred[16]
     L_pred_52 = LD_pred[17]
     L_pred_53 = LD_pred[18]
     L_pred_54 = LD_pred[19]
-    D_pred_5 = LD_pred[20]
+    D_pred_psi_beta = LD_pred[20]
     L_pred_60 = LD_pred[21]
     L_pred_61 = LD_pred[22]
     L_pred_62 = LD_pred[23]
@@ -1093,10 +1083,10 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: x_pred - x^j
-    back_psi_alpha = psi_alpha_pred - psi_alpha_j
-    back_psi_beta = psi_beta_pred - psi_beta_j
-    back_theta = theta_pred - theta_j
-    back_magnet_flux = magnet_flux_pred - magnet_flux_j
+    deviation_psi_alpha = psi_alpha_pred - psi_alpha_j
+    deviation_psi_beta = psi_beta_pred - psi_beta_j
+    deviation_theta = theta_pred - theta_j
+    deviation_magnet_flux = magnet_flux_pred - magnet_flux_j
 
     # --- eq. 20: Jacobian
     sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
@@ -1115,29 +1105,29 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
     minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D
-    innovation_i_alpha = (minus_slope_y_i_alpha_5 * back_magnet_flux - INV_L_Q * psi_alpha_j -
-        cos_theta_j_times_i_salient_j - slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta
-        - slope_y_i_alpha_3 * back_theta + i_alpha_meas)
+    innovation_i_alpha = (minus_slope_y_i_alpha_5 * deviation_magnet_flux - INV_L_Q * psi_alpha_j -
+        cos_theta_j_times_i_salient_j - slope_y_i_alpha_0 * deviation_psi_alpha -
+        slope_y_i_alpha_1 * deviation_psi_beta - slope_y_i_alpha_3 * deviation_theta + i_alpha_meas)
     minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D
-    innovation_i_beta = (minus_slope_y_i_beta_5 * back_magnet_flux - INV_L_Q * psi_beta_j -
-        sin_theta_j_times_i_salient_j - slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1
-        - back_theta * slope_y_i_beta_3 + i_beta_meas)
+    innovation_i_beta = (minus_slope_y_i_beta_5 * deviation_magnet_flux - INV_L_Q * psi_beta_j -
+        sin_theta_j_times_i_salient_j - slope_y_i_alpha_1 * deviation_psi_alpha -
+        deviation_psi_beta * slope_y_i_beta_1 - deviation_theta * slope_y_i_beta_3 + i_beta_meas)
 
     # --- eq. 22: Pyy^j
     HL_00 = (L_pred_40 * slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_50 + slope_y_i_alpha_3 -
         minus_slope_y_i_alpha_5 * L_pred_30)
-    D_HL_00 = D_pred_0 * HL_00
+    D_HL_00 = D_pred_theta * HL_00
     HL_01 = (slope_y_i_alpha_0 * L_pred_41 + slope_y_i_alpha_1 * L_pred_51 -
         minus_slope_y_i_alpha_5 * L_pred_31)
-    D_HL_01 = HL_01 * D_pred_1
+    D_HL_01 = HL_01 * D_pred_omega
     HL_02 = (slope_y_i_alpha_0 * L_pred_42 + slope_y_i_alpha_1 * L_pred_52 -
         minus_slope_y_i_alpha_5 * L_pred_32)
-    D_HL_02 = HL_02 * D_pred_2
+    D_HL_02 = HL_02 * D_pred_stator_resistance
     HL_03 = slope_y_i_alpha_0 * L_pred_43 + slope_y_i_alpha_1 * L_pred_53 - minus_slope_y_i_alpha_5
-    D_HL_03 = HL_03 * D_pred_3
+    D_HL_03 = HL_03 * D_pred_magnet_flux
     HL_04 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_54
-    D_HL_04 = HL_04 * D_pred_4
-    D_HL_05 = slope_y_i_alpha_1 * D_pred_5
+    D_HL_04 = HL_04 * D_pred_psi_alpha
+    D_HL_05 = slope_y_i_alpha_1 * D_pred_psi_beta
     Pyy_00 = (HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 + HL_04 * D_HL_04 +
         slope_y_i_alpha_1 * D_HL_05 + R_0)
     HL_10 = (L_pred_40 * slope_y_i_alpha_1 + L_pred_50 * slope_y_i_beta_1 + slope_y_i_beta_3 -
@@ -1146,30 +1136,30 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     HL_12 = slope_y_i_alpha_1 * L_pred_42 + L_pred_52 * slope_y_i_beta_1 - minus_slope_y_i_beta_5 * L_pred_32
     HL_13 = slope_y_i_alpha_1 * L_pred_43 + L_pred_53 * slope_y_i_beta_1 - minus_slope_y_i_beta_5
     HL_14 = slope_y_i_alpha_1 + L_pred_54 * slope_y_i_beta_1
-    D_HL_15 = D_pred_5 * slope_y_i_beta_1
+    D_HL_15 = D_pred_psi_beta * slope_y_i_beta_1
     Pyy_10 = (D_HL_00 * HL_10 + D_HL_01 * HL_11 + D_HL_02 * HL_12 + D_HL_03 * HL_13 + D_HL_04 * HL_14 +
         slope_y_i_alpha_1 * D_HL_15)
 
     # --- eq. 28: Pyy^-1 innovation
     one_per_Pyy_00 = 1.0 / Pyy_00
     Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10
-    D_HL_10 = D_pred_0 * HL_10
-    D_HL_11 = D_pred_1 * HL_11
-    D_HL_12 = D_pred_2 * HL_12
-    D_HL_13 = D_pred_3 * HL_13
-    D_HL_14 = D_pred_4 * HL_14
-    share_1 = ((innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / _larger(HL_10 * D_HL_10 +
+    D_HL_10 = D_pred_theta * HL_10
+    D_HL_11 = D_pred_omega * HL_11
+    D_HL_12 = D_pred_stator_resistance * HL_12
+    D_HL_13 = D_pred_magnet_flux * HL_13
+    D_HL_14 = D_pred_psi_alpha * HL_14
+    Pyy_inv_nu_1 = ((innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / _larger(HL_10 * D_HL_10 +
         HL_11 * D_HL_11 + HL_12 * D_HL_12 + HL_13 * D_HL_13 + HL_14 * D_HL_14 + slope_y_i_beta_1 * D_HL_15 -
         Pyy_10 * Pyy_10_per_Pyy_00 + R_1, R_1))
-    share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1
+    Pyy_inv_nu_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * Pyy_inv_nu_1
 
     # --- eq. 31: K innovation = L along; x^{j+1}
-    along_0 = D_HL_00 * share_0 + D_HL_10 * share_1
-    along_1 = D_HL_01 * share_0 + D_HL_11 * share_1
-    along_2 = D_HL_02 * share_0 + D_HL_12 * share_1
-    along_3 = D_HL_03 * share_0 + D_HL_13 * share_1
-    along_4 = D_HL_04 * share_0 + D_HL_14 * share_1
-    along_5 = D_HL_05 * share_0 + D_HL_15 * share_1
+    along_0 = D_HL_00 * Pyy_inv_nu_0 + D_HL_10 * Pyy_inv_nu_1
+    along_1 = D_HL_01 * Pyy_inv_nu_0 + D_HL_11 * Pyy_inv_nu_1
+    along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1
+    along_3 = D_HL_03 * Pyy_inv_nu_0 + D_HL_13 * Pyy_inv_nu_1
+    along_4 = D_HL_04 * Pyy_inv_nu_0 + D_HL_14 * Pyy_inv_nu_1
+    along_5 = D_HL_05 * Pyy_inv_nu_0 + D_HL_15 * Pyy_inv_nu_1
     psi_alpha_after = (L_pred_40 * along_0 + L_pred_41 * along_1 + L_pred_42 * along_2 + L_pred_43 * along_3 +
         along_4 + psi_alpha_pred)
     psi_beta_after = (L_pred_50 * along_0 + L_pred_51 * along_1 + L_pred_52 * along_2 + L_pred_53 * along_3 +
@@ -1183,16 +1173,16 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     stator_resistance_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + stator_resistance_pred
 
     # --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2
-    moved_psi_alpha = psi_alpha_after - psi_alpha_j
-    moved_psi_beta = psi_beta_after - psi_beta_j
-    moved_omega = omega_after - omega_j
-    moved_theta = theta_after - theta_j
-    moved_load_torque = load_torque_after - load_torque_j
-    moved_magnet_flux = magnet_flux_after - magnet_flux_j
-    moved_stator_resistance = stator_resistance_after - stator_resistance_j
-    change = (moved_psi_alpha * moved_psi_alpha + moved_psi_beta * moved_psi_beta + moved_omega * moved_omega
-        + moved_theta * moved_theta + moved_load_torque * moved_load_torque +
-        moved_magnet_flux * moved_magnet_flux + moved_stator_resistance * moved_stator_resistance)
+    step_psi_alpha = psi_alpha_after - psi_alpha_j
+    step_psi_beta = psi_beta_after - psi_beta_j
+    step_omega = omega_after - omega_j
+    step_theta = theta_after - theta_j
+    step_load_torque = load_torque_after - load_torque_j
+    step_magnet_flux = magnet_flux_after - magnet_flux_j
+    step_stator_resistance = stator_resistance_after - stator_resistance_j
+    change = (step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta + step_omega * step_omega +
+        step_theta * step_theta + step_load_torque * step_load_torque + step_magnet_flux * step_magnet_flux +
+        step_stator_resistance * step_stator_resistance)
 
     if stages is not None:
         stages["x_next"] = (psi_alpha_after, psi_beta_after, omega_after, theta_after, load_torque_after,
@@ -1200,7 +1190,7 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     return (
         (psi_alpha_after, psi_beta_after, omega_after, theta_after, load_torque_after, magnet_flux_after,
             stator_resistance_after,),
-        (innovation_i_alpha * share_0 + innovation_i_beta * share_1,),
+        (innovation_i_alpha * Pyy_inv_nu_0 + innovation_i_beta * Pyy_inv_nu_1,),
         (HL_00, HL_01, HL_02, HL_03, HL_04, slope_y_i_alpha_1, HL_10, HL_11, HL_12, HL_13, HL_14,
             slope_y_i_beta_1,),
         (change,),
@@ -1210,137 +1200,137 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
 def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     """Result of the last iterate, eq. 32 and 34."""
     (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_j, stator_resistance_j) = x_j
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4, L_pred_50, L_pred_51, L_pred_52, L_pred_53,
-        L_pred_54, D_pred_5, L_pred_60, L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65,
-        D_pred_6) = LD_pred
+    (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
+        L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
+        D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta, L_pred_60,
+        L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (HL_00, HL_01, HL_02, HL_03, HL_04, HL_05, HL_10, HL_11, HL_12, HL_13, HL_14, HL_15) = HL
 
     # --- eq. 32
-    g_first_5 = HL_05 * D_pred_5
-    span_first_5 = _larger(HL_05 * g_first_5 + R_0, R_0)
-    g_first_4 = HL_04 * D_pred_4
-    span_first_4 = _larger(span_first_5 + HL_04 * g_first_4, R_0)
-    g_first_3 = HL_03 * D_pred_3
-    span_first_3 = _larger(span_first_4 + HL_03 * g_first_3, R_0)
-    g_first_2 = HL_02 * D_pred_2
-    span_first_2 = _larger(span_first_3 + HL_02 * g_first_2, R_0)
-    g_first_1 = HL_01 * D_pred_1
-    span_first_1 = _larger(span_first_2 + HL_01 * g_first_1, R_0)
-    span_first = _larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0)
-    D_pred_5_per_span_first_5 = D_pred_5 / span_first_5
-    D_first_5 = R_0 * D_pred_5_per_span_first_5
+    g_first_5 = HL_05 * D_pred_psi_beta
+    var_first_5 = _larger(HL_05 * g_first_5 + R_0, R_0)
+    g_first_4 = HL_04 * D_pred_psi_alpha
+    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, R_0)
+    g_first_3 = HL_03 * D_pred_magnet_flux
+    var_first_3 = _larger(var_first_4 + HL_03 * g_first_3, R_0)
+    g_first_2 = HL_02 * D_pred_stator_resistance
+    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, R_0)
+    g_first_1 = HL_01 * D_pred_omega
+    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, R_0)
+    var_first = _larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0)
+    D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
+    D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15 * D_first_5
-    span_second_5 = _larger(HL_15 * g_second_5 + R_1, R_1)
-    change_first_54 = HL_05 * HL_04 * D_pred_5_per_span_first_5
+    var_second_5 = _larger(HL_15 * g_second_5 + R_1, R_1)
+    change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5
     f_second_4 = HL_14 - HL_15 * change_first_54
-    one_per_span_first_4 = 1.0 / span_first_4
-    D_first_4 = span_first_5 * (D_pred_4 * one_per_span_first_4)
+    one_per_var_first_4 = 1.0 / var_first_4
+    D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = f_second_4 * D_first_4
-    span_second_4 = _larger(span_second_5 + f_second_4 * g_second_4, R_1)
-    lambda_first_3 = HL_03 * one_per_span_first_4
-    gathered_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14
-    f_second_3 = HL_13 - lambda_first_3 * gathered_first_y4
-    one_per_span_first_3 = 1.0 / span_first_3
-    D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3)
+    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_1)
+    lambda_first_3 = HL_03 * one_per_var_first_4
+    gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14
+    f_second_3 = HL_13 - lambda_first_3 * gain_first_y4
+    one_per_var_first_3 = 1.0 / var_first_3
+    D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = f_second_3 * D_first_3
-    span_second_3 = _larger(span_second_4 + f_second_3 * g_second_3, R_1)
-    lambda_first_2 = HL_02 * one_per_span_first_3
-    gathered_first_y3 = gathered_first_y4 + g_first_3 * HL_13
-    f_second_2 = HL_12 - lambda_first_2 * gathered_first_y3
-    one_per_span_first_2 = 1.0 / span_first_2
-    D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2)
+    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_1)
+    lambda_first_2 = HL_02 * one_per_var_first_3
+    gain_first_y3 = gain_first_y4 + g_first_3 * HL_13
+    f_second_2 = HL_12 - lambda_first_2 * gain_first_y3
+    one_per_var_first_2 = 1.0 / var_first_2
+    D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    span_second_2 = _larger(span_second_3 + f_second_2 * g_second_2, R_1)
-    lambda_first_1 = HL_01 * one_per_span_first_2
-    gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12
-    f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2
-    one_per_span_first_1 = 1.0 / span_first_1
-    D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1)
+    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_1)
+    lambda_first_1 = HL_01 * one_per_var_first_2
+    gain_first_y2 = gain_first_y3 + g_first_2 * HL_12
+    f_second_1 = HL_11 - lambda_first_1 * gain_first_y2
+    one_per_var_first_1 = 1.0 / var_first_1
+    D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = f_second_1 * D_first_1
-    span_second_1 = _larger(span_second_2 + f_second_1 * g_second_1, R_1)
-    D_first_0 = D_pred_0 * span_first_1 / span_first
-    lambda_first_0 = HL_00 * one_per_span_first_1
-    f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11)
-    span_second = _larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
+    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_1)
+    D_first_0 = D_pred_theta * var_first_1 / var_first
+    lambda_first_0 = HL_00 * one_per_var_first_1
+    f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
+    var_second = _larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_j)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 / span_second
-    one_per_span_second_1 = 1.0 / span_second_1
-    lambda_second_0 = f_second_0 * one_per_span_second_1
+    D_new_theta = D_first_0 * var_second_1 / var_second
+    one_per_var_second_1 = 1.0 / var_second_1
+    lambda_second_0 = f_second_0 * one_per_var_second_1
     L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0
-    D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1
+    D_new_omega = var_second_2 * D_first_1 * one_per_var_second_1
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
     L_new_20 = (L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21))
-    one_per_span_second_2 = 1.0 / span_second_2
-    lambda_second_1 = f_second_1 * one_per_span_second_2
+    one_per_var_second_2 = 1.0 / var_second_2
+    lambda_second_1 = f_second_1 * one_per_var_second_2
     L_new_21 = L_first_21 - g_second_2 * lambda_second_1
-    D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2
-    gathered_first_32 = g_first_3 + g_first_2 * L_pred_32
+    D_new_stator_resistance = var_second_3 * D_first_2 * one_per_var_second_2
+    gain_first_32 = g_first_3 + g_first_2 * L_pred_32
     L_first_32 = L_pred_32 - g_first_3 * lambda_first_2
-    gathered_second_32 = g_second_3 + g_second_2 * L_first_32
-    L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32
-    L_new_30 = (L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
-        lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31))
-    L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32
-    one_per_span_second_3 = 1.0 / span_second_3
-    lambda_second_2 = f_second_2 * one_per_span_second_3
+    gain_second_32 = g_second_3 + g_second_2 * L_first_32
+    L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32
+    L_new_30 = (L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
+        lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31))
+    L_new_31 = L_first_31 - lambda_second_1 * gain_second_32
+    one_per_var_second_3 = 1.0 / var_second_3
+    lambda_second_2 = f_second_2 * one_per_var_second_3
     L_new_32 = L_first_32 - g_second_3 * lambda_second_2
-    D_new_3 = span_second_4 * D_first_3 * one_per_span_second_3
-    gathered_first_43 = g_first_4 + g_first_3 * L_pred_43
-    gathered_first_42 = gathered_first_43 + g_first_2 * L_pred_42
+    D_new_magnet_flux = var_second_4 * D_first_3 * one_per_var_second_3
+    gain_first_43 = g_first_4 + g_first_3 * L_pred_43
+    gain_first_42 = gain_first_43 + g_first_2 * L_pred_42
     L_first_43 = L_pred_43 - g_first_4 * lambda_first_3
-    gathered_second_43 = g_second_4 + g_second_3 * L_first_43
-    L_first_42 = L_pred_42 - lambda_first_2 * gathered_first_43
-    gathered_second_42 = gathered_second_43 + g_second_2 * L_first_42
-    L_first_41 = L_pred_41 - lambda_first_1 * gathered_first_42
-    L_new_40 = (L_pred_40 - lambda_first_0 * (gathered_first_42 + g_first_1 * L_pred_41) -
-        lambda_second_0 * (gathered_second_42 + g_second_1 * L_first_41))
-    L_new_41 = L_first_41 - lambda_second_1 * gathered_second_42
-    L_new_42 = L_first_42 - lambda_second_2 * gathered_second_43
-    one_per_span_second_4 = 1.0 / span_second_4
-    lambda_second_3 = f_second_3 * one_per_span_second_4
+    gain_second_43 = g_second_4 + g_second_3 * L_first_43
+    L_first_42 = L_pred_42 - lambda_first_2 * gain_first_43
+    gain_second_42 = gain_second_43 + g_second_2 * L_first_42
+    L_first_41 = L_pred_41 - lambda_first_1 * gain_first_42
+    L_new_40 = (L_pred_40 - lambda_first_0 * (gain_first_42 + g_first_1 * L_pred_41) -
+        lambda_second_0 * (gain_second_42 + g_second_1 * L_first_41))
+    L_new_41 = L_first_41 - lambda_second_1 * gain_second_42
+    L_new_42 = L_first_42 - lambda_second_2 * gain_second_43
+    one_per_var_second_4 = 1.0 / var_second_4
+    lambda_second_3 = f_second_3 * one_per_var_second_4
     L_new_43 = L_first_43 - g_second_4 * lambda_second_3
-    D_new_4 = span_second_5 * D_first_4 * one_per_span_second_4
-    gathered_first_54 = g_first_5 + g_first_4 * L_pred_54
-    gathered_first_53 = gathered_first_54 + g_first_3 * L_pred_53
-    gathered_first_52 = gathered_first_53 + g_first_2 * L_pred_52
+    D_new_psi_alpha = var_second_5 * D_first_4 * one_per_var_second_4
+    gain_first_54 = g_first_5 + g_first_4 * L_pred_54
+    gain_first_53 = gain_first_54 + g_first_3 * L_pred_53
+    gain_first_52 = gain_first_53 + g_first_2 * L_pred_52
     L_first_54 = L_pred_54 - change_first_54
-    gathered_second_54 = g_second_5 + g_second_4 * L_first_54
-    L_first_53 = L_pred_53 - lambda_first_3 * gathered_first_54
-    gathered_second_53 = gathered_second_54 + g_second_3 * L_first_53
-    L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53
-    gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52
-    L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52
-    L_new_50 = (L_pred_50 - lambda_first_0 * (gathered_first_52 + g_first_1 * L_pred_51) -
-        lambda_second_0 * (gathered_second_52 + g_second_1 * L_first_51))
-    L_new_51 = L_first_51 - lambda_second_1 * gathered_second_52
-    L_new_52 = L_first_52 - lambda_second_2 * gathered_second_53
-    L_new_53 = L_first_53 - lambda_second_3 * gathered_second_54
-    one_per_span_second_5 = 1.0 / span_second_5
-    change_second_54 = g_second_5 * f_second_4 * one_per_span_second_5
+    gain_second_54 = g_second_5 + g_second_4 * L_first_54
+    L_first_53 = L_pred_53 - lambda_first_3 * gain_first_54
+    gain_second_53 = gain_second_54 + g_second_3 * L_first_53
+    L_first_52 = L_pred_52 - lambda_first_2 * gain_first_53
+    gain_second_52 = gain_second_53 + g_second_2 * L_first_52
+    L_first_51 = L_pred_51 - lambda_first_1 * gain_first_52
+    L_new_50 = (L_pred_50 - lambda_first_0 * (gain_first_52 + g_first_1 * L_pred_51) -
+        lambda_second_0 * (gain_second_52 + g_second_1 * L_first_51))
+    L_new_51 = L_first_51 - lambda_second_1 * gain_second_52
+    L_new_52 = L_first_52 - lambda_second_2 * gain_second_53
+    L_new_53 = L_first_53 - lambda_second_3 * gain_second_54
+    one_per_var_second_5 = 1.0 / var_second_5
+    change_second_54 = g_second_5 * f_second_4 * one_per_var_second_5
     L_new_54 = L_first_54 - change_second_54
-    D_new_5 = D_first_5 * R_1 * one_per_span_second_5
-    gathered_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
-    gathered_first_63 = gathered_first_64 + g_first_3 * L_pred_63
-    gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62
+    D_new_psi_beta = D_first_5 * R_1 * one_per_var_second_5
+    gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
+    gain_first_63 = gain_first_64 + g_first_3 * L_pred_63
+    gain_first_62 = gain_first_63 + g_first_2 * L_pred_62
     L_first_64 = L_pred_64 - change_first_54 * L_pred_65
-    gathered_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64
-    L_first_63 = L_pred_63 - lambda_first_3 * gathered_first_64
-    gathered_second_63 = gathered_second_64 + g_second_3 * L_first_63
-    L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63
-    gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62
-    L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62
-    L_new_60 = (L_pred_60 - lambda_first_0 * (gathered_first_62 + g_first_1 * L_pred_61) -
-        lambda_second_0 * (gathered_second_62 + g_second_1 * L_first_61))
-    L_new_61 = L_first_61 - lambda_second_1 * gathered_second_62
-    L_new_62 = L_first_62 - lambda_second_2 * gathered_second_63
-    L_new_63 = L_first_63 - lambda_second_3 * gathered_second_64
+    gain_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64
+    L_first_63 = L_pred_63 - lambda_first_3 * gain_first_64
+    gain_second_63 = gain_second_64 + g_second_3 * L_first_63
+    L_first_62 = L_pred_62 - lambda_first_2 * gain_first_63
+    gain_second_62 = gain_second_63 + g_second_2 * L_first_62
+    L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62
+    L_new_60 = (L_pred_60 - lambda_first_0 * (gain_first_62 + g_first_1 * L_pred_61) -
+        lambda_second_0 * (gain_second_62 + g_second_1 * L_first_61))
+    L_new_61 = L_first_61 - lambda_second_1 * gain_second_62
+    L_new_62 = L_first_62 - lambda_second_2 * gain_second_63
+    L_new_63 = L_first_63 - lambda_second_3 * gain_second_64
     L_new_64 = L_first_64 - change_second_54 * L_pred_65
 
     if stages is not None:
@@ -1348,9 +1338,10 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
             stator_resistance_j,)
     return (
         (psi_alpha_j, psi_beta_j, omega_j, theta_new, load_torque_j, magnet_flux_j, stator_resistance_j,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,
-            L_new_40, L_new_41, L_new_42, L_new_43, D_new_4, L_new_50, L_new_51, L_new_52, L_new_53, L_new_54,
-            D_new_5, L_new_60, L_new_61, L_new_62, L_new_63, L_new_64, L_pred_65, D_pred_6,),
+        (D_new_theta, L_new_10, D_new_omega, L_new_20, L_new_21, D_new_stator_resistance, L_new_30, L_new_31,
+            L_new_32, D_new_magnet_flux, L_new_40, L_new_41, L_new_42, L_new_43, D_new_psi_alpha, L_new_50,
+            L_new_51, L_new_52, L_new_53, L_new_54, D_new_psi_beta, L_new_60, L_new_61, L_new_62, L_new_63,
+            L_new_64, L_pred_65, D_pred_load_torque,),
     )
 
 
@@ -1371,19 +1362,25 @@ def ckf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[3]) & (LD_pred[2] > f.Q[2]) & (LD_pred[5] > f.Q[6]) & (LD_pred[9] > f.Q[5]) &
+        (LD_pred[14] > f.Q[0]) & (LD_pred[20] > f.Q[1]) & (LD_pred[27] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     z_pred, turn_pred = ckf_measurement_update_turns(LD_pred, math, stages)
     LD_pred, turn_pred, status = _widen(
         LD_pred, z_pred, turn_pred, accepted, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, turn_pred, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6], status)
+    return status
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -1403,7 +1400,10 @@ def ickf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[3]) & (LD_pred[2] > f.Q[2]) & (LD_pred[5] > f.Q[6]) & (LD_pred[9] > f.Q[5]) &
+        (LD_pred[14] > f.Q[0]) & (LD_pred[20] > f.Q[1]) & (LD_pred[27] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x_j = x_pred
     active = np.ones(np.shape(accepted), bool)[()]  # all lanes take the first pass
     moving = active
@@ -1425,20 +1425,23 @@ def ickf_step(f, u, y, math, stages=None):
     iterations = np.where(accepted, iterations, 0)[()]
     status = status | np.where(accepted & moving, NOT_CONVERGED, 0)[()]
     x, LD = ickf_finish(x_j, LD_pred, f.R, HL, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6], status)
+    return status
 
 
 def clarke(phase, math, stages=None):
     """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
     (i_a, i_b) = phase
 
-    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+    return (i_a, ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b,)
 
 
 def believed_currents(x, math, stages=None):
@@ -1499,7 +1502,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
-    v_max = 0.5773502691896258 * v_link
+    v_max = ONE_BY_SQRT_3 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -1518,7 +1521,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- dead-time compensation
     minus_half_i_alpha = -0.5 * i_alpha
-    cross_i_beta = 0.8660254037844386 * i_beta
+    cross_i_beta = SQRT_3_BY_2 * i_beta
     i_b = minus_half_i_alpha + cross_i_beta
     i_c = minus_half_i_alpha - cross_i_beta
     sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
@@ -1527,7 +1530,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- SVPWM
     minus_half_v_alpha = -0.5 * v_alpha
-    cross_v_beta = 0.8660254037844386 * v_beta
+    cross_v_beta = SQRT_3_BY_2 * v_beta
     v_b = minus_half_v_alpha + cross_v_beta
     v_c = minus_half_v_alpha - cross_v_beta
     v_highest = _larger(v_alpha, _larger(v_b, v_c))

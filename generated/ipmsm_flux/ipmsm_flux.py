@@ -51,15 +51,18 @@ SMALL_TURN_4 = 0.125  # rad^2, of z = d^2 / 4: polynomials serve while the sum o
 UNKNOWN_TURN_4 = 2.4674011002723395  # rad^2, of that sum: d = pi, beyond which points alias
 
 # Motor data and sample time, folded.
+PSI_M = 0.545  # magnet flux linkage, Wb
 INV_L_Q = 19.607843137254903  # 1 / L_q, A/Wb
 SALIENCY = 8.169934640522875  # 1 / L_d - 1 / L_q, A/Wb
-GAIN_D = 9.950166250831892e-05  # (1 - exp(-T R / L_d)) L_d / R, s
-GAIN_Q = 9.9647887809923e-05  # (1 - exp(-T R / L_q)) L_q / R, s
+POLE_PAIRS = 3.0  # p
+GAIN_D = 9.950166250831948e-05  # (1 - exp(-T R / L_d)) L_d / R, s
+GAIN_Q = 9.964788780992322e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 HALF_T_POLE_PAIRS = 0.00015000000000000001  # HALF_T * POLE_PAIRS
 ONE_MINUS_LOSS_D = 0.9900498337491681  # 1 - LOSS_D
+LOSS_D_PSI_M = 0.005422840606703412  # LOSS_D * PSI_M
 ONE_MINUS_LOSS_D_X4 = 3.9601993349966724  # 4 * (1 - LOSS_D)
 ONE_MINUS_LOSS_Q = 0.9929660314487113  # 1 - LOSS_Q
-MAGNET_TURN_POLE_PAIRS_PSI_M = 6.765017080410109e-10  # MAGNET_TURN * POLE_PAIRS * PSI_M
+MAGNET_TURN_POLE_PAIRS_PSI_M = 6.765017076910637e-10  # MAGNET_TURN * POLE_PAIRS * PSI_M
 ONE_MINUS_LOSS_Q_X4 = 3.9718641257948453  # 4 * (1 - LOSS_Q)
 ADVANCE_POLE_PAIRS = 0.00030000000000000003  # ADVANCE * POLE_PAIRS
 INV_L_D_PSI_M = 15.138888888888891  # INV_L_D * PSI_M
@@ -67,17 +70,18 @@ SALIENCY_SQ_X4 = 266.99132812166255  # 4 * SALIENCY * SALIENCY
 SALIENCY_SQ = 66.74783203041564  # SALIENCY * SALIENCY
 L_D = 0.036  # L_d, H
 L_Q = 0.051  # L_q, H
-PSI_M = 0.545  # magnet flux linkage, Wb
-POLE_PAIRS = 3.0  # p
 TORQUE_PER_A = 2.4525  # 1.5 p psi_m, N m/A
 MTPA_RATIO = 0.027522935779816512  # (L_q - L_d) / psi_m, 1/A
 A_PER_TORQUE = 0.4077471967380224  # 1 / (1.5 p psi_m), A/(N m)
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
 HALF_T = 5e-05  # T / 2, s
-MAGNET_TURN = 4.1376251256330935e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
-LOSS_D = 0.009950166250831893  # 1 - exp(-T R / L_d)
-LOSS_Q = 0.007033968551288683  # 1 - exp(-T R / L_q)
-ADVANCE = 0.0001  # T (1 + exp(-T D / J)) / 2, s
+MAGNET_TURN = 4.1376251234927435e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
+LOSS_D = 0.009950166250831949  # 1 - exp(-T R / L_d)
+LOSS_Q = 0.0070339685512886985  # 1 - exp(-T R / L_q)
+ADVANCE = 0.0001  # T, s
 
 
 def _smaller(a, b):
@@ -88,14 +92,6 @@ def _smaller(a, b):
 def _larger(a, b):
     """The larger of two, lane by lane; the second one where they do not compare."""
     return np.where(a > b, a, b)[()]
-
-
-def _watch_pivots(words, Q, status):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
-    clear = words[VARIANCES[0]] > Q[0]
-    for place, floor in zip(VARIANCES, Q):
-        clear = clear & (words[place] > floor)
-    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
 def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
@@ -123,42 +119,37 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _average(f, nis, where):
-    """Averages the normalised innovation squared over the window, where a measurement was taken."""
-    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _restart(f, where):
-    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+def _restart(f, x, LD, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. Returns x and LD."""
     words = diagonal(f.P_0, 0.0)
-    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
-    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
     f.nis = np.where(where, 0.0, f.nis)[()]
+    return (
+        tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, x)),
+        tuple(np.where(where, new, old)[()] for new, old in zip(words, LD)),
+    )
 
 
-def _set_status_bits(f, check, status):
+def _set_status_bits(f, x, LD, check, status):
     """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
-    number. Returns the status.
+    number. Returns x, LD and the status.
     """
-    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
-    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
-        return status
-    size = check * PER_SANE_LIMIT
+        return x, LD, status
+    size = check[0] * PER_SANE_LIMIT
     worst = size * size
-    for word in (f.nis, *f.LD):
-        size = word * PER_SANE_LIMIT
+    for entry in (f.nis, *LD):
+        size = entry * PER_SANE_LIMIT
         worst = worst + size * size
     status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
-    status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
-    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
-    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
-    restarted = (status & RESTARTED) != 0
-    if np.any(restarted):
-        _restart(f, restarted)
-    return status
+    status = status | np.where(ordinary | (f.nis < f.nis_max), 0, DIVERGED)[()]
+    where = ~ordinary & ((status & (COVARIANCE_REPAIRED | RESTARTED)) != 0)
+    f.repairs = np.where(where & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    where = ~ordinary & ((status & RESTARTED) != 0)
+    x, LD = _restart(f, x, LD, where)
+    return x, LD, status
 
 
 def _sin_cos_f32(x):
@@ -344,30 +335,30 @@ def _select(mask, new, old):
 
 def time_update_turns(LD, math, stages=None):
     """Small angles of time_update: sin(d) / d and cos(d) - 1."""
-    D_0 = LD[0]
-    D_1 = LD[2]
+    D_psi_alpha = LD[0]
+    D_psi_beta = LD[2]
     L_20 = LD[3]
     L_21 = LD[4]
-    D_2 = LD[5]
+    D_omega = LD[5]
     L_30 = LD[6]
     L_31 = LD[7]
     L_32 = LD[8]
-    D_3 = LD[9]
+    D_theta = LD[9]
 
     # --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30
-    z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30
-    L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31
-    z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31
-    half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32
-    z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32
+    odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
+    z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0
+    odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
+    z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1
+    odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
+    z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.turn_4(z_theta_mid_0)
     sinc_theta_mid_1, cosm1_theta_mid_1 = math.turn_4(z_theta_mid_1)
     sinc_theta_mid_2, cosm1_theta_mid_2 = math.turn_4(z_theta_mid_2)
-    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_4(D_3)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_4(D_theta)
 
     return (
-        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_3,),
+        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_theta,),
         (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
             cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3,),
     )
@@ -376,7 +367,7 @@ def time_update_turns(LD, math, stages=None):
 def time_update(x, LD, Q, u, turn, math, stages=None):
     """Time update, eq. 13-18."""
     (psi_alpha, psi_beta, omega, theta) = x
-    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3) = LD
+    (D_psi_alpha, L_10, D_psi_beta, L_20, L_21, D_omega, L_30, L_31, L_32, D_theta) = LD
     (Q_0, Q_1, Q_2, Q_3) = Q
     (v_alpha, v_beta) = u
     (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
@@ -391,9 +382,9 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
     v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha
     psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d
-    psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422840606703382
+    psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    D_sind_theta_mid_0 = D_0 * sind_theta_mid_0
+    D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0
     odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
     even_psi_d_next_0 = (psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0)
@@ -411,7 +402,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M)
     odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
-    D_sind_theta_mid_1 = D_1 * sind_theta_mid_1
+    D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1
     even_psi_d_next_1 = (psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1)
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
@@ -429,35 +420,35 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3
     even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
-    D_sind_theta_mid_0_scaled = 4.0 * D_sind_theta_mid_0
+    n_D_sind_theta_mid_0 = 4.0 * D_sind_theta_mid_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-        D_sind_theta_mid_0_scaled * odd_psi_q_next_0)
+        n_D_sind_theta_mid_0 * odd_psi_q_next_0)
     total_psi_d_next_1 = psi_d_next + even_psi_d_next_1
-    D_sind_theta_mid_1_scaled = 4.0 * D_sind_theta_mid_1
+    n_D_sind_theta_mid_1 = 4.0 * D_sind_theta_mid_1
     even_psi_alpha_next_1 = (even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-        D_sind_theta_mid_1_scaled * odd_psi_q_next_1)
+        n_D_sind_theta_mid_1 * odd_psi_q_next_1)
     total_psi_d_next_2 = psi_d_next + even_psi_d_next_2
-    D_2_scaled_x_sind_theta_mid_2 = 4.0 * D_2 * sind_theta_mid_2
+    n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2
     even_psi_alpha_next_2 = (even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
-        D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2)
+        n_D_sind_theta_mid_2 * odd_psi_q_next_2)
     total_psi_d_next_3 = psi_d_next + even_psi_d_next_3
     minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3
-    D_3_scaled_x_sinc_theta_mid_3 = 4.0 * D_3 * sinc_theta_mid_3
+    n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3
     even_psi_alpha_next_3 = (even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
-        minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3)
+        minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3)
     total_psi_q_next_0 = psi_q_next + even_psi_q_next_0
-    even_psi_beta_next_0 = (D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+    even_psi_beta_next_0 = (n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
         cosm1_theta_mid_0 * total_psi_q_next_0)
     total_psi_q_next_1 = psi_q_next + even_psi_q_next_1
-    even_psi_beta_next_1 = (D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+    even_psi_beta_next_1 = (n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
         cosm1_theta_mid_1 * total_psi_q_next_1)
     odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2
     total_psi_q_next_2 = psi_q_next + even_psi_q_next_2
-    even_psi_beta_next_2 = (D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2 +
+    even_psi_beta_next_2 = (n_D_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2 +
         cosm1_theta_mid_2 * total_psi_q_next_2)
     odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2
     total_psi_q_next_3 = psi_q_next + even_psi_q_next_3
-    even_psi_beta_next_3 = (D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3 +
+    even_psi_beta_next_3 = (n_D_sind_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3 +
         cosm1_theta_mid_3 * total_psi_q_next_3)
     odd_psi_alpha_next_0 = (one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
         sind_theta_mid_0 * total_psi_q_next_0)
@@ -482,98 +473,89 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
-    D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0
-    D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1
-    D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2
-    D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3
-    bend_psi_alpha_sum = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+    D_odd_psi_alpha_0 = D_psi_alpha * odd_psi_alpha_next_0
+    D_odd_psi_alpha_1 = D_psi_beta * odd_psi_alpha_next_1
+    D_odd_psi_alpha_2 = D_omega * odd_psi_alpha_next_2
+    D_odd_psi_alpha_3 = D_theta * odd_psi_alpha_next_3
+    curv_psi_alpha_sum = (even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3)
-    bend_psi_alpha_mean = bend_psi_alpha_sum * 0.25
-    dev_psi_alpha_0 = even_psi_alpha_next_0 - bend_psi_alpha_mean
-    dev_psi_alpha_1 = even_psi_alpha_next_1 - bend_psi_alpha_mean
-    dev_psi_alpha_2 = even_psi_alpha_next_2 - bend_psi_alpha_mean
-    dev_psi_alpha_3 = even_psi_alpha_next_3 - bend_psi_alpha_mean
-    P_turned_00 = (odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
-        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
-        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
-        dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
-        dev_psi_alpha_3 * dev_psi_alpha_3))
-    D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0
-    D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1
-    D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2
-    D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3
-    bend_psi_beta_sum = (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
+    curv_psi_alpha_mean = curv_psi_alpha_sum * 0.25
+    dev_psi_alpha_0 = even_psi_alpha_next_0 - curv_psi_alpha_mean
+    dev_psi_alpha_1 = even_psi_alpha_next_1 - curv_psi_alpha_mean
+    dev_psi_alpha_2 = even_psi_alpha_next_2 - curv_psi_alpha_mean
+    dev_psi_alpha_3 = even_psi_alpha_next_3 - curv_psi_alpha_mean
+    P_turned_00 = (odd_psi_alpha_next_0 * D_odd_psi_alpha_0 + odd_psi_alpha_next_1 * D_odd_psi_alpha_1 +
+        odd_psi_alpha_next_2 * D_odd_psi_alpha_2 + odd_psi_alpha_next_3 * D_odd_psi_alpha_3 +
+        0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 + dev_psi_alpha_1 * dev_psi_alpha_1 +
+        dev_psi_alpha_2 * dev_psi_alpha_2 + dev_psi_alpha_3 * dev_psi_alpha_3))
+    D_odd_psi_beta_0 = D_psi_alpha * odd_psi_beta_next_0
+    D_odd_psi_beta_1 = D_psi_beta * odd_psi_beta_next_1
+    D_odd_psi_beta_2 = D_omega * odd_psi_beta_next_2
+    D_odd_psi_beta_3 = D_theta * odd_psi_beta_next_3
+    curv_psi_beta_sum = (even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3)
-    bend_psi_beta_mean = 0.25 * bend_psi_beta_sum
-    dev_psi_beta_0 = even_psi_beta_next_0 - bend_psi_beta_mean
-    dev_psi_beta_1 = even_psi_beta_next_1 - bend_psi_beta_mean
-    dev_psi_beta_2 = even_psi_beta_next_2 - bend_psi_beta_mean
-    dev_psi_beta_3 = even_psi_beta_next_3 - bend_psi_beta_mean
-    P_turned_11 = (odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
-        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
-        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
-        dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3))
-    P_turned_10 = (D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
-        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
-        dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
-        dev_psi_alpha_3 * dev_psi_beta_3))
+    curv_psi_beta_mean = 0.25 * curv_psi_beta_sum
+    dev_psi_beta_0 = even_psi_beta_next_0 - curv_psi_beta_mean
+    dev_psi_beta_1 = even_psi_beta_next_1 - curv_psi_beta_mean
+    dev_psi_beta_2 = even_psi_beta_next_2 - curv_psi_beta_mean
+    dev_psi_beta_3 = even_psi_beta_next_3 - curv_psi_beta_mean
+    P_turned_11 = (odd_psi_beta_next_0 * D_odd_psi_beta_0 + odd_psi_beta_next_1 * D_odd_psi_beta_1 +
+        odd_psi_beta_next_2 * D_odd_psi_beta_2 + odd_psi_beta_next_3 * D_odd_psi_beta_3 +
+        0.25 * (dev_psi_beta_0 * dev_psi_beta_0 + dev_psi_beta_1 * dev_psi_beta_1 +
+        dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3))
+    P_turned_10 = (D_odd_psi_alpha_0 * odd_psi_beta_next_0 + D_odd_psi_alpha_1 * odd_psi_beta_next_1 +
+        D_odd_psi_alpha_2 * odd_psi_beta_next_2 + D_odd_psi_alpha_3 * odd_psi_beta_next_3 +
+        0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 + dev_psi_alpha_1 * dev_psi_beta_1 +
+        dev_psi_alpha_2 * dev_psi_beta_2 + dev_psi_alpha_3 * dev_psi_beta_3))
     P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0
     P_turn = sin_theta_mid * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
-    D_pred_0 = _larger(P_pred_00, Q_0)
+    D_pred_psi_alpha = _larger(P_pred_00, Q_0)
     P_pred_10 = cos_theta_mid * P_tilt - P_turned_10
-    one_per_D_pred_0 = 1.0 / D_pred_0
-    L_pred_10 = P_pred_10 * one_per_D_pred_0
+    inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha
+    L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha
     P_pred_11 = P_turned_11 + P_turn + Q_1
-    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
-    D_0_times_L_20 = D_0 * L_20
-    D_1_times_L_21 = D_1 * L_21
-    P_turned_20 = (D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1 +
-        D_2_times_odd_psi_alpha_next_2)
-    P_turned_21 = (D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_beta_next_2)
+    D_pred_psi_beta = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    D_odd_omega_0 = D_psi_alpha * L_20
+    D_odd_omega_1 = D_psi_beta * L_21
+    P_turned_20 = (D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+        D_odd_psi_alpha_2)
+    P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 + D_odd_psi_beta_2
     P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21
-    L_pred_20 = one_per_D_pred_0 * P_pred_20
+    L_pred_20 = inv_D_pred_psi_alpha * P_pred_20
     P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21
     LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
-    one_per_D_pred_1 = 1.0 / D_pred_1
-    L_pred_21 = LD_pred_21 * one_per_D_pred_1
-    P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2
-    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
-    P_turned_30 = (D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
-        + D_3_times_odd_psi_alpha_next_3)
-    P_turned_31 = (D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
-        D_3_times_odd_psi_beta_next_3)
+    inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta
+    L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta
+    P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2
+    D_pred_omega = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
+    P_turned_30 = (D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
+        D_odd_psi_alpha_2 * odd_theta_next_2 + D_odd_psi_alpha_3)
+    P_turned_31 = (D_odd_psi_beta_0 * odd_theta_next_0 + D_odd_psi_beta_1 * odd_theta_next_1 +
+        D_odd_psi_beta_2 * odd_theta_next_2 + D_odd_psi_beta_3)
     P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31
-    L_pred_30 = one_per_D_pred_0 * P_pred_30
+    L_pred_30 = inv_D_pred_psi_alpha * P_pred_30
     P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31
     LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
-    L_pred_31 = one_per_D_pred_1 * LD_pred_31
-    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
-    P_pred_32 = (D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
-        D_2_times_odd_theta_next_2)
+    L_pred_31 = inv_D_pred_psi_beta * LD_pred_31
+    D_odd_theta_2 = D_omega * odd_theta_next_2
+    P_pred_32 = D_odd_omega_0 * odd_theta_next_0 + D_odd_omega_1 * odd_theta_next_1 + D_odd_theta_2
     LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31
-    L_pred_32 = LD_pred_32 / D_pred_2
-    P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
-        odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
-    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 - LD_pred_32 * L_pred_32,
-        Q_3))
+    L_pred_32 = LD_pred_32 / D_pred_omega
+    P_pred_33 = (D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
+        D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3)
+    D_pred_theta = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3))
 
     # --- eq. 16: x_pred = mean X_i'
-    psi_alpha_mean = psi_d_next + bend_psi_alpha_mean
-    psi_beta_mean = psi_q_next + bend_psi_beta_mean
+    psi_alpha_mean = psi_d_next + curv_psi_alpha_mean
+    psi_beta_mean = psi_q_next + curv_psi_beta_mean
     psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
     psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
     theta_pred = omega * ADVANCE_POLE_PAIRS + theta
 
     # --- sum of the pivots, for the guard
-    check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3
+    check = D_pred_psi_alpha + D_pred_psi_beta + D_pred_omega + D_pred_theta
 
     if stages is not None:
         stages["x_pred"] = (psi_alpha_pred, psi_beta_pred, omega, theta_pred,)
@@ -581,33 +563,33 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33,)
     return (
         (psi_alpha_pred, psi_beta_pred, omega, theta_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30,
+            L_pred_31, L_pred_32, D_pred_theta,),
         (check,),
     )
 
 
 def ckf_measurement_update_turns(LD_pred, math, stages=None):
     """Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1."""
-    D_pred_0 = LD_pred[0]
-    D_pred_1 = LD_pred[2]
-    D_pred_2 = LD_pred[5]
+    D_pred_psi_alpha = LD_pred[0]
+    D_pred_psi_beta = LD_pred[2]
+    D_pred_omega = LD_pred[5]
     L_pred_30 = LD_pred[6]
     L_pred_31 = LD_pred[7]
     L_pred_32 = LD_pred[8]
-    D_pred_3 = LD_pred[9]
+    D_pred_theta = LD_pred[9]
 
     # --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    z_theta_0 = D_pred_0 * L_pred_30 * L_pred_30
-    z_theta_1 = D_pred_1 * L_pred_31 * L_pred_31
-    z_theta_2 = D_pred_2 * L_pred_32 * L_pred_32
+    z_theta_0 = D_pred_psi_alpha * L_pred_30 * L_pred_30
+    z_theta_1 = D_pred_psi_beta * L_pred_31 * L_pred_31
+    z_theta_2 = D_pred_omega * L_pred_32 * L_pred_32
     sinc_theta_0, cosm1_theta_0 = math.turn_4(z_theta_0)
     sinc_theta_1, cosm1_theta_1 = math.turn_4(z_theta_1)
     sinc_theta_2, cosm1_theta_2 = math.turn_4(z_theta_2)
-    sinc_theta_3, cosm1_theta_3 = math.turn_4(D_pred_3)
+    sinc_theta_3, cosm1_theta_3 = math.turn_4(D_pred_theta)
 
     return (
-        (z_theta_0, z_theta_1, z_theta_2, D_pred_3,),
+        (z_theta_0, z_theta_1, z_theta_2, D_pred_theta,),
         (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
             cosm1_theta_3,),
     )
@@ -616,8 +598,8 @@ def ckf_measurement_update_turns(LD_pred, math, stages=None):
 def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     """Measurement update, eq. 18-26."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
     (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
@@ -627,7 +609,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     sind_theta_0 = L_pred_30 * sinc_theta_0
-    D_sind_theta_0 = sind_theta_0 * D_pred_0
+    D_sind_theta_0 = sind_theta_0 * D_pred_psi_alpha
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred
     even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred + D_sind_theta_0 * 4.0 * odd_psi_beta_turned_0
     odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10
@@ -638,7 +620,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     i_salient_pred = saliency_times_psi_d_pred - INV_L_D_PSI_M
     even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0
     sind_theta_1 = L_pred_31 * sinc_theta_1
-    D_sind_theta_1 = D_pred_1 * sind_theta_1
+    D_sind_theta_1 = D_pred_psi_beta * sind_theta_1
     even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * 4.0 * D_sind_theta_1
     one_plus_cosm1_theta_1 = 1.0 + cosm1_theta_1
     odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 + psi_beta_turned * sind_theta_1
@@ -662,25 +644,25 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     odd_y_i_beta_3 = total_i_salient_pred_3 * sinc_theta_3
 
     # --- eq. 21
-    bend_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0
-    bend_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1
+    curv_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0
+    curv_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1
     odd_psi_d_pred_2 = psi_beta_turned * sind_theta_2
-    bend_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_2
+    curv_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_omega
     odd_psi_d_pred_3 = psi_beta_turned * sinc_theta_3
-    bend_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_3
-    bend_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 + even_y_i_alpha_3
-    bend_y_i_beta_sum = bend_y_i_beta_0 + bend_y_i_beta_1 + bend_y_i_beta_2 + bend_y_i_beta_3
-    bend_y_i_alpha_mean = bend_y_i_alpha_sum * 0.25
-    bend_y_i_beta_mean = 0.25 * bend_y_i_beta_sum
-    offset_y_i_beta = SALIENCY * bend_y_i_beta_sum
-    dev_y_i_alpha_0 = even_y_i_alpha_0 - bend_y_i_alpha_mean
-    dev_y_i_alpha_1 = even_y_i_alpha_1 - bend_y_i_alpha_mean
-    dev_y_i_alpha_2 = even_y_i_alpha_2 - bend_y_i_alpha_mean
-    dev_y_i_alpha_3 = even_y_i_alpha_3 - bend_y_i_alpha_mean
-    dev_y_i_beta_0 = bend_y_i_beta_0 - bend_y_i_beta_mean
-    dev_y_i_beta_1 = bend_y_i_beta_1 - bend_y_i_beta_mean
-    dev_y_i_beta_2 = bend_y_i_beta_2 - bend_y_i_beta_mean
-    dev_y_i_beta_3 = bend_y_i_beta_3 - bend_y_i_beta_mean
+    curv_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_theta
+    curv_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 + even_y_i_alpha_3
+    curv_y_i_beta_sum = curv_y_i_beta_0 + curv_y_i_beta_1 + curv_y_i_beta_2 + curv_y_i_beta_3
+    curv_y_i_alpha_mean = curv_y_i_alpha_sum * 0.25
+    curv_y_i_beta_mean = 0.25 * curv_y_i_beta_sum
+    offset_y_i_beta = SALIENCY * curv_y_i_beta_sum
+    dev_y_i_alpha_0 = even_y_i_alpha_0 - curv_y_i_alpha_mean
+    dev_y_i_alpha_1 = even_y_i_alpha_1 - curv_y_i_alpha_mean
+    dev_y_i_alpha_2 = even_y_i_alpha_2 - curv_y_i_alpha_mean
+    dev_y_i_alpha_3 = even_y_i_alpha_3 - curv_y_i_alpha_mean
+    dev_y_i_beta_0 = curv_y_i_beta_0 - curv_y_i_beta_mean
+    dev_y_i_beta_1 = curv_y_i_beta_1 - curv_y_i_beta_mean
+    dev_y_i_beta_2 = curv_y_i_beta_2 - curv_y_i_beta_mean
+    dev_y_i_beta_3 = curv_y_i_beta_3 - curv_y_i_beta_mean
 
     # --- eq. 22: R, and what the bend of h adds to it
     R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1
@@ -694,103 +676,104 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
 
     # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
-        - i_salient_pred - bend_y_i_alpha_mean)
+        - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
         INV_L_Q * psi_beta_turned - offset_y_i_beta)
     noise_10_per_noise_00 = noise_10 / noise_00
-    part_of_span_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3
-    HL_03 = SALIENCY * part_of_span_first
-    g_first_3 = HL_03 * D_pred_3
-    span_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
-    part_of_span_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2
-    HL_02 = SALIENCY * part_of_span_first_2
-    g_first_2 = HL_02 * D_pred_2
-    span_first_2 = _larger(span_first_3 + HL_02 * g_first_2, noise_00)
-    g_first_1 = D_pred_1 * odd_y_i_alpha_1
-    span_first_1 = _larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
-    g_first_0 = odd_y_i_alpha_0 * D_pred_0
-    span_first = _larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
-    one_per_span_first = 1.0 / span_first
-    share_first = innovation_i_alpha * one_per_span_first
+    part_of_var_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3
+    HL_03 = SALIENCY * part_of_var_first
+    g_first_3 = HL_03 * D_pred_theta
+    var_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
+    part_of_var_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2
+    HL_02 = SALIENCY * part_of_var_first_2
+    g_first_2 = HL_02 * D_pred_omega
+    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, noise_00)
+    g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1
+    var_first_1 = _larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
+    g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha
+    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    one_per_var_first = 1.0 / var_first
+    nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00
     HL_12_apart = odd_y_i_beta_2 - HL_02 * noise_10_per_noise_00
-    gathered_first_y2 = g_first_3 * HL_13_apart + g_first_2 * HL_12_apart
+    gain_first_y2 = g_first_3 * HL_13_apart + g_first_2 * HL_12_apart
     HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00
-    gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart
+    gain_first_y1 = gain_first_y2 + g_first_1 * HL_11_apart
     HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00
     innovation_after_first = (innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
-        share_first * (gathered_first_y1 + g_first_0 * HL_10_apart))
-    variance_second = (_larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
-        dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
-        R_turned_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1))
-    D_pred_3_per_span_first_3 = D_pred_3 / span_first_3
-    D_first_3 = noise_00 * D_pred_3_per_span_first_3
+        nu_by_var_first * (gain_first_y1 + g_first_0 * HL_10_apart))
+    R_second = (_larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 + dev_y_i_beta_1 * dev_y_i_beta_1 +
+        dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) - R_turned_00 -
+        noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1))
+    D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3
+    D_first_3 = noise_00 * D_pred_theta_per_var_first_3
     g_second_3 = HL_13_apart * D_first_3
-    span_second_3 = _larger(variance_second + HL_13_apart * g_second_3, variance_second)
-    change_first_32 = part_of_span_first * SALIENCY_SQ * part_of_span_first_2 * D_pred_3_per_span_first_3
+    var_second_3 = _larger(R_second + HL_13_apart * g_second_3, R_second)
+    change_first_32 = part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3
     f_second_2 = HL_12_apart - HL_13_apart * change_first_32
-    one_per_span_first_2 = 1.0 / span_first_2
-    D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2)
+    one_per_var_first_2 = 1.0 / var_first_2
+    D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    span_second_2 = _larger(span_second_3 + f_second_2 * g_second_2, variance_second)
-    lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2
-    f_second_1 = HL_11_apart - gathered_first_y2 * lambda_first_1
-    one_per_span_first_1 = 1.0 / span_first_1
-    D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1)
+    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2
+    f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1
+    one_per_var_first_1 = 1.0 / var_first_1
+    D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    span_second_1 = _larger(span_second_2 + f_second_1 * g_second_1, variance_second)
-    lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1
-    f_second_0 = HL_10_apart - gathered_first_y1 * lambda_first_0
-    D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first)
+    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
+    f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0
+    D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    span_second = _larger(span_second_1 + f_second_0 * g_second_0, variance_second)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    psi_alpha_new = g_first_0 * share_first + g_second_0 * share_second + psi_alpha_pred
+    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + psi_alpha_pred
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
-    psi_beta_new = (share_first * (g_first_1 + L_pred_10 * g_first_0) +
-        share_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred)
-    gathered_first_21 = g_first_2 + g_first_1 * L_pred_21
+    psi_beta_new = (nu_by_var_first * (g_first_1 + L_pred_10 * g_first_0) +
+        nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred)
+    gain_first_21 = g_first_2 + g_first_1 * L_pred_21
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
-    gathered_second_21 = g_second_2 + g_second_1 * L_first_21
-    L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21
-    omega_new = (share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
-        share_second * (gathered_second_21 + g_second_0 * L_first_20) + omega_pred)
-    gathered_first_32 = g_first_3 + L_pred_32 * g_first_2
-    gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1
+    gain_second_21 = g_second_2 + g_second_1 * L_first_21
+    L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21
+    omega_new = (nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
+        nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + omega_pred)
+    gain_first_32 = g_first_3 + L_pred_32 * g_first_2
+    gain_first_31 = gain_first_32 + L_pred_31 * g_first_1
     L_first_32 = L_pred_32 - change_first_32
-    gathered_second_32 = g_second_3 + g_second_2 * L_first_32
-    L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32
-    gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31
-    L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31
-    theta_new = (math.wrap(share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
-        share_second * (gathered_second_31 + g_second_0 * L_first_30) + theta_pred))
+    gain_second_32 = g_second_3 + g_second_2 * L_first_32
+    L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32
+    gain_second_31 = gain_second_32 + g_second_1 * L_first_31
+    L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31
+    theta_new = (math.wrap(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred))
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    one_per_span_second_1 = 1.0 / span_second_1
-    lambda_second_0 = f_second_0 * one_per_span_second_1
+    D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second
+    one_per_var_second_1 = 1.0 / var_second_1
+    lambda_second_0 = f_second_0 * one_per_var_second_1
     L_new_10 = L_first_10 - g_second_1 * lambda_second_0
-    D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1
-    L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0
-    one_per_span_second_2 = 1.0 / span_second_2
-    lambda_second_1 = f_second_1 * one_per_span_second_2
+    D_new_psi_beta = D_first_1 * var_second_2 * one_per_var_second_1
+    L_new_20 = L_first_20 - gain_second_21 * lambda_second_0
+    one_per_var_second_2 = 1.0 / var_second_2
+    lambda_second_1 = f_second_1 * one_per_var_second_2
     L_new_21 = L_first_21 - g_second_2 * lambda_second_1
-    D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2
-    L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0
-    L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1
-    one_per_span_second_3 = 1.0 / span_second_3
-    L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3
-    D_new_3 = variance_second * D_first_3 * one_per_span_second_3
+    D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2
+    L_new_30 = L_first_30 - gain_second_31 * lambda_second_0
+    L_new_31 = L_first_31 - gain_second_32 * lambda_second_1
+    one_per_var_second_3 = 1.0 / var_second_3
+    L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3
+    D_new_theta = R_second * D_first_3 * one_per_var_second_3
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * share_first + innovation_after_first * share_second
+    nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second
 
     if stages is not None:
         stages["x"] = (psi_alpha_new, psi_beta_new, omega_new, theta_new,)
     return (
         (psi_alpha_new, psi_beta_new, omega_new, theta_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,),
+        (D_new_psi_alpha, L_new_10, D_new_psi_beta, L_new_20, L_new_21, D_new_omega, L_new_30, L_new_31,
+            L_new_32, D_new_theta,),
         (nis,),
     )
 
@@ -798,13 +781,13 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
 def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
 
     return (
         (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred),),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30,
+            L_pred_31, L_pred_32, D_pred_theta,),
     )
 
 
@@ -812,15 +795,15 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     """One iterate, eq. 28-33."""
     (psi_alpha_j, psi_beta_j, omega_j, theta_j) = x_j
     (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: x_pred - x^j
-    back_psi_alpha = psi_alpha_pred - psi_alpha_j
-    back_psi_beta = psi_beta_pred - psi_beta_j
-    back_theta = theta_pred - theta_j
+    deviation_psi_alpha = psi_alpha_pred - psi_alpha_j
+    deviation_psi_beta = psi_beta_pred - psi_beta_j
+    deviation_theta = theta_pred - theta_j
 
     # --- eq. 20: Jacobian
     sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
@@ -839,19 +822,20 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
     innovation_i_alpha = (i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-        slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
-        slope_y_i_alpha_3 * back_theta)
+        slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
+        slope_y_i_alpha_3 * deviation_theta)
     innovation_i_beta = (i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-        slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3)
+        slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
+        deviation_theta * slope_y_i_beta_3)
 
     # --- eq. 22: Pyy^j
     HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30
-    D_HL_00 = D_pred_0 * HL_00
+    D_HL_00 = D_pred_psi_alpha * HL_00
     HL_01 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31
-    D_HL_01 = HL_01 * D_pred_1
+    D_HL_01 = HL_01 * D_pred_psi_beta
     HL_02 = slope_y_i_alpha_3 * L_pred_32
-    D_HL_02 = HL_02 * D_pred_2
-    D_HL_03 = slope_y_i_alpha_3 * D_pred_3
+    D_HL_02 = HL_02 * D_pred_omega
+    D_HL_03 = slope_y_i_alpha_3 * D_pred_theta
     Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + slope_y_i_alpha_3 * D_HL_03 + R_0
     HL_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3
     HL_11 = slope_y_i_beta_1 + L_pred_31 * slope_y_i_beta_3
@@ -861,38 +845,38 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     # --- eq. 28: Pyy^-1 innovation
     one_per_Pyy_00 = 1.0 / Pyy_00
     Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10
-    D_HL_10 = D_pred_0 * HL_10
-    D_HL_11 = D_pred_1 * HL_11
-    D_HL_12 = D_pred_2 * HL_12
-    D_HL_13 = D_pred_3 * slope_y_i_beta_3
-    share_1 = ((innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / _larger(HL_10 * D_HL_10 +
+    D_HL_10 = D_pred_psi_alpha * HL_10
+    D_HL_11 = D_pred_psi_beta * HL_11
+    D_HL_12 = D_pred_omega * HL_12
+    D_HL_13 = D_pred_theta * slope_y_i_beta_3
+    Pyy_inv_nu_1 = ((innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / _larger(HL_10 * D_HL_10 +
         HL_11 * D_HL_11 + HL_12 * D_HL_12 + slope_y_i_beta_3 * D_HL_13 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1,
         R_1))
-    share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1
+    Pyy_inv_nu_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * Pyy_inv_nu_1
 
     # --- eq. 31: K innovation = L along; x^{j+1}
-    along_0 = D_HL_00 * share_0 + D_HL_10 * share_1
-    along_1 = D_HL_01 * share_0 + D_HL_11 * share_1
-    along_2 = D_HL_02 * share_0 + D_HL_12 * share_1
+    along_0 = D_HL_00 * Pyy_inv_nu_0 + D_HL_10 * Pyy_inv_nu_1
+    along_1 = D_HL_01 * Pyy_inv_nu_0 + D_HL_11 * Pyy_inv_nu_1
+    along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1
     psi_alpha_after = along_0 + psi_alpha_pred
     psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred
     omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred
-    theta_after = (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 + D_HL_03 * share_0 +
-        D_HL_13 * share_1 + theta_pred)
+    theta_after = (L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 + D_HL_03 * Pyy_inv_nu_0 +
+        D_HL_13 * Pyy_inv_nu_1 + theta_pred)
 
     # --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2
-    moved_psi_alpha = psi_alpha_after - psi_alpha_j
-    moved_psi_beta = psi_beta_after - psi_beta_j
-    moved_omega = omega_after - omega_j
-    moved_theta = theta_after - theta_j
-    change = (moved_psi_alpha * moved_psi_alpha + moved_psi_beta * moved_psi_beta + moved_omega * moved_omega
-        + moved_theta * moved_theta)
+    step_psi_alpha = psi_alpha_after - psi_alpha_j
+    step_psi_beta = psi_beta_after - psi_beta_j
+    step_omega = omega_after - omega_j
+    step_theta = theta_after - theta_j
+    change = (step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta + step_omega * step_omega +
+        step_theta * step_theta)
 
     if stages is not None:
         stages["x_next"] = (psi_alpha_after, psi_beta_after, omega_after, theta_after,)
     return (
         (psi_alpha_after, psi_beta_after, omega_after, theta_after,),
-        (innovation_i_alpha * share_0 + innovation_i_beta * share_1,),
+        (innovation_i_alpha * Pyy_inv_nu_0 + innovation_i_beta * Pyy_inv_nu_1,),
         (HL_00, HL_01, HL_02, slope_y_i_alpha_3, HL_10, HL_11, HL_12, slope_y_i_beta_3,),
         (change,),
     )
@@ -901,73 +885,74 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
 def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     """Result of the last iterate, eq. 32 and 34."""
     (psi_alpha_j, psi_beta_j, omega_j, theta_j) = x_j
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
     (R_0, R_1) = R
     (HL_00, HL_01, HL_02, HL_03, HL_10, HL_11, HL_12, HL_13) = HL
 
     # --- eq. 32
-    g_first_3 = HL_03 * D_pred_3
-    span_first_3 = _larger(HL_03 * g_first_3 + R_0, R_0)
-    g_first_2 = HL_02 * D_pred_2
-    span_first_2 = _larger(span_first_3 + HL_02 * g_first_2, R_0)
-    g_first_1 = HL_01 * D_pred_1
-    span_first_1 = _larger(span_first_2 + HL_01 * g_first_1, R_0)
-    span_first = _larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0)
-    D_pred_3_per_span_first_3 = D_pred_3 / span_first_3
-    D_first_3 = R_0 * D_pred_3_per_span_first_3
+    g_first_3 = HL_03 * D_pred_theta
+    var_first_3 = _larger(HL_03 * g_first_3 + R_0, R_0)
+    g_first_2 = HL_02 * D_pred_omega
+    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, R_0)
+    g_first_1 = HL_01 * D_pred_psi_beta
+    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, R_0)
+    var_first = _larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0)
+    D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3
+    D_first_3 = R_0 * D_pred_theta_per_var_first_3
     g_second_3 = HL_13 * D_first_3
-    span_second_3 = _larger(HL_13 * g_second_3 + R_1, R_1)
-    change_first_32 = HL_03 * HL_02 * D_pred_3_per_span_first_3
+    var_second_3 = _larger(HL_13 * g_second_3 + R_1, R_1)
+    change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3
     f_second_2 = HL_12 - HL_13 * change_first_32
-    one_per_span_first_2 = 1.0 / span_first_2
-    D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2)
+    one_per_var_first_2 = 1.0 / var_first_2
+    D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    span_second_2 = _larger(span_second_3 + f_second_2 * g_second_2, R_1)
-    lambda_first_1 = HL_01 * one_per_span_first_2
-    gathered_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12
-    f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2
-    one_per_span_first_1 = 1.0 / span_first_1
-    D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1)
+    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_1)
+    lambda_first_1 = HL_01 * one_per_var_first_2
+    gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12
+    f_second_1 = HL_11 - lambda_first_1 * gain_first_y2
+    one_per_var_first_1 = 1.0 / var_first_1
+    D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1)
     g_second_1 = f_second_1 * D_first_1
-    span_second_1 = _larger(span_second_2 + f_second_1 * g_second_1, R_1)
-    D_first_0 = D_pred_0 * span_first_1 / span_first
-    lambda_first_0 = HL_00 * one_per_span_first_1
-    f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11)
-    span_second = _larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
+    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_1)
+    D_first_0 = D_pred_psi_alpha * var_first_1 / var_first
+    lambda_first_0 = HL_00 * one_per_var_first_1
+    f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
+    var_second = _larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_j)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 / span_second
-    one_per_span_second_1 = 1.0 / span_second_1
-    lambda_second_0 = f_second_0 * one_per_span_second_1
+    D_new_psi_alpha = D_first_0 * var_second_1 / var_second
+    one_per_var_second_1 = 1.0 / var_second_1
+    lambda_second_0 = f_second_0 * one_per_var_second_1
     L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0
-    D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1
+    D_new_psi_beta = var_second_2 * D_first_1 * one_per_var_second_1
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
     L_new_20 = (L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21))
-    one_per_span_second_2 = 1.0 / span_second_2
-    lambda_second_1 = f_second_1 * one_per_span_second_2
+    one_per_var_second_2 = 1.0 / var_second_2
+    lambda_second_1 = f_second_1 * one_per_var_second_2
     L_new_21 = L_first_21 - g_second_2 * lambda_second_1
-    D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2
-    gathered_first_32 = g_first_3 + g_first_2 * L_pred_32
+    D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2
+    gain_first_32 = g_first_3 + g_first_2 * L_pred_32
     L_first_32 = L_pred_32 - change_first_32
-    gathered_second_32 = g_second_3 + g_second_2 * L_first_32
-    L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32
-    L_new_30 = (L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
-        lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31))
-    L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32
-    one_per_span_second_3 = 1.0 / span_second_3
-    L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3
-    D_new_3 = D_first_3 * R_1 * one_per_span_second_3
+    gain_second_32 = g_second_3 + g_second_2 * L_first_32
+    L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32
+    L_new_30 = (L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
+        lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31))
+    L_new_31 = L_first_31 - lambda_second_1 * gain_second_32
+    one_per_var_second_3 = 1.0 / var_second_3
+    L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3
+    D_new_theta = D_first_3 * R_1 * one_per_var_second_3
 
     if stages is not None:
         stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new,)
     return (
         (psi_alpha_j, psi_beta_j, omega_j, theta_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_new_21, D_new_2, L_new_30, L_new_31, L_new_32, D_new_3,),
+        (D_new_psi_alpha, L_new_10, D_new_psi_beta, L_new_20, L_new_21, D_new_omega, L_new_30, L_new_31,
+            L_new_32, D_new_theta,),
     )
 
 
@@ -988,19 +973,24 @@ def ckf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     z_pred, turn_pred = ckf_measurement_update_turns(LD_pred, math, stages)
     LD_pred, turn_pred, status = _widen(
         LD_pred, z_pred, turn_pred, accepted, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, turn_pred, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3], status)
+    return status
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -1020,7 +1010,9 @@ def ickf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x_j = x_pred
     active = np.ones(np.shape(accepted), bool)[()]  # all lanes take the first pass
     moving = active
@@ -1042,20 +1034,23 @@ def ickf_step(f, u, y, math, stages=None):
     iterations = np.where(accepted, iterations, 0)[()]
     status = status | np.where(accepted & moving, NOT_CONVERGED, 0)[()]
     x, LD = ickf_finish(x_j, LD_pred, f.R, HL, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3], status)
+    return status
 
 
 def clarke(phase, math, stages=None):
     """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
     (i_a, i_b) = phase
 
-    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+    return (i_a, ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b,)
 
 
 def believed_currents(x, math, stages=None):
@@ -1065,7 +1060,7 @@ def believed_currents(x, math, stages=None):
     theta = x[3]
     sin_theta, cos_theta = math.sin_cos(theta)
     psi_d = cos_theta * psi_alpha + sin_theta * psi_beta
-    i_salient = SALIENCY * psi_d - 15.138888888888891
+    i_salient = SALIENCY * psi_d - INV_L_D_PSI_M
     i_alpha_believed = INV_L_Q * psi_alpha + cos_theta * i_salient
     i_beta_believed = INV_L_Q * psi_beta + sin_theta * i_salient
 
@@ -1115,7 +1110,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
-    v_max = 0.5773502691896258 * v_link
+    v_max = ONE_BY_SQRT_3 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -1134,7 +1129,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- dead-time compensation
     minus_half_i_alpha = -0.5 * i_alpha
-    cross_i_beta = 0.8660254037844386 * i_beta
+    cross_i_beta = SQRT_3_BY_2 * i_beta
     i_b = minus_half_i_alpha + cross_i_beta
     i_c = minus_half_i_alpha - cross_i_beta
     sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
@@ -1143,7 +1138,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- SVPWM
     minus_half_v_alpha = -0.5 * v_alpha
-    cross_v_beta = 0.8660254037844386 * v_beta
+    cross_v_beta = SQRT_3_BY_2 * v_beta
     v_b = minus_half_v_alpha + cross_v_beta
     v_c = minus_half_v_alpha - cross_v_beta
     v_highest = _larger(v_alpha, _larger(v_b, v_c))

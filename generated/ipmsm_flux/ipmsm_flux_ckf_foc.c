@@ -31,15 +31,19 @@
 
 #include "ipmsm_flux_ckf_foc.h"
 
+#define PSI_M 0.545f /* magnet flux linkage, Wb */
+#define INV_L_Q 19.607843f /* 1 / L_q, A/Wb */
+#define SALIENCY 8.169934f /* 1 / L_d - 1 / L_q, A/Wb */
+#define POLE_PAIRS 3.0f /* p */
 #define L_D 0.036f /* L_d, H */
 #define L_Q 0.051f /* L_q, H */
-#define PSI_M 0.545f /* magnet flux linkage, Wb */
-#define POLE_PAIRS 3.0f /* p */
 #define TORQUE_PER_A 2.4525f /* 1.5 p psi_m, N m/A */
 #define MTPA_RATIO 0.027522936f /* (L_q - L_d) / psi_m, 1/A */
 #define A_PER_TORQUE 0.4077472f /* 1 / (1.5 p psi_m), A/(N m) */
-#define INV_L_Q 19.607843f /* 1 / L_q, A/Wb */
-#define SALIENCY 8.169934f /* 1 / L_d - 1 / L_q, A/Wb */
+#define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
+#define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
+#define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -91,7 +95,7 @@ static void clarke(const float32 phase[2], float32 i_out[2])
     const float32 i_b = phase[1];
 
     i_out[0] = i_a;
-    i_out[1] = 0.57735026f * i_a + 1.1547005f * i_b;
+    i_out[1] = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 }
 
 /* h, eq. 5: i_alpha, i_beta in A as the filter believes them */
@@ -104,7 +108,7 @@ static void believed_currents(const float32 x[4], float32 i_out[2])
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
     const float32 psi_d = cos_theta * psi_alpha + sin_theta * psi_beta;
-    const float32 i_salient = SALIENCY * psi_d - 15.138889f;
+    const float32 i_salient = SALIENCY * psi_d - INV_L_D_PSI_M;
     const float32 i_alpha_believed = INV_L_Q * psi_alpha + cos_theta * i_salient;
     const float32 i_beta_believed = INV_L_Q * psi_beta + sin_theta * i_salient;
 
@@ -174,7 +178,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
 
     /* --- voltage hexagon's inner circle */
     const float32 v_link = larger(v_dc, 1.0f);
-    const float32 v_max = 0.57735026f * v_link;
+    const float32 v_max = ONE_BY_SQRT_3 * v_link;
     const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
         v_max * v_max));
     const float32 v_d = shrink * v_d_wanted;
@@ -196,7 +200,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
 
     /* --- dead-time compensation */
     const float32 minus_half_i_alpha = -0.5f * i_alpha;
-    const float32 cross_i_beta = 0.8660254f * i_beta;
+    const float32 cross_i_beta = SQRT_3_BY_2 * i_beta;
     const float32 i_b = minus_half_i_alpha + cross_i_beta;
     const float32 i_c = minus_half_i_alpha - cross_i_beta;
     const float32 sign_i_a = larger(-1.0f, smaller(1.0f, i_alpha / gain_dead_current));
@@ -205,7 +209,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
 
     /* --- SVPWM */
     const float32 minus_half_v_alpha = -0.5f * v_alpha;
-    const float32 cross_v_beta = 0.8660254f * v_beta;
+    const float32 cross_v_beta = SQRT_3_BY_2 * v_beta;
     const float32 v_b = minus_half_v_alpha + cross_v_beta;
     const float32 v_c = minus_half_v_alpha - cross_v_beta;
     const float32 v_highest = larger(v_alpha, larger(v_b, v_c));

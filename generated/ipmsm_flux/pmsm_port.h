@@ -71,7 +71,7 @@ typedef struct {
     float32 cosine;
 } pmsm_pair;
 
-/* What the rest of the code takes for granted. A line that fails is an array of negative size; its name says what
+/* Assumptions of the rest of the code. A line that fails is an array of negative size; its name says what
  * is wrong. */
 typedef int pmsm_float32_must_have_32_bits[(CHAR_BIT * sizeof(float32) == 32U) ? 1 : -1];
 typedef int pmsm_float32_must_have_24_bits_of_mantissa[(FLT_MANT_DIG == 24) ? 1 : -1];
@@ -101,7 +101,7 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 
 /* --- self-test ------------------------------------------------------------------------------------------------ */
 
-/* What a self-test is called with: exact bits where division and square root round as IEEE says, the recorded
+/* Argument of a self-test: exact bits where division and square root round as IEEE says, the recorded
  * allowance on the C28x, where they are Newton steps. */
 #ifndef PMSM_SELFTEST_TOLERANCE
 #ifdef __TMS320C28XX__

@@ -51,6 +51,7 @@ SMALL_TURN_4 = 0.125  # rad^2, of z = d^2 / 4: polynomials serve while the sum o
 UNKNOWN_TURN_4 = 2.4674011002723395  # rad^2, of that sum: d = pi, beyond which points alias
 
 # Motor data and sample time, folded.
+POLE_PAIRS = 4.0  # p
 DECAY_I = 0.9311377245508982  # 1 - T R / L
 GAIN_V = 0.023952095808383235  # T / L, A/V
 DECAY_OMEGA = 0.999995  # 1 - T D / J
@@ -62,9 +63,11 @@ DECAY_OMEGA_SQ = 0.9999900000249999  # DECAY_OMEGA * DECAY_OMEGA
 L_D = 0.000835  # L_d, H
 L_Q = 0.000835  # L_q, H
 PSI_M = 0.175  # magnet flux linkage, Wb
-POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 GAIN_E = 0.004191616766467066  # T psi_m / L, A s/rad
 SAMPLE_TIME = 2e-05  # sample time, s
 
@@ -77,14 +80,6 @@ def _smaller(a, b):
 def _larger(a, b):
     """The larger of two, lane by lane; the second one where they do not compare."""
     return np.where(a > b, a, b)[()]
-
-
-def _watch_pivots(words, Q, status):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
-    clear = words[VARIANCES[0]] > Q[0]
-    for place, floor in zip(VARIANCES, Q):
-        clear = clear & (words[place] > floor)
-    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
 def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
@@ -112,42 +107,37 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _average(f, nis, where):
-    """Averages the normalised innovation squared over the window, where a measurement was taken."""
-    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _restart(f, where):
-    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+def _restart(f, x, LD, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. Returns x and LD."""
     words = diagonal(f.P_0, 0.0)
-    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
-    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
     f.nis = np.where(where, 0.0, f.nis)[()]
+    return (
+        tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, x)),
+        tuple(np.where(where, new, old)[()] for new, old in zip(words, LD)),
+    )
 
 
-def _set_status_bits(f, check, status):
+def _set_status_bits(f, x, LD, check, status):
     """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
-    number. Returns the status.
+    number. Returns x, LD and the status.
     """
-    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
-    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
-        return status
-    size = check * PER_SANE_LIMIT
+        return x, LD, status
+    size = check[0] * PER_SANE_LIMIT
     worst = size * size
-    for word in (f.nis, *f.LD):
-        size = word * PER_SANE_LIMIT
+    for entry in (f.nis, *LD):
+        size = entry * PER_SANE_LIMIT
         worst = worst + size * size
     status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
-    status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
-    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
-    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
-    restarted = (status & RESTARTED) != 0
-    if np.any(restarted):
-        _restart(f, restarted)
-    return status
+    status = status | np.where(ordinary | (f.nis < f.nis_max), 0, DIVERGED)[()]
+    where = ~ordinary & ((status & (COVARIANCE_REPAIRED | RESTARTED)) != 0)
+    f.repairs = np.where(where & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    where = ~ordinary & ((status & RESTARTED) != 0)
+    x, LD = _restart(f, x, LD, where)
+    return x, LD, status
 
 
 def _sin_cos_f32(x):
@@ -333,25 +323,25 @@ def _select(mask, new, old):
 
 def time_update_turns(LD, math, stages=None):
     """Small angles of time_update: sin(d) / d and cos(d) - 1."""
-    D_0 = LD[0]
-    D_1 = LD[2]
-    D_2 = LD[5]
+    D_i_alpha = LD[0]
+    D_i_beta = LD[2]
+    D_omega = LD[5]
     L_30 = LD[6]
     L_31 = LD[7]
     L_32 = LD[8]
-    D_3 = LD[9]
+    D_theta = LD[9]
 
     # --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    z_theta_0 = D_0 * L_30 * L_30
-    z_theta_1 = D_1 * L_31 * L_31
-    z_theta_2 = D_2 * L_32 * L_32
+    z_theta_0 = D_i_alpha * L_30 * L_30
+    z_theta_1 = D_i_beta * L_31 * L_31
+    z_theta_2 = D_omega * L_32 * L_32
     sinc_theta_0, cosm1_theta_0 = math.turn_4(z_theta_0)
     sinc_theta_1, cosm1_theta_1 = math.turn_4(z_theta_1)
     sinc_theta_2, cosm1_theta_2 = math.turn_4(z_theta_2)
-    sinc_theta_3, cosm1_theta_3 = math.turn_4(D_3)
+    sinc_theta_3, cosm1_theta_3 = math.turn_4(D_theta)
 
     return (
-        (z_theta_0, z_theta_1, z_theta_2, D_3,),
+        (z_theta_0, z_theta_1, z_theta_2, D_theta,),
         (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
             cosm1_theta_3,),
     )
@@ -360,7 +350,7 @@ def time_update_turns(LD, math, stages=None):
 def time_update(x, LD, Q, u, turn, math, stages=None):
     """Time update, eq. 13-18."""
     (i_alpha, i_beta, omega, theta) = x
-    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3) = LD
+    (D_i_alpha, L_10, D_i_beta, L_20, L_21, D_omega, L_30, L_31, L_32, D_theta) = LD
     (Q_0, Q_1, Q_2, Q_3) = Q
     (v_alpha, v_beta) = u
     (sinc_theta_0, cosm1_theta_0, sinc_theta_1, cosm1_theta_1, sinc_theta_2, cosm1_theta_2, sinc_theta_3,
@@ -383,90 +373,86 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_theta_next_2 = POLE_PAIRS_SAMPLE_TIME + L_32
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
-    D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
-    D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
+    D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0
+    D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1
     emf_step_sq = emf_step * emf_step
     sind_theta_2 = L_32 * sinc_theta_2
-    bend_i_alpha_2 = D_2 * sind_theta_2
-    D_sind_theta_3 = sinc_theta_3 * D_3
-    L_20_times_D_0 = L_20 * D_0
-    bend_i_alpha_0 = sind_theta_0 * L_20_times_D_0
-    L_21_times_D_1 = L_21 * D_1
-    bend_i_alpha_1 = sind_theta_1 * L_21_times_D_1
-    bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2
-    offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum
-    P_turned_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + emf_step_sq * (sind_theta_2 * bend_i_alpha_2 +
-        sinc_theta_3 * D_sind_theta_3) + GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (bend_i_alpha_0 * bend_i_alpha_0 +
-        bend_i_alpha_1 * bend_i_alpha_1 + bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha)
-    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
-    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
+    curv_i_alpha_2 = D_omega * sind_theta_2
+    D_sind_theta_3 = sinc_theta_3 * D_theta
+    D_odd_omega_0 = L_20 * D_i_alpha
+    curv_i_alpha_0 = sind_theta_0 * D_odd_omega_0
+    D_odd_omega_1 = L_21 * D_i_beta
+    curv_i_alpha_1 = sind_theta_1 * D_odd_omega_1
+    curv_i_alpha_sum = curv_i_alpha_0 + curv_i_alpha_1 + curv_i_alpha_2
+    offset_i_alpha = GAIN_E_POLE_PAIRS * curv_i_alpha_sum
+    P_turned_00 = (odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
+        emf_step_sq * (sind_theta_2 * curv_i_alpha_2 + sinc_theta_3 * D_sind_theta_3) +
+        GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (curv_i_alpha_0 * curv_i_alpha_0 + curv_i_alpha_1 * curv_i_alpha_1 +
+        curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha)
+    D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0
+    D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1
     one_plus_cosm1_theta_2 = 1.0 + cosm1_theta_2
     minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2
-    D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2
-    bend_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3
-    bend_i_beta_mean = bend_i_beta_sum * 0.25
-    dev_i_beta_0 = cosm1_theta_0 - bend_i_beta_mean
-    dev_i_beta_1 = cosm1_theta_1 - bend_i_beta_mean
-    dev_i_beta_2 = cosm1_theta_2 - bend_i_beta_mean
-    dev_i_beta_3 = cosm1_theta_3 - bend_i_beta_mean
-    P_turned_11 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
-        minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
-        0.25 * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
-        dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3))
-    P_turned_10 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
-        omega * GAIN_E_SQ_POLE_PAIRS_SQ * (bend_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
-        bend_i_alpha_0 * dev_i_beta_0 + bend_i_alpha_1 * dev_i_beta_1))
+    minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2
+    curv_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3
+    curv_i_beta_mean = curv_i_beta_sum * 0.25
+    dev_i_beta_0 = cosm1_theta_0 - curv_i_beta_mean
+    dev_i_beta_1 = cosm1_theta_1 - curv_i_beta_mean
+    dev_i_beta_2 = cosm1_theta_2 - curv_i_beta_mean
+    dev_i_beta_3 = cosm1_theta_3 - curv_i_beta_mean
+    P_turned_11 = (odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+        minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 + 0.25 * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 +
+        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3))
+    P_turned_10 = (D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
+        omega * GAIN_E_SQ_POLE_PAIRS_SQ * (curv_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
+        curv_i_alpha_0 * dev_i_beta_0 + curv_i_alpha_1 * dev_i_beta_1))
     P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0
     P_turn = sin_theta * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
-    D_pred_0 = _larger(P_pred_00, Q_0)
+    D_pred_i_alpha = _larger(P_pred_00, Q_0)
     P_pred_10 = cos_theta * P_tilt - P_turned_10
-    one_per_D_pred_0 = 1.0 / D_pred_0
-    L_pred_10 = P_pred_10 * one_per_D_pred_0
+    inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha
+    L_pred_10 = P_pred_10 * inv_D_pred_i_alpha
     P_pred_11 = P_turned_11 + P_turn + Q_1
-    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    D_pred_i_beta = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
     cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA
-    emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2
-    part_of_P_pred_20 = (L_20_times_D_0 * odd_i_alpha_next_0 + L_21_times_D_1 * odd_i_alpha_next_1 +
-        emf_step_times_bend_i_alpha_2)
+    D_odd_i_alpha_2 = emf_step * curv_i_alpha_2
+    part_of_P_pred_20 = (D_odd_omega_0 * odd_i_alpha_next_0 + D_odd_omega_1 * odd_i_alpha_next_1 +
+        D_odd_i_alpha_2)
     sin_theta_times_decay_omega = sin_theta * DECAY_OMEGA
-    part_of_P_pred_20_2 = (L_20_times_D_0 * odd_i_beta_next_0 + L_21_times_D_1 * odd_i_beta_next_1 -
-        D_2_x_minus_odd_i_beta_next_2)
+    part_of_P_pred_20_2 = (D_odd_omega_0 * odd_i_beta_next_0 + D_odd_omega_1 * odd_i_beta_next_1 -
+        minus_D_odd_i_beta_2)
     P_pred_20 = (cos_theta_times_decay_omega * part_of_P_pred_20 -
         sin_theta_times_decay_omega * part_of_P_pred_20_2)
-    L_pred_20 = one_per_D_pred_0 * P_pred_20
+    L_pred_20 = inv_D_pred_i_alpha * P_pred_20
     P_pred_21 = (sin_theta_times_decay_omega * part_of_P_pred_20 +
         cos_theta_times_decay_omega * part_of_P_pred_20_2)
     LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
-    one_per_D_pred_1 = 1.0 / D_pred_1
-    L_pred_21 = LD_pred_21 * one_per_D_pred_1
-    P_pred_22 = DECAY_OMEGA_SQ * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2
-    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
-    P_turned_30 = (D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + emf_step_times_bend_i_alpha_2 * odd_theta_next_2 +
-        emf_step * D_sind_theta_3)
-    P_turned_31 = (D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
-        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_theta_next_2)
+    inv_D_pred_i_beta = 1.0 / D_pred_i_beta
+    L_pred_21 = LD_pred_21 * inv_D_pred_i_beta
+    P_pred_22 = DECAY_OMEGA_SQ * (L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega) + Q_2
+    D_pred_omega = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
+    P_turned_30 = (D_odd_i_alpha_0 * odd_theta_next_0 + D_odd_i_alpha_1 * odd_theta_next_1 +
+        D_odd_i_alpha_2 * odd_theta_next_2 + emf_step * D_sind_theta_3)
+    P_turned_31 = (D_odd_i_beta_0 * odd_theta_next_0 + D_odd_i_beta_1 * odd_theta_next_1 -
+        minus_D_odd_i_beta_2 * odd_theta_next_2)
     P_pred_30 = cos_theta * P_turned_30 - sin_theta * P_turned_31
-    L_pred_30 = one_per_D_pred_0 * P_pred_30
+    L_pred_30 = inv_D_pred_i_alpha * P_pred_30
     P_pred_31 = sin_theta * P_turned_30 + cos_theta * P_turned_31
     LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
-    L_pred_31 = one_per_D_pred_1 * LD_pred_31
-    D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2
-    P_pred_32 = (DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 + L_21_times_D_1 * odd_theta_next_1 +
-        D_2_times_odd_theta_next_2))
+    L_pred_31 = inv_D_pred_i_beta * LD_pred_31
+    D_odd_theta_2 = D_omega * odd_theta_next_2
+    P_pred_32 = (DECAY_OMEGA * (D_odd_omega_0 * odd_theta_next_0 + D_odd_omega_1 * odd_theta_next_1 +
+        D_odd_theta_2))
     LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31
-    L_pred_32 = LD_pred_32 / D_pred_2
-    P_pred_33 = (D_0 * odd_theta_next_0 * odd_theta_next_0 + D_1 * odd_theta_next_1 * odd_theta_next_1 +
-        odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3)
-    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 - LD_pred_32 * L_pred_32,
-        Q_3))
+    L_pred_32 = LD_pred_32 / D_pred_omega
+    P_pred_33 = (D_i_alpha * odd_theta_next_0 * odd_theta_next_0 +
+        D_i_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3)
+    D_pred_theta = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3))
 
     # --- eq. 16: x_pred = mean X_i'
-    part_of_i_alpha_pred = emf_step + emf_step * bend_i_beta_mean
+    part_of_i_alpha_pred = emf_step + emf_step * curv_i_beta_mean
     i_alpha_pred = (DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
         cos_theta * offset_i_alpha)
     i_beta_pred = (DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
@@ -475,7 +461,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta
 
     # --- sum of the pivots, for the guard
-    check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3
+    check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta
 
     if stages is not None:
         stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred,)
@@ -483,8 +469,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta,),
         (check,),
     )
 
@@ -492,50 +478,50 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
 def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18-26."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 25: y - y_pred; theta wrapped
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_new = correction_second_0 + i_alpha_pred
-    i_beta_new = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_new = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_new = (math.wrap(correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
-        theta_pred))
+    i_beta_new = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_new = D_pred_i_beta * nu_by_var_second
+    omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
+    theta_new = math.wrap(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x"] = (i_alpha_new, i_beta_new, omega_new, theta_new,)
     return (
         (i_alpha_new, i_beta_new, omega_new, theta_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta,),
         (nis,),
     )
 
@@ -543,66 +529,67 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
 
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred),),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta,),
     )
 
 
 def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-        D_pred_3) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_after = correction_second_0 + i_alpha_pred
-    i_beta_after = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 + theta_pred
+    i_beta_after = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_after = D_pred_i_beta * nu_by_var_second
+    omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 + omega_pred
+    theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after,)
         stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new,)
     return (
         (i_alpha_after, i_beta_after, omega_after, theta_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32,
-            D_pred_3,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta,),
         (nis,),
     )
 
@@ -624,15 +611,20 @@ def ckf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3], status)
+    return status
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -652,22 +644,27 @@ def ickf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3], status)
+    return status
 
 
 def clarke(phase, math, stages=None):
     """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
     (i_a, i_b) = phase
 
-    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+    return (i_a, ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b,)
 
 
 def believed_currents(x, math, stages=None):
@@ -711,7 +708,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
-    v_max = 0.5773502691896258 * v_link
+    v_max = ONE_BY_SQRT_3 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -730,7 +727,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- dead-time compensation
     minus_half_i_alpha = -0.5 * i_alpha
-    cross_i_beta = 0.8660254037844386 * i_beta
+    cross_i_beta = SQRT_3_BY_2 * i_beta
     i_b = minus_half_i_alpha + cross_i_beta
     i_c = minus_half_i_alpha - cross_i_beta
     sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
@@ -739,7 +736,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- SVPWM
     minus_half_v_alpha = -0.5 * v_alpha
-    cross_v_beta = 0.8660254037844386 * v_beta
+    cross_v_beta = SQRT_3_BY_2 * v_beta
     v_b = minus_half_v_alpha + cross_v_beta
     v_c = minus_half_v_alpha - cross_v_beta
     v_highest = _larger(v_alpha, _larger(v_b, v_c))

@@ -68,16 +68,20 @@
 #define GAIN_Q 8.460126e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define LOSS_Q 0.10131888f /* (1 - exp(-T R / L_q)) / R, 1 / ohm */
 #define DECAY_OMEGA 0.999975f /* exp(-T D / J) */
-#define GAIN_OMEGA 0.012499844f /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
+#define GAIN_OMEGA 0.012499844f /* (1 - exp(-T D / J)) / D, rad/s per N m */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08f /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
+#define PAIR_WEIGHT 0.14285715f /* 1 / 7: weight of the two points of a column of S */
 #define MAGNET_TURN_POLE_PAIRS 3.3365823e-06f /* MAGNET_TURN * POLE_PAIRS */
 #define GAIN_TORQUE_INV_L_D 7185.629f /* GAIN_TORQUE * INV_L_D */
 #define GAIN_TORQUE_INV_L_D_X7 50299.402f /* 7 * GAIN_TORQUE * INV_L_D */
 #define GAIN_OMEGA_HALF_T_POLE_PAIRS 2.4999688e-06f /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define ONE_MINUS_RETURN 0.9998779f /* 1 - RETURN */
+#define OWN_MAGNET_FLUX_RETURN 2.1362304e-05f /* OWN_MAGNET_FLUX * RETURN */
+#define OWN_STATOR_RESISTANCE_RETURN 0.00035095215f /* OWN_STATOR_RESISTANCE * RETURN */
 #define GAIN_OMEGA_SQ 0.0001562461f /* GAIN_OMEGA * GAIN_OMEGA */
 #define INV_L_D_X7 8383.233f /* 7 * INV_L_D */
+#define PAIR_WEIGHT_SQ 0.020408163f /* PAIR_WEIGHT * PAIR_WEIGHT */
 #define INV_L_Q_SQ 1.4342572e+06f /* INV_L_Q * INV_L_Q */
 
 /* Adding and subtracting it rounds to the nearest integer. */
@@ -197,14 +201,14 @@ static int within(const float32 value[2], float32 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float32 LD[28], float32 turn_out[4])
 {
-    const float32 D_0 = LD[0];
+    const float32 D_theta = LD[0];
     const float32 L_10 = LD[1];
-    const float32 D_1 = LD[2];
+    const float32 D_omega = LD[2];
 
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float32 one_and_L_10_scaled = 1.0f + HALF_T_POLE_PAIRS * L_10;
-    const float32 z_theta_mid_0 = D_0 * one_and_L_10_scaled * one_and_L_10_scaled;
-    const float32 z_theta_mid_1 = D_1 * HALF_T_SQ_POLE_PAIRS_SQ;
+    const float32 odd_theta_mid_0 = 1.0f + HALF_T_POLE_PAIRS * L_10;
+    const float32 z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0;
+    const float32 z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ;
 
     if (z_theta_mid_0 + z_theta_mid_1 > SMALL_TURN) {
         float32 z[2];
@@ -230,34 +234,34 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 load_torque = x[4];
     const float32 magnet_flux = x[5];
     const float32 stator_resistance = x[6];
-    const float32 D_0 = LD[0];
+    const float32 D_theta = LD[0];
     const float32 L_10 = LD[1];
-    const float32 D_1 = LD[2];
+    const float32 D_omega = LD[2];
     const float32 L_20 = LD[3];
     const float32 L_21 = LD[4];
-    const float32 D_2 = LD[5];
+    const float32 D_stator_resistance = LD[5];
     const float32 L_30 = LD[6];
     const float32 L_31 = LD[7];
     const float32 L_32 = LD[8];
-    const float32 D_3 = LD[9];
+    const float32 D_magnet_flux = LD[9];
     const float32 L_40 = LD[10];
     const float32 L_41 = LD[11];
     const float32 L_42 = LD[12];
     const float32 L_43 = LD[13];
-    const float32 D_4 = LD[14];
+    const float32 D_psi_alpha = LD[14];
     const float32 L_50 = LD[15];
     const float32 L_51 = LD[16];
     const float32 L_52 = LD[17];
     const float32 L_53 = LD[18];
     const float32 L_54 = LD[19];
-    const float32 D_5 = LD[20];
+    const float32 D_psi_beta = LD[20];
     const float32 L_60 = LD[21];
     const float32 L_61 = LD[22];
     const float32 L_62 = LD[23];
     const float32 L_63 = LD[24];
     const float32 L_64 = LD[25];
     const float32 L_65 = LD[26];
-    const float32 D_6 = LD[27];
+    const float32 D_load_torque = LD[27];
     const float32 Q_0 = Q[0];
     const float32 Q_1 = Q[1];
     const float32 Q_2 = Q[2];
@@ -281,19 +285,19 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 sin_theta_mid = sincos_theta_mid.sine;
     const float32 cos_theta_mid = sincos_theta_mid.cosine;
     const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
-    const float32 n_D_0 = D_0 * 7.0f;
+    const float32 n_D_0 = D_theta * 7.0f;
     const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float32 n_D_0_times_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+    const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
     const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
     const float32 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
-        n_D_0_times_sind_theta_mid_0 * odd_psi_beta_turned_0;
+        n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
     const float32 odd_psi_alpha_turned_0 = cos_theta_mid * L_40 + sin_theta_mid * L_50;
     const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
     const float32 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
         sind_theta_mid_0 * psi_q_mid;
     const float32 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
-        n_D_0_times_sind_theta_mid_0 * odd_psi_alpha_turned_0;
+        n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
     const float32 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
         psi_d_mid * sind_theta_mid_0;
     const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
@@ -332,18 +336,18 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 L_30_times_gain_torque_inv_l_d = L_30 * GAIN_TORQUE_INV_L_D;
     const float32 even_torque_0 = magnet_flux_scaled * even_psi_q_between_0 +
         n_D_0 * L_30_times_gain_torque_inv_l_d * odd_psi_q_between_0;
-    const float32 n_D_1 = 7.0f * D_1;
+    const float32 n_D_1 = 7.0f * D_omega;
     const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
-    const float32 n_D_1_times_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+    const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
     const float32 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
     const float32 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
-        n_D_1_times_sind_theta_mid_1 * odd_psi_beta_turned_1;
+        n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
     const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
     const float32 odd_psi_alpha_turned_1 = cos_theta_mid * L_41 + sin_theta_mid * L_51;
     const float32 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
         psi_q_mid * sind_theta_mid_1;
     const float32 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
-        n_D_1_times_sind_theta_mid_1 * odd_psi_alpha_turned_1;
+        n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
     const float32 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
         psi_d_mid * sind_theta_mid_1;
     const float32 loss_d_times_L_21 = LOSS_D * L_21;
@@ -373,7 +377,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
         omega_e_times_magnet_turn * L_32;
     const float32 odd_psi_q_between_2 = 0.5f * (odd_psi_q_mid_2 + odd_psi_q_next_2);
-    const float32 n_D_2 = 7.0f * D_2;
+    const float32 n_D_2 = 7.0f * D_stator_resistance;
     const float32 L_32_times_gain_torque_inv_l_d = L_32 * GAIN_TORQUE_INV_L_D;
     const float32 minus_even_psi_q_next_2 = LOSS_Q * n_D_2 * odd_psi_q_mid_2;
     const float32 minus_even_psi_q_between_2 = minus_even_psi_q_next_2 * 0.5f;
@@ -400,15 +404,15 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 odd_torque_5 = half_times_magnet_flux_scaled * (cos_theta_mid + odd_psi_q_next_5);
     const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-        n_D_0_times_sind_theta_mid_0 * odd_psi_q_next_0;
+        n_D_sind_theta_mid_0 * odd_psi_q_next_0;
     const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
     const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-        n_D_1_times_sind_theta_mid_1 * odd_psi_q_next_1;
+        n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-    const float32 even_psi_beta_next_0 = n_D_0_times_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
+    const float32 even_psi_beta_next_0 = n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
         cosm1_theta_mid_0 * total_psi_q_next_0;
     const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-    const float32 even_psi_beta_next_1 = n_D_1_times_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
+    const float32 even_psi_beta_next_1 = n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
         cosm1_theta_mid_1 * total_psi_q_next_1;
     const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
         sind_theta_mid_0 * total_psi_q_next_0;
@@ -435,230 +439,228 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 odd_stator_resistance_next_1 = L_21 * ONE_MINUS_RETURN;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-    const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
-    const float32 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
-    const float32 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
-    const float32 D_3_times_odd_omega_next_3 = D_3 * odd_omega_next_3;
-    const float32 D_4_times_odd_omega_next_4 = D_4 * odd_omega_next_4;
-    const float32 D_5_times_odd_omega_next_5 = D_5 * odd_omega_next_5;
-    const float32 gain_omega_times_D_6 = GAIN_OMEGA * D_6;
-    const float32 bend_omega_3 = GAIN_TORQUE_INV_L_D_X7 * odd_psi_q_between_3 * D_3;
-    const float32 bend_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + bend_omega_3;
-    const float32 bend_omega_mean = 0.14285715f * bend_omega_sum;
-    const float32 part_of_P_pred_32 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
-        odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
-        odd_omega_next_3 * D_3_times_odd_omega_next_3 + odd_omega_next_4 * D_4_times_odd_omega_next_4 +
-        odd_omega_next_5 * D_5_times_odd_omega_next_5 + GAIN_OMEGA * gain_omega_times_D_6 +
-        GAIN_OMEGA_SQ * (0.14285715f * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
-        even_torque_2 * even_torque_2 + bend_omega_3 * bend_omega_3) - bend_omega_mean * bend_omega_mean);
-    const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_0_times_odd_omega_next_0 +
-        HALF_T_POLE_PAIRS * D_1_times_odd_omega_next_1;
+    const float32 D_odd_omega_0 = D_theta * odd_omega_next_0;
+    const float32 D_odd_omega_1 = D_omega * odd_omega_next_1;
+    const float32 D_odd_omega_2 = D_stator_resistance * odd_omega_next_2;
+    const float32 D_odd_omega_3 = D_magnet_flux * odd_omega_next_3;
+    const float32 D_odd_omega_4 = D_psi_alpha * odd_omega_next_4;
+    const float32 D_odd_omega_5 = D_psi_beta * odd_omega_next_5;
+    const float32 minus_D_odd_omega_6 = GAIN_OMEGA * D_load_torque;
+    const float32 curv_omega_3 = GAIN_TORQUE_INV_L_D_X7 * odd_psi_q_between_3 * D_magnet_flux;
+    const float32 curv_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + curv_omega_3;
+    const float32 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+    const float32 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
+        + odd_omega_next_5 * D_odd_omega_5 + GAIN_OMEGA * minus_D_odd_omega_6 +
+        GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+        even_torque_2 * even_torque_2 + curv_omega_3 * curv_omega_3) - curv_omega_mean * curv_omega_mean);
+    const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
     const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
-    const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_1 * HALF_T_POLE_PAIRS)
-        + D_0 * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
-    const float32 D_pred_0 = larger(P_pred_33, Q_3);
-    const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
-    const float32 L_pred_10 = P_pred_32 * one_per_D_pred_0;
+    const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+        D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
+    const float32 D_pred_theta = larger(P_pred_33, Q_3);
+    const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+    const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
     const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
-    const float32 D_pred_1 = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
-    const float32 part_of_P_pred_62 = D_0 * odd_stator_resistance_next_0;
-    const float32 part_of_P_pred_62_2 = D_1 * odd_stator_resistance_next_1;
-    const float32 D_2_times_one_minus_return = D_2 * ONE_MINUS_RETURN;
-    const float32 P_pred_62 = odd_omega_next_0 * part_of_P_pred_62 + odd_omega_next_1 * part_of_P_pred_62_2 +
-        odd_omega_next_2 * D_2_times_one_minus_return;
-    const float32 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + part_of_P_pred_62_2) +
-        odd_theta_mid_0 * part_of_P_pred_62;
-    const float32 L_pred_20 = one_per_D_pred_0 * P_pred_63;
+    const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
+    const float32 D_odd_stator_resistance_0 = D_theta * odd_stator_resistance_next_0;
+    const float32 D_odd_stator_resistance_1 = D_omega * odd_stator_resistance_next_1;
+    const float32 D_odd_stator_resistance_2 = D_stator_resistance * ONE_MINUS_RETURN;
+    const float32 P_pred_62 = odd_omega_next_0 * D_odd_stator_resistance_0 +
+        odd_omega_next_1 * D_odd_stator_resistance_1 + odd_omega_next_2 * D_odd_stator_resistance_2;
+    const float32 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + D_odd_stator_resistance_1) +
+        odd_theta_mid_0 * D_odd_stator_resistance_0;
+    const float32 L_pred_20 = inv_D_pred_theta * P_pred_63;
     const float32 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
-    const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-    const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-    const float32 P_pred_66 = odd_stator_resistance_next_0 * part_of_P_pred_62 +
-        odd_stator_resistance_next_1 * part_of_P_pred_62_2 + ONE_MINUS_RETURN * D_2_times_one_minus_return +
-        Q_6;
-    const float32 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6);
-    const float32 D_0_x_odd_magnet_flux_next_0 = D_0 * odd_magnet_flux_next_0;
-    const float32 D_1_x_odd_magnet_flux_next_1 = D_1 * odd_magnet_flux_next_1;
-    const float32 D_2_x_odd_magnet_flux_next_2 = D_2 * odd_magnet_flux_next_2;
-    const float32 D_3_times_one_minus_return = D_3 * ONE_MINUS_RETURN;
-    const float32 P_pred_52 = odd_omega_next_0 * D_0_x_odd_magnet_flux_next_0 +
-        odd_omega_next_1 * D_1_x_odd_magnet_flux_next_1 + odd_omega_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_omega_next_3 * D_3_times_one_minus_return;
-    const float32 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_1_x_odd_magnet_flux_next_1) +
-        odd_theta_mid_0 * D_0_x_odd_magnet_flux_next_0;
-    const float32 L_pred_30 = one_per_D_pred_0 * P_pred_53;
+    const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+    const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
+    const float32 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
+        odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
+        ONE_MINUS_RETURN * D_odd_stator_resistance_2 + Q_6;
+    const float32 D_pred_stator_resistance = larger(P_pred_66 - P_pred_63 * L_pred_20 -
+        LD_pred_21 * L_pred_21, Q_6);
+    const float32 D_odd_magnet_flux_0 = D_theta * odd_magnet_flux_next_0;
+    const float32 D_odd_magnet_flux_1 = D_omega * odd_magnet_flux_next_1;
+    const float32 D_odd_magnet_flux_2 = D_stator_resistance * odd_magnet_flux_next_2;
+    const float32 D_odd_magnet_flux_3 = D_magnet_flux * ONE_MINUS_RETURN;
+    const float32 P_pred_52 = odd_omega_next_0 * D_odd_magnet_flux_0 + odd_omega_next_1 * D_odd_magnet_flux_1
+        + odd_omega_next_2 * D_odd_magnet_flux_2 + odd_omega_next_3 * D_odd_magnet_flux_3;
+    const float32 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_odd_magnet_flux_1) +
+        odd_theta_mid_0 * D_odd_magnet_flux_0;
+    const float32 L_pred_30 = inv_D_pred_theta * P_pred_53;
     const float32 LD_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
-    const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-    const float32 P_pred_65 = part_of_P_pred_62 * odd_magnet_flux_next_0 +
-        part_of_P_pred_62_2 * odd_magnet_flux_next_1 + D_2_times_one_minus_return * odd_magnet_flux_next_2;
+    const float32 L_pred_31 = inv_D_pred_omega * LD_pred_31;
+    const float32 P_pred_65 = D_odd_stator_resistance_0 * odd_magnet_flux_next_0 +
+        D_odd_stator_resistance_1 * odd_magnet_flux_next_1 +
+        D_odd_stator_resistance_2 * odd_magnet_flux_next_2;
     const float32 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
-    const float32 one_per_D_pred_2 = 1.0f / D_pred_2;
-    const float32 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
-    const float32 P_pred_55 = odd_magnet_flux_next_0 * D_0_x_odd_magnet_flux_next_0 +
-        odd_magnet_flux_next_1 * D_1_x_odd_magnet_flux_next_1 +
-        odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + ONE_MINUS_RETURN * D_3_times_one_minus_return
-        + Q_5;
-    const float32 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
+    const float32 inv_D_pred_stator_resistance = 1.0f / D_pred_stator_resistance;
+    const float32 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
+    const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
+        odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
+        ONE_MINUS_RETURN * D_odd_magnet_flux_3 + Q_5;
+    const float32 D_pred_magnet_flux = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_5);
     const float32 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
-    const float32 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
+    const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
         minus_even_psi_d_next_2;
-    const float32 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.14285715f;
-    const float32 P_turned_20 = D_0_times_odd_omega_next_0 * odd_psi_alpha_next_0 +
-        D_1_times_odd_omega_next_1 * odd_psi_alpha_next_1 + D_2_times_odd_omega_next_2 * odd_psi_d_next_2 +
-        D_3_times_odd_omega_next_3 * odd_psi_d_next_3 + D_4_times_odd_omega_next_4 * odd_psi_d_next_4 +
-        D_5_times_odd_omega_next_5 * odd_psi_d_next_5 +
-        GAIN_OMEGA * (0.14285715f * (even_psi_alpha_next_0 * even_torque_0 +
+    const float32 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
+    const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+        D_odd_omega_2 * odd_psi_d_next_2 + D_odd_omega_3 * odd_psi_d_next_3 + D_odd_omega_4 * odd_psi_d_next_4
+        + D_odd_omega_5 * odd_psi_d_next_5 +
+        GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
         even_psi_alpha_next_1 * even_torque_1 - minus_even_psi_d_next_2 * even_torque_2) -
-        bend_psi_alpha_mean * bend_omega_mean);
-    const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
-    const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
-    const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_1_times_odd_psi_alpha_next_1) +
-        odd_theta_mid_0 * D_0_times_odd_psi_alpha_next_0;
-    const float32 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
-    const float32 bend_psi_beta_mean = 0.14285715f * bend_psi_beta_sum;
-    const float32 P_turned_21 = D_0_times_odd_omega_next_0 * odd_psi_beta_next_0 +
-        D_1_times_odd_omega_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_omega_next_2 +
-        odd_psi_q_next_3 * D_3_times_odd_omega_next_3 + odd_psi_q_next_4 * D_4_times_odd_omega_next_4 +
-        odd_psi_q_next_5 * D_5_times_odd_omega_next_5 +
-        GAIN_OMEGA * (0.14285715f * (even_psi_beta_next_0 * even_torque_0 +
-        even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
-        bend_psi_beta_mean * bend_omega_mean);
-    const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
-    const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
-    const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_1_times_odd_psi_beta_next_1) +
-        odd_theta_mid_0 * D_0_times_odd_psi_beta_next_0;
+        curv_psi_alpha_mean * curv_omega_mean);
+    const float32 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
+    const float32 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
+    const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
+        odd_theta_mid_0 * D_odd_psi_alpha_0;
+    const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
+    const float32 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
+    const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+        odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 + odd_psi_q_next_4 * D_odd_omega_4
+        + odd_psi_q_next_5 * D_odd_omega_5 + GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0
+        + even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
+        curv_psi_beta_mean * curv_omega_mean);
+    const float32 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
+    const float32 D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0;
+    const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
+        odd_theta_mid_0 * D_odd_psi_beta_0;
     const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-    const float32 L_pred_40 = one_per_D_pred_0 * P_pred_30;
+    const float32 L_pred_40 = inv_D_pred_theta * P_pred_30;
     const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float32 LD_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
-    const float32 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
-    const float32 P_turned_60 = part_of_P_pred_62 * odd_psi_alpha_next_0 +
-        part_of_P_pred_62_2 * odd_psi_alpha_next_1 + D_2_times_one_minus_return * odd_psi_d_next_2;
-    const float32 P_turned_61 = part_of_P_pred_62 * odd_psi_beta_next_0 +
-        part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_one_minus_return;
+    const float32 L_pred_41 = inv_D_pred_omega * LD_pred_41;
+    const float32 P_turned_60 = D_odd_stator_resistance_0 * odd_psi_alpha_next_0 +
+        D_odd_stator_resistance_1 * odd_psi_alpha_next_1 + D_odd_stator_resistance_2 * odd_psi_d_next_2;
+    const float32 P_turned_61 = D_odd_stator_resistance_0 * odd_psi_beta_next_0 +
+        D_odd_stator_resistance_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_stator_resistance_2;
     const float32 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
     const float32 LD_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_41;
-    const float32 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
-    const float32 P_turned_50 = D_0_x_odd_magnet_flux_next_0 * odd_psi_alpha_next_0 +
-        D_1_x_odd_magnet_flux_next_1 * odd_psi_alpha_next_1 + D_2_x_odd_magnet_flux_next_2 * odd_psi_d_next_2
-        + D_3_times_one_minus_return * odd_psi_d_next_3;
-    const float32 P_turned_51 = D_0_x_odd_magnet_flux_next_0 * odd_psi_beta_next_0 +
-        D_1_x_odd_magnet_flux_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_x_odd_magnet_flux_next_2 +
-        odd_psi_q_next_3 * D_3_times_one_minus_return;
+    const float32 L_pred_42 = inv_D_pred_stator_resistance * LD_pred_42;
+    const float32 P_turned_50 = D_odd_magnet_flux_0 * odd_psi_alpha_next_0 +
+        D_odd_magnet_flux_1 * odd_psi_alpha_next_1 + D_odd_magnet_flux_2 * odd_psi_d_next_2 +
+        D_odd_magnet_flux_3 * odd_psi_d_next_3;
+    const float32 P_turned_51 = D_odd_magnet_flux_0 * odd_psi_beta_next_0 +
+        D_odd_magnet_flux_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_magnet_flux_2 +
+        odd_psi_q_next_3 * D_odd_magnet_flux_3;
     const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
     const float32 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
-    const float32 one_per_D_pred_3 = 1.0f / D_pred_3;
-    const float32 L_pred_43 = LD_pred_43 * one_per_D_pred_3;
-    const float32 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 + D_2 * odd_psi_d_next_2 * odd_psi_d_next_2 +
-        D_3 * odd_psi_d_next_3 * odd_psi_d_next_3 + D_4 * odd_psi_d_next_4 * odd_psi_d_next_4 +
-        D_5 * odd_psi_d_next_5 * odd_psi_d_next_5 +
-        0.14285715f * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
+    const float32 inv_D_pred_magnet_flux = 1.0f / D_pred_magnet_flux;
+    const float32 L_pred_43 = LD_pred_43 * inv_D_pred_magnet_flux;
+    const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + D_stator_resistance * odd_psi_d_next_2 * odd_psi_d_next_2 +
+        D_magnet_flux * odd_psi_d_next_3 * odd_psi_d_next_3 +
+        D_psi_alpha * odd_psi_d_next_4 * odd_psi_d_next_4 + D_psi_beta * odd_psi_d_next_5 * odd_psi_d_next_5 +
+        PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
         even_psi_alpha_next_1 * even_psi_alpha_next_1 + minus_even_psi_d_next_2 * minus_even_psi_d_next_2) -
-        bend_psi_alpha_mean * bend_psi_alpha_mean;
-    const float32 D_2_times_odd_psi_q_next_2 = D_2 * odd_psi_q_next_2;
-    const float32 odd_psi_q_next_3_times_D_3 = odd_psi_q_next_3 * D_3;
-    const float32 D_4_times_odd_psi_q_next_4 = D_4 * odd_psi_q_next_4;
-    const float32 D_5_times_odd_psi_q_next_5 = D_5 * odd_psi_q_next_5;
-    const float32 P_turned_11 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_psi_q_next_2 +
-        odd_psi_q_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_q_next_4 * D_4_times_odd_psi_q_next_4 +
-        odd_psi_q_next_5 * D_5_times_odd_psi_q_next_5 +
-        0.14285715f * (even_psi_beta_next_0 * even_psi_beta_next_0 +
+        curv_psi_alpha_mean * curv_psi_alpha_mean;
+    const float32 D_odd_psi_beta_2 = D_stator_resistance * odd_psi_q_next_2;
+    const float32 D_odd_psi_beta_3 = odd_psi_q_next_3 * D_magnet_flux;
+    const float32 D_odd_psi_beta_4 = D_psi_alpha * odd_psi_q_next_4;
+    const float32 D_odd_psi_beta_5 = D_psi_beta * odd_psi_q_next_5;
+    const float32 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
+        odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
+        odd_psi_q_next_3 * D_odd_psi_beta_3 + odd_psi_q_next_4 * D_odd_psi_beta_4 +
+        odd_psi_q_next_5 * D_odd_psi_beta_5 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
         even_psi_beta_next_1 * even_psi_beta_next_1 + minus_even_psi_q_next_2 * minus_even_psi_q_next_2) -
-        bend_psi_beta_mean * bend_psi_beta_mean;
-    const float32 P_turned_10 = odd_psi_alpha_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_d_next_2 * D_2_times_odd_psi_q_next_2 +
-        odd_psi_d_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_d_next_4 * D_4_times_odd_psi_q_next_4 +
-        odd_psi_d_next_5 * D_5_times_odd_psi_q_next_5 +
-        0.14285715f * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
+        curv_psi_beta_mean * curv_psi_beta_mean;
+    const float32 P_turned_10 = odd_psi_alpha_next_0 * D_odd_psi_beta_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_beta_1 + odd_psi_d_next_2 * D_odd_psi_beta_2 +
+        odd_psi_d_next_3 * D_odd_psi_beta_3 + odd_psi_d_next_4 * D_odd_psi_beta_4 +
+        odd_psi_d_next_5 * D_odd_psi_beta_5 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
         even_psi_alpha_next_1 * even_psi_beta_next_1 + minus_even_psi_d_next_2 * minus_even_psi_q_next_2) -
-        bend_psi_alpha_mean * bend_psi_beta_mean;
+        curv_psi_alpha_mean * curv_psi_beta_mean;
     const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
     const float32 P_turn = sin_theta_mid * P_tilt;
     const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
-    const float32 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
+    const float32 D_pred_psi_alpha = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
     const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-    const float32 L_pred_50 = one_per_D_pred_0 * P_pred_31;
+    const float32 L_pred_50 = inv_D_pred_theta * P_pred_31;
     const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float32 LD_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
-    const float32 L_pred_51 = one_per_D_pred_1 * LD_pred_51;
+    const float32 L_pred_51 = inv_D_pred_omega * LD_pred_51;
     const float32 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
     const float32 LD_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_51;
-    const float32 L_pred_52 = one_per_D_pred_2 * LD_pred_52;
+    const float32 L_pred_52 = inv_D_pred_stator_resistance * LD_pred_52;
     const float32 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
     const float32 LD_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * LD_pred_51 -
         L_pred_32 * LD_pred_52;
-    const float32 L_pred_53 = one_per_D_pred_3 * LD_pred_53;
+    const float32 L_pred_53 = inv_D_pred_magnet_flux * LD_pred_53;
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
-    const float32 one_per_D_pred_4 = 1.0f / D_pred_4;
-    const float32 L_pred_54 = LD_pred_54 * one_per_D_pred_4;
+    const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+    const float32 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
-    const float32 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
+    const float32 D_pred_psi_beta = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
         LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
-    const float32 D_0_times_L_60 = D_0 * L_60;
-    const float32 D_1_times_L_61 = D_1 * L_61;
-    const float32 D_2_times_L_62 = D_2 * L_62;
-    const float32 D_3_times_L_63 = D_3 * L_63;
-    const float32 D_4_times_L_64 = D_4 * L_64;
-    const float32 D_5_times_L_65 = D_5 * L_65;
-    const float32 P_pred_42 = odd_omega_next_0 * D_0_times_L_60 + odd_omega_next_1 * D_1_times_L_61 +
-        odd_omega_next_2 * D_2_times_L_62 + odd_omega_next_3 * D_3_times_L_63 +
-        odd_omega_next_4 * D_4_times_L_64 + odd_omega_next_5 * D_5_times_L_65 - gain_omega_times_D_6;
-    const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_1_times_L_61) +
-        odd_theta_mid_0 * D_0_times_L_60;
-    const float32 L_pred_60 = one_per_D_pred_0 * P_pred_43;
+    const float32 D_odd_load_torque_0 = D_theta * L_60;
+    const float32 D_odd_load_torque_1 = D_omega * L_61;
+    const float32 D_odd_load_torque_2 = D_stator_resistance * L_62;
+    const float32 D_odd_load_torque_3 = D_magnet_flux * L_63;
+    const float32 D_odd_load_torque_4 = D_psi_alpha * L_64;
+    const float32 D_odd_load_torque_5 = D_psi_beta * L_65;
+    const float32 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+        + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 +
+        odd_omega_next_4 * D_odd_load_torque_4 + odd_omega_next_5 * D_odd_load_torque_5 - minus_D_odd_omega_6;
+    const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) +
+        odd_theta_mid_0 * D_odd_load_torque_0;
+    const float32 L_pred_60 = inv_D_pred_theta * P_pred_43;
     const float32 LD_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
-    const float32 L_pred_61 = one_per_D_pred_1 * LD_pred_61;
-    const float32 P_pred_64 = L_60 * part_of_P_pred_62 + L_61 * part_of_P_pred_62_2 +
-        L_62 * D_2_times_one_minus_return;
+    const float32 L_pred_61 = inv_D_pred_omega * LD_pred_61;
+    const float32 P_pred_64 = L_60 * D_odd_stator_resistance_0 + L_61 * D_odd_stator_resistance_1 +
+        L_62 * D_odd_stator_resistance_2;
     const float32 LD_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_61;
-    const float32 L_pred_62 = one_per_D_pred_2 * LD_pred_62;
-    const float32 P_pred_54 = L_60 * D_0_x_odd_magnet_flux_next_0 + L_61 * D_1_x_odd_magnet_flux_next_1 +
-        L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * D_3_times_one_minus_return;
+    const float32 L_pred_62 = inv_D_pred_stator_resistance * LD_pred_62;
+    const float32 P_pred_54 = L_60 * D_odd_magnet_flux_0 + L_61 * D_odd_magnet_flux_1 +
+        L_62 * D_odd_magnet_flux_2 + L_63 * D_odd_magnet_flux_3;
     const float32 LD_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_61 -
         L_pred_32 * LD_pred_62;
-    const float32 L_pred_63 = one_per_D_pred_3 * LD_pred_63;
-    const float32 P_turned_40 = odd_psi_alpha_next_0 * D_0_times_L_60 + odd_psi_alpha_next_1 * D_1_times_L_61
-        + odd_psi_d_next_2 * D_2_times_L_62 + odd_psi_d_next_3 * D_3_times_L_63 +
-        odd_psi_d_next_4 * D_4_times_L_64 + odd_psi_d_next_5 * D_5_times_L_65;
-    const float32 P_turned_41 = odd_psi_beta_next_0 * D_0_times_L_60 + odd_psi_beta_next_1 * D_1_times_L_61 +
-        odd_psi_q_next_2 * D_2_times_L_62 + odd_psi_q_next_3 * D_3_times_L_63 +
-        odd_psi_q_next_4 * D_4_times_L_64 + odd_psi_q_next_5 * D_5_times_L_65;
+    const float32 L_pred_63 = inv_D_pred_magnet_flux * LD_pred_63;
+    const float32 P_turned_40 = odd_psi_alpha_next_0 * D_odd_load_torque_0 +
+        odd_psi_alpha_next_1 * D_odd_load_torque_1 + odd_psi_d_next_2 * D_odd_load_torque_2 +
+        odd_psi_d_next_3 * D_odd_load_torque_3 + odd_psi_d_next_4 * D_odd_load_torque_4 +
+        odd_psi_d_next_5 * D_odd_load_torque_5;
+    const float32 P_turned_41 = odd_psi_beta_next_0 * D_odd_load_torque_0 +
+        odd_psi_beta_next_1 * D_odd_load_torque_1 + odd_psi_q_next_2 * D_odd_load_torque_2 +
+        odd_psi_q_next_3 * D_odd_load_torque_3 + odd_psi_q_next_4 * D_odd_load_torque_4 +
+        odd_psi_q_next_5 * D_odd_load_torque_5;
     const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
     const float32 LD_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * LD_pred_61 -
         L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
-    const float32 L_pred_64 = one_per_D_pred_4 * LD_pred_64;
+    const float32 L_pred_64 = inv_D_pred_psi_alpha * LD_pred_64;
     const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
     const float32 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
         L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
-    const float32 L_pred_65 = LD_pred_65 / D_pred_5;
-    const float32 P_pred_44 = L_60 * D_0_times_L_60 + L_61 * D_1_times_L_61 + L_62 * D_2_times_L_62 +
-        L_63 * D_3_times_L_63 + L_64 * D_4_times_L_64 + L_65 * D_5_times_L_65 + D_6 + Q_4;
-    const float32 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
+    const float32 L_pred_65 = LD_pred_65 / D_pred_psi_beta;
+    const float32 P_pred_44 = L_60 * D_odd_load_torque_0 + L_61 * D_odd_load_torque_1 +
+        L_62 * D_odd_load_torque_2 + L_63 * D_odd_load_torque_3 + L_64 * D_odd_load_torque_4 +
+        L_65 * D_odd_load_torque_5 + D_load_torque + Q_4;
+    const float32 D_pred_load_torque = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
         LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
         Q_4);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float32 offset_omega = GAIN_OMEGA * bend_omega_mean;
-    const float32 offset_theta = bend_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
-    const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
-    const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+    const float32 offset_omega = GAIN_OMEGA * curv_omega_mean;
+    const float32 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
+    const float32 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+    const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float32 omega_of_x = omega * DECAY_OMEGA +
         GAIN_OMEGA * (psi_q_between * magnet_flux_scaled - load_torque);
     const float32 omega_pred = omega_of_x + offset_omega;
-    const float32 theta_pred = theta_mid + omega_of_x * 0.0002f + offset_theta;
-    const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + 2.1362304e-05f;
-    const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + 0.00035095215f;
+    const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
+    const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
+    const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +
+        OWN_STATOR_RESISTANCE_RETURN;
 
     /* --- sum of the pivots, for the guard */
-    const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4 + D_pred_5 + D_pred_6;
+    const float32 check = D_pred_theta + D_pred_omega + D_pred_stator_resistance + D_pred_magnet_flux +
+        D_pred_psi_alpha + D_pred_psi_beta + D_pred_load_torque;
 
     x_pred_out[0] = psi_alpha_pred;
     x_pred_out[1] = psi_beta_pred;
@@ -667,51 +669,51 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     x_pred_out[4] = load_torque;
     x_pred_out[5] = magnet_flux_pred;
     x_pred_out[6] = stator_resistance_pred;
-    LD_pred_out[0] = D_pred_0;
+    LD_pred_out[0] = D_pred_theta;
     LD_pred_out[1] = L_pred_10;
-    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[2] = D_pred_omega;
     LD_pred_out[3] = L_pred_20;
     LD_pred_out[4] = L_pred_21;
-    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[5] = D_pred_stator_resistance;
     LD_pred_out[6] = L_pred_30;
     LD_pred_out[7] = L_pred_31;
     LD_pred_out[8] = L_pred_32;
-    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[9] = D_pred_magnet_flux;
     LD_pred_out[10] = L_pred_40;
     LD_pred_out[11] = L_pred_41;
     LD_pred_out[12] = L_pred_42;
     LD_pred_out[13] = L_pred_43;
-    LD_pred_out[14] = D_pred_4;
+    LD_pred_out[14] = D_pred_psi_alpha;
     LD_pred_out[15] = L_pred_50;
     LD_pred_out[16] = L_pred_51;
     LD_pred_out[17] = L_pred_52;
     LD_pred_out[18] = L_pred_53;
     LD_pred_out[19] = L_pred_54;
-    LD_pred_out[20] = D_pred_5;
+    LD_pred_out[20] = D_pred_psi_beta;
     LD_pred_out[21] = L_pred_60;
     LD_pred_out[22] = L_pred_61;
     LD_pred_out[23] = L_pred_62;
     LD_pred_out[24] = L_pred_63;
     LD_pred_out[25] = L_pred_64;
     LD_pred_out[26] = L_pred_65;
-    LD_pred_out[27] = D_pred_6;
+    LD_pred_out[27] = D_pred_load_torque;
     check_out[0] = check;
 }
 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float32 LD_pred[28], float32 turn_pred_out[2])
 {
-    const float32 D_pred_0 = LD_pred[0];
+    const float32 D_pred_theta = LD_pred[0];
 
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
 
-    if (D_pred_0 > SMALL_TURN) {
+    if (D_pred_theta > SMALL_TURN) {
         float32 z[1];
-        z[0] = D_pred_0;
+        z[0] = D_pred_theta;
         return widen(&LD_pred[ANGLE_ROW], z, turn_pred_out, 1);
     }
-    turn_pred_out[0] = (SINC_2 * D_pred_0 + SINC_1) * D_pred_0 + 1.0f;
-    turn_pred_out[1] = ((COSM1_3 * D_pred_0 + COSM1_2) * D_pred_0 + COSM1_1) * D_pred_0;
+    turn_pred_out[0] = (SINC_2 * D_pred_theta + SINC_1) * D_pred_theta + 1.0f;
+    turn_pred_out[1] = ((COSM1_3 * D_pred_theta + COSM1_2) * D_pred_theta + COSM1_1) * D_pred_theta;
     return 0;
 }
 
@@ -726,34 +728,34 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 load_torque_pred = x_pred[4];
     const float32 magnet_flux_pred = x_pred[5];
     const float32 stator_resistance_pred = x_pred[6];
-    const float32 D_pred_0 = LD_pred[0];
+    const float32 D_pred_theta = LD_pred[0];
     const float32 L_pred_10 = LD_pred[1];
-    const float32 D_pred_1 = LD_pred[2];
+    const float32 D_pred_omega = LD_pred[2];
     const float32 L_pred_20 = LD_pred[3];
     const float32 L_pred_21 = LD_pred[4];
-    const float32 D_pred_2 = LD_pred[5];
+    const float32 D_pred_stator_resistance = LD_pred[5];
     const float32 L_pred_30 = LD_pred[6];
     const float32 L_pred_31 = LD_pred[7];
     const float32 L_pred_32 = LD_pred[8];
-    const float32 D_pred_3 = LD_pred[9];
+    const float32 D_pred_magnet_flux = LD_pred[9];
     const float32 L_pred_40 = LD_pred[10];
     const float32 L_pred_41 = LD_pred[11];
     const float32 L_pred_42 = LD_pred[12];
     const float32 L_pred_43 = LD_pred[13];
-    const float32 D_pred_4 = LD_pred[14];
+    const float32 D_pred_psi_alpha = LD_pred[14];
     const float32 L_pred_50 = LD_pred[15];
     const float32 L_pred_51 = LD_pred[16];
     const float32 L_pred_52 = LD_pred[17];
     const float32 L_pred_53 = LD_pred[18];
     const float32 L_pred_54 = LD_pred[19];
-    const float32 D_pred_5 = LD_pred[20];
+    const float32 D_pred_psi_beta = LD_pred[20];
     const float32 L_pred_60 = LD_pred[21];
     const float32 L_pred_61 = LD_pred[22];
     const float32 L_pred_62 = LD_pred[23];
     const float32 L_pred_63 = LD_pred[24];
     const float32 L_pred_64 = LD_pred[25];
     const float32 L_pred_65 = LD_pred[26];
-    const float32 D_pred_6 = LD_pred[27];
+    const float32 D_pred_load_torque = LD_pred[27];
     const float32 R_0 = R[0];
     const float32 R_1 = R[1];
     const float32 i_alpha_meas = y[0];
@@ -782,11 +784,11 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 odd_y_i_beta_3 = INV_L_Q * L_pred_53 - inv_l_d_times_sin_theta_pred;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
-    const float32 part_of_innovation_i_alpha_2 = D_pred_0 * L_pred_30 * sinc_theta_0 * INV_L_D_X7;
+    const float32 part_of_innovation_i_alpha_2 = D_pred_theta * L_pred_30 * sinc_theta_0 * INV_L_D_X7;
     const float32 minus_even_y_i_alpha_0 = cosm1_theta_0 * part_of_innovation_i_alpha -
         sin_theta_pred * part_of_innovation_i_alpha_2;
-    const float32 minus_bend_y_i_alpha_mean = minus_even_y_i_alpha_0 * 0.14285715f;
-    const float32 part_of_noise_00 = minus_bend_y_i_alpha_mean - minus_even_y_i_alpha_0 * 0.020408163f;
+    const float32 minus_curv_y_i_alpha_mean = minus_even_y_i_alpha_0 * PAIR_WEIGHT;
+    const float32 part_of_noise_00 = minus_curv_y_i_alpha_mean - minus_even_y_i_alpha_0 * PAIR_WEIGHT_SQ;
     const float32 noise_00 = larger(minus_even_y_i_alpha_0 * part_of_noise_00 + R_0, R_0);
     const float32 minus_even_y_i_beta_0 = cosm1_theta_0 * part_of_odd_y_i_alpha_0_2 +
         cos_theta_pred * part_of_innovation_i_alpha_2;
@@ -794,165 +796,166 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
 
     /* --- eq. 25: y - y_pred; theta wrapped */
     const float32 innovation_i_alpha = part_of_innovation_i_alpha - INV_L_Q * psi_alpha_pred +
-        minus_bend_y_i_alpha_mean + i_alpha_meas;
-    const float32 minus_bend_y_i_beta_mean = 0.14285715f * minus_even_y_i_beta_0;
+        minus_curv_y_i_alpha_mean + i_alpha_meas;
+    const float32 minus_curv_y_i_beta_mean = PAIR_WEIGHT * minus_even_y_i_beta_0;
     const float32 noise_10_per_noise_00 = noise_10 / noise_00;
-    const float32 span_first_4 = noise_00 + D_pred_4 * INV_L_Q_SQ;
-    const float32 g_first_3 = D_pred_3 * odd_y_i_alpha_3;
-    const float32 span_first_3 = larger(span_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
-    const float32 g_first_2 = D_pred_2 * odd_y_i_alpha_2;
-    const float32 span_first_2 = larger(span_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
-    const float32 g_first_1 = D_pred_1 * odd_y_i_alpha_1;
-    const float32 span_first_1 = larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
-    const float32 g_first_0 = D_pred_0 * odd_y_i_alpha_0;
-    const float32 span_first = larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
-    const float32 one_per_span_first = 1.0f / span_first;
-    const float32 share_first = innovation_i_alpha * one_per_span_first;
+    const float32 var_first_4 = noise_00 + D_pred_psi_alpha * INV_L_Q_SQ;
+    const float32 g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3;
+    const float32 var_first_3 = larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
+    const float32 g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2;
+    const float32 var_first_2 = larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
+    const float32 g_first_1 = D_pred_omega * odd_y_i_alpha_1;
+    const float32 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+    const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
+    const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+    const float32 one_per_var_first = 1.0f / var_first;
+    const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float32 part_of_psi_alpha_new = L_pred_54 - noise_10_per_noise_00;
     const float32 part_of_psi_alpha_new_2 = INV_L_Q_SQ * part_of_psi_alpha_new;
     const float32 HL_13_apart = odd_y_i_beta_3 - odd_y_i_alpha_3 * noise_10_per_noise_00;
-    const float32 gathered_first_y3 = D_pred_4 * part_of_psi_alpha_new_2 + g_first_3 * HL_13_apart;
+    const float32 gain_first_y3 = D_pred_psi_alpha * part_of_psi_alpha_new_2 + g_first_3 * HL_13_apart;
     const float32 HL_12_apart = odd_y_i_beta_2 - odd_y_i_alpha_2 * noise_10_per_noise_00;
-    const float32 gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12_apart;
+    const float32 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12_apart;
     const float32 HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
-    const float32 gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart;
+    const float32 gain_first_y1 = gain_first_y2 + g_first_1 * HL_11_apart;
     const float32 HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
     const float32 innovation_after_first = part_of_odd_y_i_alpha_0_2 - INV_L_Q * psi_beta_pred +
-        minus_bend_y_i_beta_mean - innovation_i_alpha * noise_10_per_noise_00 -
-        share_first * (gathered_first_y1 + g_first_0 * HL_10_apart) + i_beta_meas;
-    const float32 variance_second = larger(minus_even_y_i_beta_0 * (minus_bend_y_i_beta_mean -
-        0.020408163f * minus_even_y_i_beta_0) - noise_10 * noise_10_per_noise_00 + R_1, R_1);
-    const float32 span_second_5 = variance_second + INV_L_Q_SQ * D_pred_5;
+        minus_curv_y_i_beta_mean - innovation_i_alpha * noise_10_per_noise_00 -
+        nu_by_var_first * (gain_first_y1 + g_first_0 * HL_10_apart) + i_beta_meas;
+    const float32 R_second = larger(minus_even_y_i_beta_0 * (minus_curv_y_i_beta_mean -
+        PAIR_WEIGHT_SQ * minus_even_y_i_beta_0) - noise_10 * noise_10_per_noise_00 + R_1, R_1);
+    const float32 var_second_5 = R_second + INV_L_Q_SQ * D_pred_psi_beta;
     const float32 HL_14_apart = INV_L_Q * part_of_psi_alpha_new;
-    const float32 one_per_span_first_4 = 1.0f / span_first_4;
-    const float32 D_first_4 = noise_00 * (D_pred_4 * one_per_span_first_4);
+    const float32 one_per_var_first_4 = 1.0f / var_first_4;
+    const float32 D_first_4 = noise_00 * (D_pred_psi_alpha * one_per_var_first_4);
     const float32 g_second_4 = HL_14_apart * D_first_4;
-    const float32 span_second_4 = larger(span_second_5 + HL_14_apart * g_second_4, variance_second);
-    const float32 g_first_4 = D_pred_4 * INV_L_Q;
-    const float32 change_first_43 = odd_y_i_alpha_3 * (g_first_4 * one_per_span_first_4);
+    const float32 var_second_4 = larger(var_second_5 + HL_14_apart * g_second_4, R_second);
+    const float32 g_first_4 = D_pred_psi_alpha * INV_L_Q;
+    const float32 change_first_43 = odd_y_i_alpha_3 * (g_first_4 * one_per_var_first_4);
     const float32 f_second_3 = HL_13_apart - change_first_43 * HL_14_apart;
-    const float32 one_per_span_first_3 = 1.0f / span_first_3;
-    const float32 D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3);
+    const float32 one_per_var_first_3 = 1.0f / var_first_3;
+    const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float32 g_second_3 = D_first_3 * f_second_3;
-    const float32 span_second_3 = larger(span_second_4 + f_second_3 * g_second_3, variance_second);
-    const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_span_first_3;
-    const float32 f_second_2 = HL_12_apart - lambda_first_2 * gathered_first_y3;
-    const float32 one_per_span_first_2 = 1.0f / span_first_2;
-    const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+    const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_second);
+    const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3;
+    const float32 f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3;
+    const float32 one_per_var_first_2 = 1.0f / var_first_2;
+    const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float32 g_second_2 = D_first_2 * f_second_2;
-    const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, variance_second);
-    const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2;
-    const float32 f_second_1 = HL_11_apart - lambda_first_1 * gathered_first_y2;
-    const float32 one_per_span_first_1 = 1.0f / span_first_1;
-    const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+    const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+    const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
+    const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
+    const float32 one_per_var_first_1 = 1.0f / var_first_1;
+    const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float32 g_second_1 = D_first_1 * f_second_1;
-    const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, variance_second);
-    const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1;
-    const float32 f_second_0 = HL_10_apart - lambda_first_0 * gathered_first_y1;
-    const float32 D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first);
+    const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+    const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
+    const float32 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
+    const float32 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
     const float32 g_second_0 = D_first_0 * f_second_0;
-    const float32 span_second = larger(span_second_1 + f_second_0 * g_second_0, variance_second);
-    const float32 gathered_first_43 = g_first_4 + L_pred_43 * g_first_3;
-    const float32 gathered_first_42 = gathered_first_43 + L_pred_42 * g_first_2;
-    const float32 gathered_first_41 = gathered_first_42 + L_pred_41 * g_first_1;
+    const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+    const float32 gain_first_43 = g_first_4 + L_pred_43 * g_first_3;
+    const float32 gain_first_42 = gain_first_43 + L_pred_42 * g_first_2;
+    const float32 gain_first_41 = gain_first_42 + L_pred_41 * g_first_1;
     const float32 L_first_43 = L_pred_43 - change_first_43;
-    const float32 gathered_second_43 = g_second_4 + L_first_43 * g_second_3;
-    const float32 L_first_42 = L_pred_42 - gathered_first_43 * lambda_first_2;
-    const float32 gathered_second_42 = gathered_second_43 + L_first_42 * g_second_2;
-    const float32 L_first_41 = L_pred_41 - gathered_first_42 * lambda_first_1;
-    const float32 gathered_second_41 = gathered_second_42 + L_first_41 * g_second_1;
-    const float32 L_first_40 = L_pred_40 - gathered_first_41 * lambda_first_0;
-    const float32 one_per_span_second = 1.0f / span_second;
-    const float32 share_second = innovation_after_first * one_per_span_second;
-    const float32 psi_alpha_new = (gathered_first_41 + L_pred_40 * g_first_0) * share_first +
-        (gathered_second_41 + L_first_40 * g_second_0) * share_second + psi_alpha_pred;
-    const float32 gathered_first_53 = g_first_4 * L_pred_54 + g_first_3 * L_pred_53;
-    const float32 gathered_first_52 = gathered_first_53 + g_first_2 * L_pred_52;
-    const float32 gathered_first_51 = gathered_first_52 + g_first_1 * L_pred_51;
-    const float32 g_second_5 = INV_L_Q * D_pred_5;
-    const float32 gathered_second_54 = g_second_5 + L_pred_54 * g_second_4;
+    const float32 gain_second_43 = g_second_4 + L_first_43 * g_second_3;
+    const float32 L_first_42 = L_pred_42 - gain_first_43 * lambda_first_2;
+    const float32 gain_second_42 = gain_second_43 + L_first_42 * g_second_2;
+    const float32 L_first_41 = L_pred_41 - gain_first_42 * lambda_first_1;
+    const float32 gain_second_41 = gain_second_42 + L_first_41 * g_second_1;
+    const float32 L_first_40 = L_pred_40 - gain_first_41 * lambda_first_0;
+    const float32 one_per_var_second = 1.0f / var_second;
+    const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
+    const float32 psi_alpha_new = (gain_first_41 + L_pred_40 * g_first_0) * nu_by_var_first +
+        (gain_second_41 + L_first_40 * g_second_0) * nu_by_var_second + psi_alpha_pred;
+    const float32 gain_first_53 = g_first_4 * L_pred_54 + g_first_3 * L_pred_53;
+    const float32 gain_first_52 = gain_first_53 + g_first_2 * L_pred_52;
+    const float32 gain_first_51 = gain_first_52 + g_first_1 * L_pred_51;
+    const float32 g_second_5 = INV_L_Q * D_pred_psi_beta;
+    const float32 gain_second_54 = g_second_5 + L_pred_54 * g_second_4;
     const float32 L_first_53 = L_pred_53 - change_first_43 * L_pred_54;
-    const float32 gathered_second_53 = gathered_second_54 + g_second_3 * L_first_53;
-    const float32 L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53;
-    const float32 gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52;
-    const float32 L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52;
-    const float32 gathered_second_51 = gathered_second_52 + g_second_1 * L_first_51;
-    const float32 L_first_50 = L_pred_50 - lambda_first_0 * gathered_first_51;
-    const float32 psi_beta_new = share_first * (gathered_first_51 + g_first_0 * L_pred_50) +
-        share_second * (gathered_second_51 + g_second_0 * L_first_50) + psi_beta_pred;
+    const float32 gain_second_53 = gain_second_54 + g_second_3 * L_first_53;
+    const float32 L_first_52 = L_pred_52 - lambda_first_2 * gain_first_53;
+    const float32 gain_second_52 = gain_second_53 + g_second_2 * L_first_52;
+    const float32 L_first_51 = L_pred_51 - lambda_first_1 * gain_first_52;
+    const float32 gain_second_51 = gain_second_52 + g_second_1 * L_first_51;
+    const float32 L_first_50 = L_pred_50 - lambda_first_0 * gain_first_51;
+    const float32 psi_beta_new = nu_by_var_first * (gain_first_51 + g_first_0 * L_pred_50) +
+        nu_by_var_second * (gain_second_51 + g_second_0 * L_first_50) + psi_beta_pred;
     const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
-    const float32 omega_new = share_first * (g_first_1 + g_first_0 * L_pred_10) +
-        share_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float32 theta_new = wrap_angle(g_first_0 * share_first + g_second_0 * share_second + theta_pred);
-    const float32 gathered_first_63 = g_first_4 * L_pred_64 + g_first_3 * L_pred_63;
-    const float32 gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62;
-    const float32 gathered_first_61 = gathered_first_62 + g_first_1 * L_pred_61;
-    const float32 gathered_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_pred_64;
+    const float32 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
+        nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
+    const float32 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
+        theta_pred);
+    const float32 gain_first_63 = g_first_4 * L_pred_64 + g_first_3 * L_pred_63;
+    const float32 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
+    const float32 gain_first_61 = gain_first_62 + g_first_1 * L_pred_61;
+    const float32 gain_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_pred_64;
     const float32 L_first_63 = L_pred_63 - change_first_43 * L_pred_64;
-    const float32 gathered_second_63 = gathered_second_64 + g_second_3 * L_first_63;
-    const float32 L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63;
-    const float32 gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62;
-    const float32 L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62;
-    const float32 gathered_second_61 = gathered_second_62 + g_second_1 * L_first_61;
-    const float32 L_first_60 = L_pred_60 - lambda_first_0 * gathered_first_61;
-    const float32 load_torque_new = share_first * (gathered_first_61 + g_first_0 * L_pred_60) +
-        share_second * (gathered_second_61 + g_second_0 * L_first_60) + load_torque_pred;
-    const float32 gathered_first_32 = g_first_3 + L_pred_32 * g_first_2;
-    const float32 gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1;
+    const float32 gain_second_63 = gain_second_64 + g_second_3 * L_first_63;
+    const float32 L_first_62 = L_pred_62 - lambda_first_2 * gain_first_63;
+    const float32 gain_second_62 = gain_second_63 + g_second_2 * L_first_62;
+    const float32 L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62;
+    const float32 gain_second_61 = gain_second_62 + g_second_1 * L_first_61;
+    const float32 L_first_60 = L_pred_60 - lambda_first_0 * gain_first_61;
+    const float32 load_torque_new = nu_by_var_first * (gain_first_61 + g_first_0 * L_pred_60) +
+        nu_by_var_second * (gain_second_61 + g_second_0 * L_first_60) + load_torque_pred;
+    const float32 gain_first_32 = g_first_3 + L_pred_32 * g_first_2;
+    const float32 gain_first_31 = gain_first_32 + L_pred_31 * g_first_1;
     const float32 L_first_32 = L_pred_32 - g_first_3 * lambda_first_2;
-    const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
-    const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
-    const float32 gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31;
-    const float32 L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31;
-    const float32 magnet_flux_new = share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
-        share_second * (gathered_second_31 + g_second_0 * L_first_30) + magnet_flux_pred;
-    const float32 gathered_first_21 = g_first_2 + g_first_1 * L_pred_21;
+    const float32 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float32 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+    const float32 gain_second_31 = gain_second_32 + g_second_1 * L_first_31;
+    const float32 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
+    const float32 magnet_flux_new = nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + magnet_flux_pred;
+    const float32 gain_first_21 = g_first_2 + g_first_1 * L_pred_21;
     const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
-    const float32 gathered_second_21 = g_second_2 + g_second_1 * L_first_21;
-    const float32 L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21;
-    const float32 stator_resistance_new = share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
-        share_second * (gathered_second_21 + g_second_0 * L_first_20) + stator_resistance_pred;
+    const float32 gain_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float32 L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21;
+    const float32 stator_resistance_new = nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
+        nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + stator_resistance_pred;
 
     /* --- eq. 26: L D L^T = P_new */
-    const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
-    const float32 one_per_span_second_1 = 1.0f / span_second_1;
-    const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+    const float32 D_new_theta = D_first_0 * var_second_1 * one_per_var_second;
+    const float32 one_per_var_second_1 = 1.0f / var_second_1;
+    const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float32 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
-    const float32 D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1;
-    const float32 L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0;
-    const float32 one_per_span_second_2 = 1.0f / span_second_2;
-    const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+    const float32 D_new_omega = D_first_1 * var_second_2 * one_per_var_second_1;
+    const float32 L_new_20 = L_first_20 - gain_second_21 * lambda_second_0;
+    const float32 one_per_var_second_2 = 1.0f / var_second_2;
+    const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
-    const float32 D_new_2 = D_first_2 * span_second_3 * one_per_span_second_2;
-    const float32 L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0;
-    const float32 L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1;
-    const float32 one_per_span_second_3 = 1.0f / span_second_3;
-    const float32 lambda_second_2 = f_second_2 * one_per_span_second_3;
+    const float32 D_new_stator_resistance = D_first_2 * var_second_3 * one_per_var_second_2;
+    const float32 L_new_30 = L_first_30 - gain_second_31 * lambda_second_0;
+    const float32 L_new_31 = L_first_31 - gain_second_32 * lambda_second_1;
+    const float32 one_per_var_second_3 = 1.0f / var_second_3;
+    const float32 lambda_second_2 = f_second_2 * one_per_var_second_3;
     const float32 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
-    const float32 D_new_3 = D_first_3 * span_second_4 * one_per_span_second_3;
-    const float32 L_new_40 = L_first_40 - gathered_second_41 * lambda_second_0;
-    const float32 L_new_41 = L_first_41 - gathered_second_42 * lambda_second_1;
-    const float32 L_new_42 = L_first_42 - gathered_second_43 * lambda_second_2;
-    const float32 one_per_span_second_4 = 1.0f / span_second_4;
-    const float32 lambda_second_3 = f_second_3 * one_per_span_second_4;
+    const float32 D_new_magnet_flux = D_first_3 * var_second_4 * one_per_var_second_3;
+    const float32 L_new_40 = L_first_40 - gain_second_41 * lambda_second_0;
+    const float32 L_new_41 = L_first_41 - gain_second_42 * lambda_second_1;
+    const float32 L_new_42 = L_first_42 - gain_second_43 * lambda_second_2;
+    const float32 one_per_var_second_4 = 1.0f / var_second_4;
+    const float32 lambda_second_3 = f_second_3 * one_per_var_second_4;
     const float32 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
-    const float32 D_new_4 = D_first_4 * span_second_5 * one_per_span_second_4;
-    const float32 L_new_50 = L_first_50 - gathered_second_51 * lambda_second_0;
-    const float32 L_new_51 = L_first_51 - gathered_second_52 * lambda_second_1;
-    const float32 L_new_52 = L_first_52 - gathered_second_53 * lambda_second_2;
-    const float32 L_new_53 = L_first_53 - gathered_second_54 * lambda_second_3;
-    const float32 D_pred_5_per_span_second_5 = D_pred_5 / span_second_5;
-    const float32 change_second_54 = part_of_psi_alpha_new_2 * D_pred_5_per_span_second_5;
+    const float32 D_new_psi_alpha = D_first_4 * var_second_5 * one_per_var_second_4;
+    const float32 L_new_50 = L_first_50 - gain_second_51 * lambda_second_0;
+    const float32 L_new_51 = L_first_51 - gain_second_52 * lambda_second_1;
+    const float32 L_new_52 = L_first_52 - gain_second_53 * lambda_second_2;
+    const float32 L_new_53 = L_first_53 - gain_second_54 * lambda_second_3;
+    const float32 part_of_L_new_54 = D_pred_psi_beta / var_second_5;
+    const float32 change_second_54 = part_of_psi_alpha_new_2 * part_of_L_new_54;
     const float32 L_new_54 = L_pred_54 - change_second_54;
-    const float32 D_new_5 = variance_second * D_pred_5_per_span_second_5;
-    const float32 L_new_60 = L_first_60 - gathered_second_61 * lambda_second_0;
-    const float32 L_new_61 = L_first_61 - gathered_second_62 * lambda_second_1;
-    const float32 L_new_62 = L_first_62 - gathered_second_63 * lambda_second_2;
-    const float32 L_new_63 = L_first_63 - gathered_second_64 * lambda_second_3;
+    const float32 D_new_psi_beta = R_second * part_of_L_new_54;
+    const float32 L_new_60 = L_first_60 - gain_second_61 * lambda_second_0;
+    const float32 L_new_61 = L_first_61 - gain_second_62 * lambda_second_1;
+    const float32 L_new_62 = L_first_62 - gain_second_63 * lambda_second_2;
+    const float32 L_new_63 = L_first_63 - gain_second_64 * lambda_second_3;
     const float32 L_new_64 = L_pred_64 - L_pred_65 * change_second_54;
 
     /* --- normalised innovation squared */
-    const float32 nis = innovation_i_alpha * share_first + innovation_after_first * share_second;
+    const float32 nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second;
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;
@@ -961,34 +964,34 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     x_out[4] = load_torque_new;
     x_out[5] = magnet_flux_new;
     x_out[6] = stator_resistance_new;
-    LD_out[0] = D_new_0;
+    LD_out[0] = D_new_theta;
     LD_out[1] = L_new_10;
-    LD_out[2] = D_new_1;
+    LD_out[2] = D_new_omega;
     LD_out[3] = L_new_20;
     LD_out[4] = L_new_21;
-    LD_out[5] = D_new_2;
+    LD_out[5] = D_new_stator_resistance;
     LD_out[6] = L_new_30;
     LD_out[7] = L_new_31;
     LD_out[8] = L_new_32;
-    LD_out[9] = D_new_3;
+    LD_out[9] = D_new_magnet_flux;
     LD_out[10] = L_new_40;
     LD_out[11] = L_new_41;
     LD_out[12] = L_new_42;
     LD_out[13] = L_new_43;
-    LD_out[14] = D_new_4;
+    LD_out[14] = D_new_psi_alpha;
     LD_out[15] = L_new_50;
     LD_out[16] = L_new_51;
     LD_out[17] = L_new_52;
     LD_out[18] = L_new_53;
     LD_out[19] = L_new_54;
-    LD_out[20] = D_new_5;
+    LD_out[20] = D_new_psi_beta;
     LD_out[21] = L_new_60;
     LD_out[22] = L_new_61;
     LD_out[23] = L_new_62;
     LD_out[24] = L_new_63;
     LD_out[25] = L_new_64;
     LD_out[26] = L_pred_65;
-    LD_out[27] = D_pred_6;
+    LD_out[27] = D_pred_load_torque;
     nis_out[0] = nis;
 }
 
@@ -1002,34 +1005,34 @@ static void coast(const float32 x_pred[7], const float32 LD_pred[28], float32 x_
     const float32 load_torque_pred = x_pred[4];
     const float32 magnet_flux_pred = x_pred[5];
     const float32 stator_resistance_pred = x_pred[6];
-    const float32 D_pred_0 = LD_pred[0];
+    const float32 D_pred_theta = LD_pred[0];
     const float32 L_pred_10 = LD_pred[1];
-    const float32 D_pred_1 = LD_pred[2];
+    const float32 D_pred_omega = LD_pred[2];
     const float32 L_pred_20 = LD_pred[3];
     const float32 L_pred_21 = LD_pred[4];
-    const float32 D_pred_2 = LD_pred[5];
+    const float32 D_pred_stator_resistance = LD_pred[5];
     const float32 L_pred_30 = LD_pred[6];
     const float32 L_pred_31 = LD_pred[7];
     const float32 L_pred_32 = LD_pred[8];
-    const float32 D_pred_3 = LD_pred[9];
+    const float32 D_pred_magnet_flux = LD_pred[9];
     const float32 L_pred_40 = LD_pred[10];
     const float32 L_pred_41 = LD_pred[11];
     const float32 L_pred_42 = LD_pred[12];
     const float32 L_pred_43 = LD_pred[13];
-    const float32 D_pred_4 = LD_pred[14];
+    const float32 D_pred_psi_alpha = LD_pred[14];
     const float32 L_pred_50 = LD_pred[15];
     const float32 L_pred_51 = LD_pred[16];
     const float32 L_pred_52 = LD_pred[17];
     const float32 L_pred_53 = LD_pred[18];
     const float32 L_pred_54 = LD_pred[19];
-    const float32 D_pred_5 = LD_pred[20];
+    const float32 D_pred_psi_beta = LD_pred[20];
     const float32 L_pred_60 = LD_pred[21];
     const float32 L_pred_61 = LD_pred[22];
     const float32 L_pred_62 = LD_pred[23];
     const float32 L_pred_63 = LD_pred[24];
     const float32 L_pred_64 = LD_pred[25];
     const float32 L_pred_65 = LD_pred[26];
-    const float32 D_pred_6 = LD_pred[27];
+    const float32 D_pred_load_torque = LD_pred[27];
 
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
@@ -1038,34 +1041,34 @@ static void coast(const float32 x_pred[7], const float32 LD_pred[28], float32 x_
     x_out[4] = load_torque_pred;
     x_out[5] = magnet_flux_pred;
     x_out[6] = stator_resistance_pred;
-    LD_out[0] = D_pred_0;
+    LD_out[0] = D_pred_theta;
     LD_out[1] = L_pred_10;
-    LD_out[2] = D_pred_1;
+    LD_out[2] = D_pred_omega;
     LD_out[3] = L_pred_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_stator_resistance;
     LD_out[6] = L_pred_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_magnet_flux;
     LD_out[10] = L_pred_40;
     LD_out[11] = L_pred_41;
     LD_out[12] = L_pred_42;
     LD_out[13] = L_pred_43;
-    LD_out[14] = D_pred_4;
+    LD_out[14] = D_pred_psi_alpha;
     LD_out[15] = L_pred_50;
     LD_out[16] = L_pred_51;
     LD_out[17] = L_pred_52;
     LD_out[18] = L_pred_53;
     LD_out[19] = L_pred_54;
-    LD_out[20] = D_pred_5;
+    LD_out[20] = D_pred_psi_beta;
     LD_out[21] = L_pred_60;
     LD_out[22] = L_pred_61;
     LD_out[23] = L_pred_62;
     LD_out[24] = L_pred_63;
     LD_out[25] = L_pred_64;
     LD_out[26] = L_pred_65;
-    LD_out[27] = D_pred_6;
+    LD_out[27] = D_pred_load_torque;
 }
 
 void spmsm_adaptive_ckf_init(spmsm_adaptive_ckf_t *f)

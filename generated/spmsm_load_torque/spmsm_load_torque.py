@@ -51,29 +51,39 @@ SMALL_TURN_5 = 0.1  # rad^2, of z = d^2 / 5: polynomials serve while the sum ove
 UNKNOWN_TURN_5 = 1.9739208802178716  # rad^2, of that sum: d = pi, beyond which points alias
 
 # Motor data and sample time, folded.
+POLE_PAIRS = 4.0  # p
 DECAY_I = 0.708708218076448  # exp(-T R / L)
 GAIN_V = 0.10131888066906156  # (1 - exp(-T R / L)) / R, A/V
 DECAY_OMEGA = 0.9999750003124974  # exp(-T D / J)
-GAIN_OMEGA = 0.01249984375195311  # T (1 + exp(-T D / J)) / (2 J), rad/s per N m
+GAIN_OMEGA = 0.012499843751302076  # (1 - exp(-T D / J)) / D, rad/s per N m
 HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
 GAIN_E_POLE_PAIRS = 0.07092321646834308  # GAIN_E * POLE_PAIRS
 GAIN_E_POLE_PAIRS_BY5 = 0.014184643293668617  # 0.2 * GAIN_E * POLE_PAIRS
-GAIN_OMEGA_GAIN_TORQUE_BY2 = 0.006562417969775382  # 0.5 * GAIN_OMEGA * GAIN_TORQUE
-GAIN_OMEGA_GAIN_TORQUE_BY5 = 0.002624967187910153  # 0.2 * GAIN_OMEGA * GAIN_TORQUE
+GAIN_OMEGA_GAIN_TORQUE_BY2 = 0.006562417969433589  # 0.5 * GAIN_OMEGA * GAIN_TORQUE
+GAIN_OMEGA_GAIN_TORQUE_BY5 = 0.002624967187773436  # 0.2 * GAIN_OMEGA * GAIN_TORQUE
 ONE_PLUS_DECAY_I = 1.7087082180764481  # 1 + DECAY_I
 GAIN_E_POLE_PAIRS_BY2 = 0.03546160823417154  # 0.5 * GAIN_E * POLE_PAIRS
+GAIN_E_POLE_PAIRS_X5_BY2 = 0.17730804117085772  # 2.5 * GAIN_E * POLE_PAIRS
+G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP = 5.249934375546872e-07  # GAIN_OMEGA * GAIN_TORQUE * HALF_T * PAIR_WEIGHT * POLE_PAIRS
 GAIN_E_SQ_POLE_PAIRS_SQ_X5 = 0.025150513171077263  # 5 * GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS
+PAIR_WEIGHT = 0.2  # 1 / 5: weight of the two points of a column of S
+PAIR_WEIGHT_SQ = 0.04000000000000001  # PAIR_WEIGHT * PAIR_WEIGHT
 GAIN_E_SQ_POLE_PAIRS_SQ = 0.0050301026342154526  # GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS
-GAIN_OMEGA_GAIN_TORQUE = 0.013124835939550763  # GAIN_OMEGA * GAIN_TORQUE
+GAIN_OMEGA_GAIN_TORQUE = 0.013124835938867178  # GAIN_OMEGA * GAIN_TORQUE
+GAIN_E_GAIN_TORQUE_PP_BY2 = 0.037234688645880115  # 0.5 * GAIN_E * GAIN_TORQUE * POLE_PAIRS
 GAIN_TORQUE_BY2 = 0.5249999999999999  # 0.5 * GAIN_TORQUE
-GAIN_OMEGA_SQ = 0.0001562460938232412  # GAIN_OMEGA * GAIN_OMEGA
-GAIN_OMEGA_SQ_GAIN_TORQUE_SQ = 0.00017226131844012336  # GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE
+GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 = 0.0046542779020188295  # 5 * GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS
+GAIN_E_GAIN_OMEGA_GAIN_TQ_PP = 0.0009308555804037658  # GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS
+GAIN_OMEGA_SQ = 0.00015624609380696555  # GAIN_OMEGA * GAIN_OMEGA
+GAIN_OMEGA_SQ_GAIN_TORQUE_SQ = 0.0001722613184221795  # GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE
 L_D = 0.000835  # L_d, H
 L_Q = 0.000835  # L_q, H
 PSI_M = 0.175  # magnet flux linkage, Wb
-POLE_PAIRS = 4.0  # p
 TORQUE_PER_A = 1.0499999999999998  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 0.9523809523809526  # 1 / (1.5 p psi_m), A/(N m)
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 GAIN_E = 0.01773080411708577  # psi_m (1 - exp(-T R / L)) / R, A s/rad
 HALF_T = 5e-05  # T / 2, s
 GAIN_TORQUE = 1.0499999999999998  # 1.5 p psi_m, N m/A
@@ -87,14 +97,6 @@ def _smaller(a, b):
 def _larger(a, b):
     """The larger of two, lane by lane; the second one where they do not compare."""
     return np.where(a > b, a, b)[()]
-
-
-def _watch_pivots(words, Q, status):
-    """Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. Returns the status."""
-    clear = words[VARIANCES[0]] > Q[0]
-    for place, floor in zip(VARIANCES, Q):
-        clear = clear & (words[place] > floor)
-    return status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
 
 
 def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
@@ -122,42 +124,37 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
 
-def _average(f, nis, where):
-    """Averages the normalised innovation squared over the window, where a measurement was taken."""
-    f.nis = np.where(where, f.nis + f.nis_weight * (nis - f.nis), f.nis)[()]
-
-
-def _restart(f, where):
-    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero."""
+def _restart(f, x, LD, where):
+    """Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero. Returns x and LD."""
     words = diagonal(f.P_0, 0.0)
-    f.x = tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, f.x))
-    f.LD = tuple(np.where(where, new, old)[()] for new, old in zip(words, f.LD))
     f.nis = np.where(where, 0.0, f.nis)[()]
+    return (
+        tuple(np.where(where, new, old)[()] for new, old in zip(f.x_0, x)),
+        tuple(np.where(where, new, old)[()] for new, old in zip(words, LD)),
+    )
 
 
-def _set_status_bits(f, check, status):
+def _set_status_bits(f, x, LD, check, status):
     """Sets the remaining status bits after a step that was not ordinary, counts repairs, and restarts if a state, a word
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
-    number. Returns the status.
+    number. Returns x, LD and the status.
     """
-    ordinary = (check * check <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max)
-    ordinary = ordinary & ((status & COVARIANCE_REPAIRED) == 0)
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
-        return status
-    size = check * PER_SANE_LIMIT
+        return x, LD, status
+    size = check[0] * PER_SANE_LIMIT
     worst = size * size
-    for word in (f.nis, *f.LD):
-        size = word * PER_SANE_LIMIT
+    for entry in (f.nis, *LD):
+        size = entry * PER_SANE_LIMIT
         worst = worst + size * size
     status = status | np.where(ordinary | (worst <= 1.0), 0, RESTARTED)[()]
-    status = status | np.where(f.nis < f.nis_max, 0, DIVERGED)[()]
-    repaired = (status & (COVARIANCE_REPAIRED | RESTARTED)) != 0
-    repairs = np.where(repaired & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
-    f.repairs = np.where(ordinary, f.repairs, repairs)[()]
-    restarted = (status & RESTARTED) != 0
-    if np.any(restarted):
-        _restart(f, restarted)
-    return status
+    status = status | np.where(ordinary | (f.nis < f.nis_max), 0, DIVERGED)[()]
+    where = ~ordinary & ((status & (COVARIANCE_REPAIRED | RESTARTED)) != 0)
+    f.repairs = np.where(where & (f.repairs < MOST_REPAIRS), f.repairs + 1, f.repairs)[()]
+    where = ~ordinary & ((status & RESTARTED) != 0)
+    x, LD = _restart(f, x, LD, where)
+    return x, LD, status
 
 
 def _sin_cos_f32(x):
@@ -343,30 +340,30 @@ def _select(mask, new, old):
 
 def time_update_turns(LD, math, stages=None):
     """Small angles of time_update: sin(d) / d and cos(d) - 1."""
-    D_0 = LD[0]
-    D_1 = LD[2]
+    D_i_alpha = LD[0]
+    D_i_beta = LD[2]
     L_20 = LD[3]
     L_21 = LD[4]
-    D_2 = LD[5]
+    D_omega = LD[5]
     L_30 = LD[6]
     L_31 = LD[7]
     L_32 = LD[8]
-    D_3 = LD[9]
+    D_theta = LD[9]
 
     # --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1
-    L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30
-    z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30
-    L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31
-    z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31
-    half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32
-    z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32
+    odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
+    z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0
+    odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
+    z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1
+    odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
+    z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2
     sinc_theta_mid_0, cosm1_theta_mid_0 = math.turn_5(z_theta_mid_0)
     sinc_theta_mid_1, cosm1_theta_mid_1 = math.turn_5(z_theta_mid_1)
     sinc_theta_mid_2, cosm1_theta_mid_2 = math.turn_5(z_theta_mid_2)
-    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_5(D_3)
+    sinc_theta_mid_3, cosm1_theta_mid_3 = math.turn_5(D_theta)
 
     return (
-        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_3,),
+        (z_theta_mid_0, z_theta_mid_1, z_theta_mid_2, D_theta,),
         (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
             cosm1_theta_mid_2, sinc_theta_mid_3, cosm1_theta_mid_3,),
     )
@@ -375,7 +372,8 @@ def time_update_turns(LD, math, stages=None):
 def time_update(x, LD, Q, u, turn, math, stages=None):
     """Time update, eq. 13-18."""
     (i_alpha, i_beta, omega, theta, load_torque) = x
-    (D_0, L_10, D_1, L_20, L_21, D_2, L_30, L_31, L_32, D_3, L_40, L_41, L_42, L_43, D_4) = LD
+    (D_i_alpha, L_10, D_i_beta, L_20, L_21, D_omega, L_30, L_31, L_32, D_theta, L_40, L_41, L_42, L_43,
+        D_load_torque) = LD
     (Q_0, Q_1, Q_2, Q_3, Q_4) = Q
     (v_alpha, v_beta) = u
     (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1, sinc_theta_mid_2,
@@ -396,8 +394,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         emf_step))
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
     omega_x_gain_e_pole_pairs_by2 = omega * GAIN_E_POLE_PAIRS_BY2
-    odd_theta_mid_0_times_D_0 = odd_theta_mid_0 * D_0
-    D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_0
+    odd_theta_mid_0_times_D_i_alpha = odd_theta_mid_0 * D_i_alpha
+    D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha
     odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10
     sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0
     odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0
@@ -407,8 +405,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
     odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
-    odd_theta_mid_1_times_D_1 = odd_theta_mid_1 * D_1
-    D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_1
+    odd_theta_mid_1_times_D_i_beta = odd_theta_mid_1 * D_i_beta
+    D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_i_beta
     sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1
     odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * sind_theta_mid_1
     even_i_q_between_1 = (cosm1_theta_mid_1 * (i_q_between -
@@ -416,157 +414,156 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         D_sind_theta_mid_1 * 2.5 * (sin_theta_mid + odd_i_alpha_next_1))
     odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
     one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2
-    D_2_times_odd_theta_mid_2 = D_2 * odd_theta_mid_2
-    bend_i_alpha_2 = D_2_times_odd_theta_mid_2 * sinc_theta_mid_2
+    D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2
+    curv_i_alpha_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2
     sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
-    part_of_even_i_q_between_2 = bend_i_alpha_2 * sind_theta_mid_2
-    omega_scaled = omega * 0.17730804117085772
+    part_of_even_i_q_between_2 = curv_i_alpha_2 * sind_theta_mid_2
+    omega_scaled = omega * GAIN_E_POLE_PAIRS_X5_BY2
     even_i_q_between_2 = (cosm1_theta_mid_2 * (i_q_between -
         omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_2) -
         part_of_even_i_q_between_2 * omega_scaled)
-    D_sind_theta_mid_3 = sinc_theta_mid_3 * D_3
+    D_sind_theta_mid_3 = sinc_theta_mid_3 * D_theta
     part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3
     even_i_q_between_3 = (cosm1_theta_mid_3 * i_q_between -
         cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3) -
         omega_scaled * part_of_even_i_q_between_3)
     odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 - GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0
     odd_i_beta_next_1 = DECAY_I * cos_theta_mid - GAIN_E_POLE_PAIRS * L_21 * one_plus_cosm1_theta_mid_1
-    bend_i_alpha_0 = L_20 * D_sind_theta_mid_0
+    curv_i_alpha_0 = L_20 * D_sind_theta_mid_0
     odd_omega_next_0 = (L_20 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_0 * 0.17730804117085772) -
-        GAIN_OMEGA * L_40)
-    bend_i_alpha_1 = L_21 * D_sind_theta_mid_1
+        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
+        - GAIN_OMEGA * L_40)
+    curv_i_alpha_1 = L_21 * D_sind_theta_mid_1
     odd_omega_next_1 = (L_21 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_1 * 0.17730804117085772) -
-        GAIN_OMEGA * L_41)
+        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
+        - GAIN_OMEGA * L_41)
     odd_omega_next_2 = (DECAY_OMEGA -
-        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * 0.037234688645880115 + L_42) -
-        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_2 * 0.17730804117085772))
+        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * GAIN_E_GAIN_TORQUE_PP_BY2 +
+        L_42) -
+        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2))
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
-    D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0
-    D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1
+    D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0
+    D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1
     emf_step_sq = emf_step * emf_step
-    bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2
-    offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum
-    P_turned_00 = (odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+    curv_i_alpha_sum = curv_i_alpha_0 + curv_i_alpha_1 + curv_i_alpha_2
+    offset_i_alpha = GAIN_E_POLE_PAIRS * curv_i_alpha_sum
+    P_turned_00 = (odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
         emf_step_sq * (part_of_even_i_q_between_2 + part_of_even_i_q_between_3) +
-        GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (bend_i_alpha_0 * bend_i_alpha_0 + bend_i_alpha_1 * bend_i_alpha_1 +
-        bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha)
-    D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0
-    D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1
+        GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (curv_i_alpha_0 * curv_i_alpha_0 + curv_i_alpha_1 * curv_i_alpha_1 +
+        curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha)
+    D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0
+    D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1
     minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2
-    D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2
-    bend_i_beta_sum = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 + cosm1_theta_mid_3
-    bend_i_beta_sum_scaled = bend_i_beta_sum * 0.04000000000000001
-    P_turned_11 = (odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
-        minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
-        emf_step_sq * (0.2 * (cosm1_theta_mid_0 * cosm1_theta_mid_0 + cosm1_theta_mid_1 * cosm1_theta_mid_1 +
-        cosm1_theta_mid_2 * cosm1_theta_mid_2 + cosm1_theta_mid_3 * cosm1_theta_mid_3) -
-        bend_i_beta_sum * bend_i_beta_sum_scaled))
-    P_turned_10 = (D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
-        bend_i_alpha_2 * (emf_step * minus_odd_i_beta_next_2 +
+    minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2
+    curv_i_beta_sum = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 + cosm1_theta_mid_3
+    mean_i_beta_by_n = curv_i_beta_sum * PAIR_WEIGHT_SQ
+    P_turned_11 = (odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+        minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 +
+        emf_step_sq * (PAIR_WEIGHT * (cosm1_theta_mid_0 * cosm1_theta_mid_0 +
+        cosm1_theta_mid_1 * cosm1_theta_mid_1 + cosm1_theta_mid_2 * cosm1_theta_mid_2 +
+        cosm1_theta_mid_3 * cosm1_theta_mid_3) - curv_i_beta_sum * mean_i_beta_by_n))
+    P_turned_10 = (D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
+        curv_i_alpha_2 * (emf_step * minus_odd_i_beta_next_2 +
         omega * cosm1_theta_mid_2 * GAIN_E_SQ_POLE_PAIRS_SQ) -
-        omega * GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (0.2 * (bend_i_alpha_0 * cosm1_theta_mid_0 +
-        bend_i_alpha_1 * cosm1_theta_mid_1) - bend_i_alpha_sum * bend_i_beta_sum_scaled))
+        omega * GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (PAIR_WEIGHT * (curv_i_alpha_0 * cosm1_theta_mid_0 +
+        curv_i_alpha_1 * cosm1_theta_mid_1) - curv_i_alpha_sum * mean_i_beta_by_n))
     P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0
     P_turn = sin_theta_mid * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
-    D_pred_0 = _larger(P_pred_00, Q_0)
+    D_pred_i_alpha = _larger(P_pred_00, Q_0)
     P_pred_10 = cos_theta_mid * P_tilt - P_turned_10
-    one_per_D_pred_0 = 1.0 / D_pred_0
-    L_pred_10 = P_pred_10 * one_per_D_pred_0
+    inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha
+    L_pred_10 = P_pred_10 * inv_D_pred_i_alpha
     P_pred_11 = P_turned_11 + P_turn + Q_1
-    D_pred_1 = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
-    emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2
-    emf_step_x_D_sind_theta_mid_3 = emf_step * D_sind_theta_mid_3
+    D_pred_i_beta = _larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1)
+    D_odd_i_alpha_2 = emf_step * curv_i_alpha_2
+    D_odd_i_alpha_3 = emf_step * D_sind_theta_mid_3
     part_of_P_turned_20 = sinc_theta_mid_3 * part_of_i_d_between * GAIN_TORQUE_BY2 + L_43
     minus_odd_omega_next_3 = GAIN_OMEGA * part_of_P_turned_20
-    bend_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 + even_i_q_between_3
-    bend_omega_sum_scaled = bend_omega_sum * 0.04000000000000001
-    P_turned_20 = (D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + emf_step_times_bend_i_alpha_2 * odd_omega_next_2 -
-        emf_step_x_D_sind_theta_mid_3 * minus_odd_omega_next_3 +
-        0.00465427790226124 * (0.2 * (bend_i_alpha_0 * even_i_q_between_0 +
-        bend_i_alpha_1 * even_i_q_between_1 + bend_i_alpha_2 * even_i_q_between_2) -
-        bend_i_alpha_sum * bend_omega_sum_scaled))
-    P_turned_21 = (D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_omega_next_2 -
-        omega * (0.2 * (cosm1_theta_mid_0 * even_i_q_between_0 + cosm1_theta_mid_1 * even_i_q_between_1 +
-        cosm1_theta_mid_2 * even_i_q_between_2 + cosm1_theta_mid_3 * even_i_q_between_3) -
-        bend_omega_sum * bend_i_beta_sum_scaled) * 0.0009308555804522479)
+    curv_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 + even_i_q_between_3
+    mean_omega_by_n = curv_omega_sum * PAIR_WEIGHT_SQ
+    P_turned_20 = (D_odd_i_alpha_0 * odd_omega_next_0 + D_odd_i_alpha_1 * odd_omega_next_1 +
+        D_odd_i_alpha_2 * odd_omega_next_2 - D_odd_i_alpha_3 * minus_odd_omega_next_3 +
+        GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 * (PAIR_WEIGHT * (curv_i_alpha_0 * even_i_q_between_0 +
+        curv_i_alpha_1 * even_i_q_between_1 + curv_i_alpha_2 * even_i_q_between_2) -
+        curv_i_alpha_sum * mean_omega_by_n))
+    P_turned_21 = (D_odd_i_beta_0 * odd_omega_next_0 + D_odd_i_beta_1 * odd_omega_next_1 -
+        minus_D_odd_i_beta_2 * odd_omega_next_2 -
+        omega * (PAIR_WEIGHT * (cosm1_theta_mid_0 * even_i_q_between_0 +
+        cosm1_theta_mid_1 * even_i_q_between_1 + cosm1_theta_mid_2 * even_i_q_between_2 +
+        cosm1_theta_mid_3 * even_i_q_between_3) -
+        curv_omega_sum * mean_i_beta_by_n) * GAIN_E_GAIN_OMEGA_GAIN_TQ_PP)
     P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21
-    L_pred_20 = one_per_D_pred_0 * P_pred_20
+    L_pred_20 = inv_D_pred_i_alpha * P_pred_20
     P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21
     LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20
-    one_per_D_pred_1 = 1.0 / D_pred_1
-    L_pred_21 = LD_pred_21 * one_per_D_pred_1
-    part_of_P_pred_22 = (D_0 * odd_omega_next_0 * odd_omega_next_0 + D_1 * odd_omega_next_1 * odd_omega_next_1
-        + D_2 * odd_omega_next_2 * odd_omega_next_2 +
-        (D_3 * part_of_P_turned_20 * part_of_P_turned_20 + D_4) * GAIN_OMEGA_SQ +
-        GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (0.2 * (even_i_q_between_0 * even_i_q_between_0 +
+    inv_D_pred_i_beta = 1.0 / D_pred_i_beta
+    L_pred_21 = LD_pred_21 * inv_D_pred_i_beta
+    part_of_P_pred_22 = (D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
+        D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
+        (D_theta * part_of_P_turned_20 * part_of_P_turned_20 + D_load_torque) * GAIN_OMEGA_SQ +
+        GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (PAIR_WEIGHT * (even_i_q_between_0 * even_i_q_between_0 +
         even_i_q_between_1 * even_i_q_between_1 + even_i_q_between_2 * even_i_q_between_2 +
-        even_i_q_between_3 * even_i_q_between_3) - bend_omega_sum * bend_omega_sum_scaled))
+        even_i_q_between_3 * even_i_q_between_3) - curv_omega_sum * mean_omega_by_n))
     P_pred_22 = part_of_P_pred_22 + Q_2
-    D_pred_2 = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
-    P_turned_30 = (HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0_times_D_0 * odd_i_alpha_next_0 +
-        odd_theta_mid_1_times_D_1 * odd_i_alpha_next_1 + odd_theta_mid_2 * emf_step_times_bend_i_alpha_2 +
-        emf_step_x_D_sind_theta_mid_3)
-    P_turned_31 = (HALF_T_POLE_PAIRS * P_turned_21 + odd_theta_mid_0_times_D_0 * odd_i_beta_next_0 +
-        odd_theta_mid_1_times_D_1 * odd_i_beta_next_1 - D_2_times_odd_theta_mid_2 * minus_odd_i_beta_next_2)
+    D_pred_omega = _larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2)
+    P_turned_30 = (HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0_times_D_i_alpha * odd_i_alpha_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_i_alpha_next_1 + odd_theta_mid_2 * D_odd_i_alpha_2 +
+        D_odd_i_alpha_3)
+    P_turned_31 = (HALF_T_POLE_PAIRS * P_turned_21 + odd_theta_mid_0_times_D_i_alpha * odd_i_beta_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_i_beta_next_1 -
+        D_omega_times_odd_theta_mid_2 * minus_odd_i_beta_next_2)
     P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31
-    L_pred_30 = one_per_D_pred_0 * P_pred_30
+    L_pred_30 = inv_D_pred_i_alpha * P_pred_30
     P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31
     LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30
-    L_pred_31 = one_per_D_pred_1 * LD_pred_31
-    part_of_P_pred_32 = (odd_theta_mid_0_times_D_0 * odd_omega_next_0 +
-        odd_theta_mid_1_times_D_1 * odd_omega_next_1 + D_2_times_odd_theta_mid_2 * odd_omega_next_2 -
-        D_3 * minus_odd_omega_next_3)
+    L_pred_31 = inv_D_pred_i_beta * LD_pred_31
+    part_of_P_pred_32 = (odd_theta_mid_0_times_D_i_alpha * odd_omega_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_omega_next_1 + D_omega_times_odd_theta_mid_2 * odd_omega_next_2 -
+        D_theta * minus_odd_omega_next_3)
     P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32
     LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31
-    one_per_D_pred_2 = 1.0 / D_pred_2
-    L_pred_32 = LD_pred_32 * one_per_D_pred_2
+    inv_D_pred_omega = 1.0 / D_pred_omega
+    L_pred_32 = LD_pred_32 * inv_D_pred_omega
     P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
-        odd_theta_mid_0 * odd_theta_mid_0_times_D_0 + odd_theta_mid_1 * odd_theta_mid_1_times_D_1 +
-        odd_theta_mid_2 * D_2_times_odd_theta_mid_2 + D_3 + Q_3)
-    D_pred_3 = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 - LD_pred_32 * L_pred_32,
-        Q_3))
-    P_turned_40 = (D_0_times_odd_i_alpha_next_0 * L_40 + D_1_times_odd_i_alpha_next_1 * L_41 +
-        emf_step_times_bend_i_alpha_2 * L_42 + emf_step_x_D_sind_theta_mid_3 * L_43)
-    P_turned_41 = (D_0_times_odd_i_beta_next_0 * L_40 + D_1_times_odd_i_beta_next_1 * L_41 -
-        D_2_x_minus_odd_i_beta_next_2 * L_42)
+        odd_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha + odd_theta_mid_1 * odd_theta_mid_1_times_D_i_beta +
+        odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3)
+    D_pred_theta = (_larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        LD_pred_32 * L_pred_32, Q_3))
+    P_turned_40 = (D_odd_i_alpha_0 * L_40 + D_odd_i_alpha_1 * L_41 + D_odd_i_alpha_2 * L_42 +
+        D_odd_i_alpha_3 * L_43)
+    P_turned_41 = D_odd_i_beta_0 * L_40 + D_odd_i_beta_1 * L_41 - minus_D_odd_i_beta_2 * L_42
     P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41
-    L_pred_40 = one_per_D_pred_0 * P_pred_40
+    L_pred_40 = inv_D_pred_i_alpha * P_pred_40
     P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41
     LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40
-    L_pred_41 = one_per_D_pred_1 * LD_pred_41
-    D_0_times_L_40 = D_0 * L_40
-    D_1_times_L_41 = D_1 * L_41
-    D_2_times_L_42 = D_2 * L_42
-    D_3_times_L_43 = D_3 * L_43
-    P_pred_42 = (D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
-        D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * minus_odd_omega_next_3 - GAIN_OMEGA * D_4)
+    L_pred_41 = inv_D_pred_i_beta * LD_pred_41
+    D_odd_load_torque_0 = D_i_alpha * L_40
+    D_odd_load_torque_1 = D_i_beta * L_41
+    D_odd_load_torque_2 = D_omega * L_42
+    D_odd_load_torque_3 = D_theta * L_43
+    P_pred_42 = (D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1 +
+        D_odd_load_torque_2 * odd_omega_next_2 - D_odd_load_torque_3 * minus_odd_omega_next_3 -
+        GAIN_OMEGA * D_load_torque)
     LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41
-    L_pred_42 = one_per_D_pred_2 * LD_pred_42
-    P_pred_43 = (HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0_times_D_0 * L_40 +
-        odd_theta_mid_1_times_D_1 * L_41 + D_2_times_odd_theta_mid_2 * L_42 + D_3_times_L_43)
+    L_pred_42 = inv_D_pred_omega * LD_pred_42
+    P_pred_43 = (HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0_times_D_i_alpha * L_40 +
+        odd_theta_mid_1_times_D_i_beta * L_41 + D_omega_times_odd_theta_mid_2 * L_42 + D_odd_load_torque_3)
     LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 - L_pred_32 * LD_pred_42
-    L_pred_43 = LD_pred_43 / D_pred_3
-    P_pred_44 = (L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 + L_43 * D_3_times_L_43
-        + D_4 + Q_4)
-    D_pred_4 = (_larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 - LD_pred_42 * L_pred_42 -
-        LD_pred_43 * L_pred_43, Q_4))
+    L_pred_43 = LD_pred_43 / D_pred_theta
+    P_pred_44 = (L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 + L_42 * D_odd_load_torque_2 +
+        L_43 * D_odd_load_torque_3 + D_load_torque + Q_4)
+    D_pred_load_torque = (_larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4))
 
     # --- eq. 16: x_pred = mean X_i'
-    offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * bend_omega_sum
-    offset_theta = bend_omega_sum * 5.249934375820306e-07
+    offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * curv_omega_sum
+    offset_theta = curv_omega_sum * G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP
     i_alpha_of_x = DECAY_I * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha
-    minus_offset_i_beta = omega * GAIN_E_POLE_PAIRS_BY5 * bend_i_beta_sum
+    minus_offset_i_beta = omega * GAIN_E_POLE_PAIRS_BY5 * curv_i_beta_sum
     i_alpha_pred = i_alpha_of_x + cos_theta_mid * offset_i_alpha + sin_theta_mid * minus_offset_i_beta
     i_beta_of_x = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta
     i_beta_pred = i_beta_of_x + sin_theta_mid * offset_i_alpha - cos_theta_mid * minus_offset_i_beta
@@ -576,7 +573,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta
 
     # --- sum of the pivots, for the guard
-    check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4
+    check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta + D_pred_load_torque
 
     if stages is not None:
         stages["x_pred"] = (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,)
@@ -584,8 +581,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
             P_pred_31, P_pred_32, P_pred_33, P_pred_40, P_pred_41, P_pred_42, P_pred_43, P_pred_44,)
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (check,),
     )
 
@@ -593,53 +590,52 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
 def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18-26."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 25: y - y_pred; theta wrapped
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_new = correction_second_0 + i_alpha_pred
-    i_beta_new = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_new = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_new = (math.wrap(correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
-        theta_pred))
-    load_torque_new = (correction_second_0 * L_pred_40 + D_pred_1_times_share_second * L_pred_41 +
-        load_torque_pred)
+    i_beta_new = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_new = D_pred_i_beta * nu_by_var_second
+    omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
+    theta_new = math.wrap(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
+    load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 + load_torque_pred
 
     # --- eq. 26: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
     L_new_40 = L_pred_40 - L_pred_41 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x"] = (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,)
     return (
         (i_alpha_new, i_beta_new, omega_new, theta_new, load_torque_new,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
-            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (nis,),
     )
 
@@ -647,69 +643,69 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 def coast(x_pred, LD_pred, math, stages=None):
     """No measurement: the prediction is the estimate."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
         (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
-        (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32,
-            D_pred_3, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
 
 
 def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     """Measurement update, eq. 18 and 28-34 (H is constant: one pass is exact)."""
     (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred) = x_pred
-    (D_pred_0, L_pred_10, D_pred_1, L_pred_20, L_pred_21, D_pred_2, L_pred_30, L_pred_31, L_pred_32, D_pred_3,
-        L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4) = LD_pred
+    (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
+        L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: y - y_pred; x^{j+1}
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
-    span_first = R_0 + D_pred_0
-    one_per_span_first = 1.0 / span_first
-    D_pred_0_per_span_first = D_pred_0 * one_per_span_first
-    correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first
+    var_first = R_0 + D_pred_i_alpha
+    one_per_var_first = 1.0 / var_first
+    D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first
+    correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first
     innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred
-    span_second_1 = R_1 + D_pred_1
-    D_first_0 = R_0 * D_pred_0_per_span_first
+    var_second_1 = R_1 + D_pred_i_beta
+    D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    span_second = _larger(span_second_1 + L_pred_10 * g_second_0, R_1)
-    one_per_span_second = 1.0 / span_second
-    share_second = innovation_after_first * one_per_span_second
-    correction_second_0 = correction_first_0 + g_second_0 * share_second
+    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    one_per_var_second = 1.0 / var_second
+    nu_by_var_second = innovation_after_first * one_per_var_second
+    correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
     i_alpha_after = correction_second_0 + i_alpha_pred
-    i_beta_after = i_beta_meas - R_1 * share_second
-    D_pred_1_times_share_second = D_pred_1 * share_second
-    omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 + omega_pred
-    theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 + theta_pred
-    load_torque_after = (correction_second_0 * L_pred_40 + D_pred_1_times_share_second * L_pred_41 +
-        load_torque_pred)
+    i_beta_after = i_beta_meas - R_1 * nu_by_var_second
+    part_of_omega_after = D_pred_i_beta * nu_by_var_second
+    omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 + omega_pred
+    theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
+    load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 + load_torque_pred
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_after)
 
     # --- eq. 32: L D L^T = P_new
-    D_new_0 = D_first_0 * span_second_1 * one_per_span_second
-    D_pred_1_per_span_second_1 = D_pred_1 / span_second_1
-    change_second_10 = L_pred_10 * D_pred_1_per_span_second_1
+    D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
+    D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
+    change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1
     L_new_10 = L_pred_10 - change_second_10
-    D_new_1 = R_1 * D_pred_1_per_span_second_1
+    D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1
     L_new_20 = L_pred_20 - L_pred_21 * change_second_10
     L_new_30 = L_pred_30 - L_pred_31 * change_second_10
     L_new_40 = L_pred_40 - L_pred_41 * change_second_10
 
     # --- normalised innovation squared
-    nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first + innovation_after_first * share_second
+    nis = (innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second)
 
     if stages is not None:
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,)
         stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,)
     return (
         (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,),
-        (D_new_0, L_new_10, D_new_1, L_new_20, L_pred_21, D_pred_2, L_new_30, L_pred_31, L_pred_32, D_pred_3,
-            L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_4,),
+        (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
+            L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (nis,),
     )
 
@@ -731,15 +727,21 @@ def ckf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]) &
+        (LD_pred[14] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
+    return status
 
 
 def ickf_step(f, u, y, math, stages=None):
@@ -759,22 +761,28 @@ def ickf_step(f, u, y, math, stages=None):
         LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
-    status = _watch_pivots(LD_pred, f.Q, status)
+    # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
+    clear = ((LD_pred[0] > f.Q[0]) & (LD_pred[2] > f.Q[1]) & (LD_pred[5] > f.Q[2]) & (LD_pred[9] > f.Q[3]) &
+        (LD_pred[14] > f.Q[4]))
+    status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     x, LD, nis = ickf_measurement_update(x_pred, LD_pred, f.R, y, math, stages)
-    _average(f, nis[0], accepted)
+    f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
     if not np.all(accepted):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
-    return _set_status_bits(f, check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4], status)
+    return status
 
 
 def clarke(phase, math, stages=None):
     """Clarke: i_a, i_b in A -> i_alpha, i_beta in A."""
     (i_a, i_b) = phase
 
-    return (i_a, 0.5773502691896258 * i_a + 1.1547005383792517 * i_b,)
+    return (i_a, ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b,)
 
 
 def believed_currents(x, math, stages=None):
@@ -818,7 +826,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
-    v_max = 0.5773502691896258 * v_link
+    v_max = ONE_BY_SQRT_3 * v_link
     shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
@@ -837,7 +845,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- dead-time compensation
     minus_half_i_alpha = -0.5 * i_alpha
-    cross_i_beta = 0.8660254037844386 * i_beta
+    cross_i_beta = SQRT_3_BY_2 * i_beta
     i_b = minus_half_i_alpha + cross_i_beta
     i_c = minus_half_i_alpha - cross_i_beta
     sign_i_a = _larger(-1.0, _smaller(1.0, i_alpha / gain_dead_current))
@@ -846,7 +854,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- SVPWM
     minus_half_v_alpha = -0.5 * v_alpha
-    cross_v_beta = 0.8660254037844386 * v_beta
+    cross_v_beta = SQRT_3_BY_2 * v_beta
     v_b = minus_half_v_alpha + cross_v_beta
     v_c = minus_half_v_alpha - cross_v_beta
     v_highest = _larger(v_alpha, _larger(v_b, v_c))

@@ -9,6 +9,8 @@
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
 
+#define RUNGE_KUTTA_WEIGHT 0.16666666666666666 /* 1 / 6, of the first of four slopes */
+
 /* Sine and cosine of one angle. */
 typedef struct {
     float64 sine;
@@ -172,7 +174,7 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
     const float64 slope4_rotor_sin = slope4_theta * rotor_cos_at4;
 
     /* --- weighted mean of the slopes */
-    const float64 sixth_h = 0.16666666666666666 * h;
+    const float64 sixth_h = RUNGE_KUTTA_WEIGHT * h;
 
     s_out[0] = z_alpha + sixth_h * (slope1_z_alpha + 2.0 * (slope2_z_alpha + slope3_z_alpha) +
         slope4_z_alpha);

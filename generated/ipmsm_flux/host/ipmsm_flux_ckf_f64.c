@@ -22,13 +22,14 @@
 /* Motor data and sample time, folded. */
 #define INV_L_Q 19.607843137254903 /* 1 / L_q, A/Wb */
 #define SALIENCY 8.169934640522875 /* 1 / L_d - 1 / L_q, A/Wb */
-#define GAIN_D 9.950166250831892e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
-#define GAIN_Q 9.9647887809923e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
+#define GAIN_D 9.950166250831948e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
+#define GAIN_Q 9.964788780992322e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define HALF_T_POLE_PAIRS 0.00015000000000000001 /* HALF_T * POLE_PAIRS */
 #define ONE_MINUS_LOSS_D 0.9900498337491681 /* 1 - LOSS_D */
+#define LOSS_D_PSI_M 0.005422840606703412 /* LOSS_D * PSI_M */
 #define ONE_MINUS_LOSS_D_X4 3.9601993349966724 /* 4 * (1 - LOSS_D) */
 #define ONE_MINUS_LOSS_Q 0.9929660314487113 /* 1 - LOSS_Q */
-#define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017080410109e-10 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
+#define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017076910637e-10 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define ONE_MINUS_LOSS_Q_X4 3.9718641257948453 /* 4 * (1 - LOSS_Q) */
 #define ADVANCE_POLE_PAIRS 0.00030000000000000003 /* ADVANCE * POLE_PAIRS */
 #define INV_L_D_PSI_M 15.138888888888891 /* INV_L_D * PSI_M */
@@ -157,30 +158,30 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_0 = LD[0];
-    const float64 D_1 = LD[2];
+    const float64 D_psi_alpha = LD[0];
+    const float64 D_psi_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
 
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
-    const float64 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float64 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
-    const float64 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
-    const float64 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
+    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
 
-    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_3 > SMALL_TURN) {
+    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
         z[0] = z_theta_mid_0;
         z[1] = z_theta_mid_1;
         z[2] = z_theta_mid_2;
-        z[3] = D_3;
+        z[3] = D_theta;
         return widen(&LD[ANGLE_ROW], z, turn_out, 4);
     }
     turn_out[0] = ((((((((SINC_9 * z_theta_mid_0 + SINC_8) * z_theta_mid_0 + SINC_7) * z_theta_mid_0 +
@@ -201,10 +202,12 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
     turn_out[5] = ((((((((COSM1_9 * z_theta_mid_2 + COSM1_8) * z_theta_mid_2 + COSM1_7) * z_theta_mid_2 +
         COSM1_6) * z_theta_mid_2 + COSM1_5) * z_theta_mid_2 + COSM1_4) * z_theta_mid_2 +
         COSM1_3) * z_theta_mid_2 + COSM1_2) * z_theta_mid_2 + COSM1_1) * z_theta_mid_2;
-    turn_out[6] = ((((((((SINC_9 * D_3 + SINC_8) * D_3 + SINC_7) * D_3 + SINC_6) * D_3 + SINC_5) * D_3 +
-        SINC_4) * D_3 + SINC_3) * D_3 + SINC_2) * D_3 + SINC_1) * D_3 + 1.0;
-    turn_out[7] = ((((((((COSM1_9 * D_3 + COSM1_8) * D_3 + COSM1_7) * D_3 + COSM1_6) * D_3 + COSM1_5) * D_3 +
-        COSM1_4) * D_3 + COSM1_3) * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+    turn_out[6] = ((((((((SINC_9 * D_theta + SINC_8) * D_theta + SINC_7) * D_theta + SINC_6) * D_theta +
+        SINC_5) * D_theta + SINC_4) * D_theta + SINC_3) * D_theta + SINC_2) * D_theta + SINC_1) * D_theta +
+        1.0;
+    turn_out[7] = ((((((((COSM1_9 * D_theta + COSM1_8) * D_theta + COSM1_7) * D_theta + COSM1_6) * D_theta +
+        COSM1_5) * D_theta + COSM1_4) * D_theta + COSM1_3) * D_theta + COSM1_2) * D_theta +
+        COSM1_1) * D_theta;
     return 0;
 }
 
@@ -216,16 +219,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_0 = LD[0];
+    const float64 D_psi_alpha = LD[0];
     const float64 L_10 = LD[1];
-    const float64 D_1 = LD[2];
+    const float64 D_psi_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
@@ -252,9 +255,9 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
-    const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422840606703382;
+    const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 D_sind_theta_mid_0 = D_0 * sind_theta_mid_0;
+    const float64 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float64 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
@@ -272,7 +275,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float64 D_sind_theta_mid_1 = D_1 * sind_theta_mid_1;
+    const float64 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
     const float64 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -291,36 +294,36 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
     const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
-    const float64 D_sind_theta_mid_0_scaled = 4.0 * D_sind_theta_mid_0;
+    const float64 n_D_sind_theta_mid_0 = 4.0 * D_sind_theta_mid_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-        D_sind_theta_mid_0_scaled * odd_psi_q_next_0;
+        n_D_sind_theta_mid_0 * odd_psi_q_next_0;
     const float64 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
-    const float64 D_sind_theta_mid_1_scaled = 4.0 * D_sind_theta_mid_1;
+    const float64 n_D_sind_theta_mid_1 = 4.0 * D_sind_theta_mid_1;
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-        D_sind_theta_mid_1_scaled * odd_psi_q_next_1;
+        n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float64 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
-    const float64 D_2_scaled_x_sind_theta_mid_2 = 4.0 * D_2 * sind_theta_mid_2;
+    const float64 n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2;
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
-        D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2;
+        n_D_sind_theta_mid_2 * odd_psi_q_next_2;
     const float64 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
     const float64 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
-    const float64 D_3_scaled_x_sinc_theta_mid_3 = 4.0 * D_3 * sinc_theta_mid_3;
+    const float64 n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3;
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
-        minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3;
+        minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
     const float64 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-    const float64 even_psi_beta_next_0 = D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+    const float64 even_psi_beta_next_0 = n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
         cosm1_theta_mid_0 * total_psi_q_next_0;
     const float64 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-    const float64 even_psi_beta_next_1 = D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+    const float64 even_psi_beta_next_1 = n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
         cosm1_theta_mid_1 * total_psi_q_next_1;
     const float64 odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2;
     const float64 total_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
-    const float64 even_psi_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2
-        + cosm1_theta_mid_2 * total_psi_q_next_2;
+    const float64 even_psi_beta_next_2 = n_D_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2 +
+        cosm1_theta_mid_2 * total_psi_q_next_2;
     const float64 odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2;
     const float64 total_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
-    const float64 even_psi_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3
-        + cosm1_theta_mid_3 * total_psi_q_next_3;
+    const float64 even_psi_beta_next_3 = n_D_sind_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3 +
+        cosm1_theta_mid_3 * total_psi_q_next_3;
     const float64 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
         sind_theta_mid_0 * total_psi_q_next_0;
     const float64 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
@@ -344,138 +347,133 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-    const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
-    const float64 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
-    const float64 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
-    const float64 D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3;
-    const float64 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+    const float64 D_odd_psi_alpha_0 = D_psi_alpha * odd_psi_alpha_next_0;
+    const float64 D_odd_psi_alpha_1 = D_psi_beta * odd_psi_alpha_next_1;
+    const float64 D_odd_psi_alpha_2 = D_omega * odd_psi_alpha_next_2;
+    const float64 D_odd_psi_alpha_3 = D_theta * odd_psi_alpha_next_3;
+    const float64 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3;
-    const float64 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.25;
-    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - bend_psi_alpha_mean;
-    const float64 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
-        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
-        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+    const float64 curv_psi_alpha_mean = curv_psi_alpha_sum * 0.25;
+    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - curv_psi_alpha_mean;
+    const float64 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_alpha_next_2 * D_odd_psi_alpha_2 +
+        odd_psi_alpha_next_3 * D_odd_psi_alpha_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
         dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
         dev_psi_alpha_3 * dev_psi_alpha_3);
-    const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
-    const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
-    const float64 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
-    const float64 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
-    const float64 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
+    const float64 D_odd_psi_beta_0 = D_psi_alpha * odd_psi_beta_next_0;
+    const float64 D_odd_psi_beta_1 = D_psi_beta * odd_psi_beta_next_1;
+    const float64 D_odd_psi_beta_2 = D_omega * odd_psi_beta_next_2;
+    const float64 D_odd_psi_beta_3 = D_theta * odd_psi_beta_next_3;
+    const float64 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3;
-    const float64 bend_psi_beta_mean = 0.25 * bend_psi_beta_sum;
-    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - bend_psi_beta_mean;
-    const float64 P_turned_11 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
-        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
-        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
+    const float64 curv_psi_beta_mean = 0.25 * curv_psi_beta_sum;
+    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - curv_psi_beta_mean;
+    const float64 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
+        odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_beta_next_2 * D_odd_psi_beta_2 +
+        odd_psi_beta_next_3 * D_odd_psi_beta_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-    const float64 P_turned_10 = D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
-        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
+    const float64 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
+        D_odd_psi_alpha_1 * odd_psi_beta_next_1 + D_odd_psi_alpha_2 * odd_psi_beta_next_2 +
+        D_odd_psi_alpha_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
-    const float64 D_pred_0 = larger(P_pred_00, Q_0);
+    const float64 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-    const float64 one_per_D_pred_0 = 1.0 / D_pred_0;
-    const float64 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+    const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
+    const float64 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
-    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-    const float64 D_0_times_L_20 = D_0 * L_20;
-    const float64 D_1_times_L_21 = D_1 * L_21;
-    const float64 P_turned_20 = D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1
-        + D_2_times_odd_psi_alpha_next_2;
-    const float64 P_turned_21 = D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_beta_next_2;
+    const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 D_odd_omega_0 = D_psi_alpha * L_20;
+    const float64 D_odd_omega_1 = D_psi_beta * L_21;
+    const float64 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+        D_odd_psi_alpha_2;
+    const float64 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+        D_odd_psi_beta_2;
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-    const float64 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+    const float64 L_pred_20 = inv_D_pred_psi_alpha * P_pred_20;
     const float64 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float64 one_per_D_pred_1 = 1.0 / D_pred_1;
-    const float64 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-    const float64 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
-    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-    const float64 P_turned_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
-        + D_3_times_odd_psi_alpha_next_3;
-    const float64 P_turned_31 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
-        D_3_times_odd_psi_beta_next_3;
+    const float64 inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta;
+    const float64 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+    const float64 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
+    const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+    const float64 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
+        D_odd_psi_alpha_2 * odd_theta_next_2 + D_odd_psi_alpha_3;
+    const float64 P_turned_31 = D_odd_psi_beta_0 * odd_theta_next_0 + D_odd_psi_beta_1 * odd_theta_next_1 +
+        D_odd_psi_beta_2 * odd_theta_next_2 + D_odd_psi_beta_3;
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-    const float64 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+    const float64 L_pred_30 = inv_D_pred_psi_alpha * P_pred_30;
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
     const float64 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float64 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-    const float64 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
-        D_2_times_odd_theta_next_2;
+    const float64 L_pred_31 = inv_D_pred_psi_beta * LD_pred_31;
+    const float64 D_odd_theta_2 = D_omega * odd_theta_next_2;
+    const float64 P_pred_32 = D_odd_omega_0 * odd_theta_next_0 + D_odd_omega_1 * odd_theta_next_1 +
+        D_odd_theta_2;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-    const float64 L_pred_32 = LD_pred_32 / D_pred_2;
-    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
-        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+    const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
+        D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
+    const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_3);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
-    const float64 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+    const float64 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+    const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float64 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- sum of the pivots, for the guard */
-    const float64 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3;
+    const float64 check = D_pred_psi_alpha + D_pred_psi_beta + D_pred_omega + D_pred_theta;
 
     x_pred_out[0] = psi_alpha_pred;
     x_pred_out[1] = psi_beta_pred;
     x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = D_pred_0;
+    LD_pred_out[0] = D_pred_psi_alpha;
     LD_pred_out[1] = L_pred_10;
-    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[2] = D_pred_psi_beta;
     LD_pred_out[3] = L_pred_20;
     LD_pred_out[4] = L_pred_21;
-    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[5] = D_pred_omega;
     LD_pred_out[6] = L_pred_30;
     LD_pred_out[7] = L_pred_31;
     LD_pred_out[8] = L_pred_32;
-    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[9] = D_pred_theta;
     check_out[0] = check;
 }
 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_out[8])
 {
-    const float64 D_pred_0 = LD_pred[0];
-    const float64 D_pred_1 = LD_pred[2];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_psi_alpha = LD_pred[0];
+    const float64 D_pred_psi_beta = LD_pred[2];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
 
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 z_theta_0 = D_pred_0 * L_pred_30 * L_pred_30;
-    const float64 z_theta_1 = D_pred_1 * L_pred_31 * L_pred_31;
-    const float64 z_theta_2 = D_pred_2 * L_pred_32 * L_pred_32;
+    const float64 z_theta_0 = D_pred_psi_alpha * L_pred_30 * L_pred_30;
+    const float64 z_theta_1 = D_pred_psi_beta * L_pred_31 * L_pred_31;
+    const float64 z_theta_2 = D_pred_omega * L_pred_32 * L_pred_32;
 
-    if (z_theta_0 + z_theta_1 + z_theta_2 + D_pred_3 > SMALL_TURN) {
+    if (z_theta_0 + z_theta_1 + z_theta_2 + D_pred_theta > SMALL_TURN) {
         float64 z[4];
         z[0] = z_theta_0;
         z[1] = z_theta_1;
         z[2] = z_theta_2;
-        z[3] = D_pred_3;
+        z[3] = D_pred_theta;
         return widen(&LD_pred[ANGLE_ROW], z, turn_pred_out, 4);
     }
     turn_pred_out[0] = ((((((((SINC_9 * z_theta_0 + SINC_8) * z_theta_0 + SINC_7) * z_theta_0 +
@@ -496,12 +494,12 @@ static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_o
     turn_pred_out[5] = ((((((((COSM1_9 * z_theta_2 + COSM1_8) * z_theta_2 + COSM1_7) * z_theta_2 +
         COSM1_6) * z_theta_2 + COSM1_5) * z_theta_2 + COSM1_4) * z_theta_2 + COSM1_3) * z_theta_2 +
         COSM1_2) * z_theta_2 + COSM1_1) * z_theta_2;
-    turn_pred_out[6] = ((((((((SINC_9 * D_pred_3 + SINC_8) * D_pred_3 + SINC_7) * D_pred_3 +
-        SINC_6) * D_pred_3 + SINC_5) * D_pred_3 + SINC_4) * D_pred_3 + SINC_3) * D_pred_3 + SINC_2) * D_pred_3
-        + SINC_1) * D_pred_3 + 1.0;
-    turn_pred_out[7] = ((((((((COSM1_9 * D_pred_3 + COSM1_8) * D_pred_3 + COSM1_7) * D_pred_3 +
-        COSM1_6) * D_pred_3 + COSM1_5) * D_pred_3 + COSM1_4) * D_pred_3 + COSM1_3) * D_pred_3 +
-        COSM1_2) * D_pred_3 + COSM1_1) * D_pred_3;
+    turn_pred_out[6] = ((((((((SINC_9 * D_pred_theta + SINC_8) * D_pred_theta + SINC_7) * D_pred_theta +
+        SINC_6) * D_pred_theta + SINC_5) * D_pred_theta + SINC_4) * D_pred_theta + SINC_3) * D_pred_theta +
+        SINC_2) * D_pred_theta + SINC_1) * D_pred_theta + 1.0;
+    turn_pred_out[7] = ((((((((COSM1_9 * D_pred_theta + COSM1_8) * D_pred_theta + COSM1_7) * D_pred_theta +
+        COSM1_6) * D_pred_theta + COSM1_5) * D_pred_theta + COSM1_4) * D_pred_theta + COSM1_3) * D_pred_theta
+        + COSM1_2) * D_pred_theta + COSM1_1) * D_pred_theta;
     return 0;
 }
 
@@ -513,16 +511,16 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
@@ -542,7 +540,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
     const float64 sind_theta_0 = L_pred_30 * sinc_theta_0;
-    const float64 D_sind_theta_0 = sind_theta_0 * D_pred_0;
+    const float64 D_sind_theta_0 = sind_theta_0 * D_pred_psi_alpha;
     const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         D_sind_theta_0 * 4.0 * odd_psi_beta_turned_0;
@@ -555,7 +553,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 i_salient_pred = saliency_times_psi_d_pred - INV_L_D_PSI_M;
     const float64 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
     const float64 sind_theta_1 = L_pred_31 * sinc_theta_1;
-    const float64 D_sind_theta_1 = D_pred_1 * sind_theta_1;
+    const float64 D_sind_theta_1 = D_pred_psi_beta * sind_theta_1;
     const float64 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * 4.0 * D_sind_theta_1;
     const float64 one_plus_cosm1_theta_1 = 1.0 + cosm1_theta_1;
     const float64 odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 + psi_beta_turned * sind_theta_1;
@@ -581,26 +579,26 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 odd_y_i_beta_3 = total_i_salient_pred_3 * sinc_theta_3;
 
     /* --- eq. 21 */
-    const float64 bend_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0;
-    const float64 bend_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1;
+    const float64 curv_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0;
+    const float64 curv_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1;
     const float64 odd_psi_d_pred_2 = psi_beta_turned * sind_theta_2;
-    const float64 bend_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_2;
+    const float64 curv_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_omega;
     const float64 odd_psi_d_pred_3 = psi_beta_turned * sinc_theta_3;
-    const float64 bend_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_3;
-    const float64 bend_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
+    const float64 curv_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_theta;
+    const float64 curv_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
         even_y_i_alpha_3;
-    const float64 bend_y_i_beta_sum = bend_y_i_beta_0 + bend_y_i_beta_1 + bend_y_i_beta_2 + bend_y_i_beta_3;
-    const float64 bend_y_i_alpha_mean = bend_y_i_alpha_sum * 0.25;
-    const float64 bend_y_i_beta_mean = 0.25 * bend_y_i_beta_sum;
-    const float64 offset_y_i_beta = SALIENCY * bend_y_i_beta_sum;
-    const float64 dev_y_i_alpha_0 = even_y_i_alpha_0 - bend_y_i_alpha_mean;
-    const float64 dev_y_i_alpha_1 = even_y_i_alpha_1 - bend_y_i_alpha_mean;
-    const float64 dev_y_i_alpha_2 = even_y_i_alpha_2 - bend_y_i_alpha_mean;
-    const float64 dev_y_i_alpha_3 = even_y_i_alpha_3 - bend_y_i_alpha_mean;
-    const float64 dev_y_i_beta_0 = bend_y_i_beta_0 - bend_y_i_beta_mean;
-    const float64 dev_y_i_beta_1 = bend_y_i_beta_1 - bend_y_i_beta_mean;
-    const float64 dev_y_i_beta_2 = bend_y_i_beta_2 - bend_y_i_beta_mean;
-    const float64 dev_y_i_beta_3 = bend_y_i_beta_3 - bend_y_i_beta_mean;
+    const float64 curv_y_i_beta_sum = curv_y_i_beta_0 + curv_y_i_beta_1 + curv_y_i_beta_2 + curv_y_i_beta_3;
+    const float64 curv_y_i_alpha_mean = curv_y_i_alpha_sum * 0.25;
+    const float64 curv_y_i_beta_mean = 0.25 * curv_y_i_beta_sum;
+    const float64 offset_y_i_beta = SALIENCY * curv_y_i_beta_sum;
+    const float64 dev_y_i_alpha_0 = even_y_i_alpha_0 - curv_y_i_alpha_mean;
+    const float64 dev_y_i_alpha_1 = even_y_i_alpha_1 - curv_y_i_alpha_mean;
+    const float64 dev_y_i_alpha_2 = even_y_i_alpha_2 - curv_y_i_alpha_mean;
+    const float64 dev_y_i_alpha_3 = even_y_i_alpha_3 - curv_y_i_alpha_mean;
+    const float64 dev_y_i_beta_0 = curv_y_i_beta_0 - curv_y_i_beta_mean;
+    const float64 dev_y_i_beta_1 = curv_y_i_beta_1 - curv_y_i_beta_mean;
+    const float64 dev_y_i_beta_2 = curv_y_i_beta_2 - curv_y_i_beta_mean;
+    const float64 dev_y_i_beta_3 = curv_y_i_beta_3 - curv_y_i_beta_mean;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
     const float64 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
@@ -614,113 +612,114 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
 
     /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
-        INV_L_Q * psi_d_pred - i_salient_pred - bend_y_i_alpha_mean;
+        INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
         INV_L_Q * psi_beta_turned - offset_y_i_beta;
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
-    const float64 part_of_span_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3;
-    const float64 HL_03 = SALIENCY * part_of_span_first;
-    const float64 g_first_3 = HL_03 * D_pred_3;
-    const float64 span_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
-    const float64 part_of_span_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2;
-    const float64 HL_02 = SALIENCY * part_of_span_first_2;
-    const float64 g_first_2 = HL_02 * D_pred_2;
-    const float64 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, noise_00);
-    const float64 g_first_1 = D_pred_1 * odd_y_i_alpha_1;
-    const float64 span_first_1 = larger(span_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
-    const float64 g_first_0 = odd_y_i_alpha_0 * D_pred_0;
-    const float64 span_first = larger(span_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
-    const float64 one_per_span_first = 1.0 / span_first;
-    const float64 share_first = innovation_i_alpha * one_per_span_first;
+    const float64 part_of_var_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3;
+    const float64 HL_03 = SALIENCY * part_of_var_first;
+    const float64 g_first_3 = HL_03 * D_pred_theta;
+    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+    const float64 part_of_var_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2;
+    const float64 HL_02 = SALIENCY * part_of_var_first_2;
+    const float64 g_first_2 = HL_02 * D_pred_omega;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+    const float64 g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1;
+    const float64 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+    const float64 g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha;
+    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+    const float64 one_per_var_first = 1.0 / var_first;
+    const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
     const float64 HL_12_apart = odd_y_i_beta_2 - HL_02 * noise_10_per_noise_00;
-    const float64 gathered_first_y2 = g_first_3 * HL_13_apart + g_first_2 * HL_12_apart;
+    const float64 gain_first_y2 = g_first_3 * HL_13_apart + g_first_2 * HL_12_apart;
     const float64 HL_11_apart = odd_y_i_beta_1 - odd_y_i_alpha_1 * noise_10_per_noise_00;
-    const float64 gathered_first_y1 = gathered_first_y2 + g_first_1 * HL_11_apart;
+    const float64 gain_first_y1 = gain_first_y2 + g_first_1 * HL_11_apart;
     const float64 HL_10_apart = odd_y_i_beta_0 - odd_y_i_alpha_0 * noise_10_per_noise_00;
     const float64 innovation_after_first = innovation_i_beta - innovation_i_alpha * noise_10_per_noise_00 -
-        share_first * (gathered_first_y1 + g_first_0 * HL_10_apart);
-    const float64 variance_second = larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
+        nu_by_var_first * (gain_first_y1 + g_first_0 * HL_10_apart);
+    const float64 R_second = larger(SALIENCY_SQ_X4 * (dev_y_i_beta_0 * dev_y_i_beta_0 +
         dev_y_i_beta_1 * dev_y_i_beta_1 + dev_y_i_beta_2 * dev_y_i_beta_2 + dev_y_i_beta_3 * dev_y_i_beta_3) -
         R_turned_00 - noise_10 * noise_10_per_noise_00 + R_0 + R_1, R_0_min_R_1);
-    const float64 D_pred_3_per_span_first_3 = D_pred_3 / span_first_3;
-    const float64 D_first_3 = noise_00 * D_pred_3_per_span_first_3;
+    const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
+    const float64 D_first_3 = noise_00 * D_pred_theta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 span_second_3 = larger(variance_second + HL_13_apart * g_second_3, variance_second);
+    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
     const float64 change_first_32 =
-        part_of_span_first * SALIENCY_SQ * part_of_span_first_2 * D_pred_3_per_span_first_3;
+        part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
-    const float64 one_per_span_first_2 = 1.0 / span_first_2;
-    const float64 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+    const float64 one_per_var_first_2 = 1.0 / var_first_2;
+    const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, variance_second);
-    const float64 lambda_first_1 = odd_y_i_alpha_1 * one_per_span_first_2;
-    const float64 f_second_1 = HL_11_apart - gathered_first_y2 * lambda_first_1;
-    const float64 one_per_span_first_1 = 1.0 / span_first_1;
-    const float64 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+    const float64 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
+    const float64 f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1;
+    const float64 one_per_var_first_1 = 1.0 / var_first_1;
+    const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, variance_second);
-    const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_span_first_1;
-    const float64 f_second_0 = HL_10_apart - gathered_first_y1 * lambda_first_0;
-    const float64 D_first_0 = span_first_1 * (D_pred_0 * one_per_span_first);
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+    const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
+    const float64 f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0;
+    const float64 D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 span_second = larger(span_second_1 + f_second_0 * g_second_0, variance_second);
-    const float64 one_per_span_second = 1.0 / span_second;
-    const float64 share_second = innovation_after_first * one_per_span_second;
-    const float64 psi_alpha_new = g_first_0 * share_first + g_second_0 * share_second + psi_alpha_pred;
+    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+    const float64 one_per_var_second = 1.0 / var_second;
+    const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
+    const float64 psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
+        psi_alpha_pred;
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
-    const float64 psi_beta_new = share_first * (g_first_1 + L_pred_10 * g_first_0) +
-        share_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred;
-    const float64 gathered_first_21 = g_first_2 + g_first_1 * L_pred_21;
+    const float64 psi_beta_new = nu_by_var_first * (g_first_1 + L_pred_10 * g_first_0) +
+        nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred;
+    const float64 gain_first_21 = g_first_2 + g_first_1 * L_pred_21;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
-    const float64 gathered_second_21 = g_second_2 + g_second_1 * L_first_21;
-    const float64 L_first_20 = L_pred_20 - lambda_first_0 * gathered_first_21;
-    const float64 omega_new = share_first * (gathered_first_21 + g_first_0 * L_pred_20) +
-        share_second * (gathered_second_21 + g_second_0 * L_first_20) + omega_pred;
-    const float64 gathered_first_32 = g_first_3 + L_pred_32 * g_first_2;
-    const float64 gathered_first_31 = gathered_first_32 + L_pred_31 * g_first_1;
+    const float64 gain_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float64 L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21;
+    const float64 omega_new = nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
+        nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + omega_pred;
+    const float64 gain_first_32 = g_first_3 + L_pred_32 * g_first_2;
+    const float64 gain_first_31 = gain_first_32 + L_pred_31 * g_first_1;
     const float64 L_first_32 = L_pred_32 - change_first_32;
-    const float64 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
-    const float64 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
-    const float64 gathered_second_31 = gathered_second_32 + g_second_1 * L_first_31;
-    const float64 L_first_30 = L_pred_30 - lambda_first_0 * gathered_first_31;
-    const float64 theta_new = wrap_angle(share_first * (gathered_first_31 + L_pred_30 * g_first_0) +
-        share_second * (gathered_second_31 + g_second_0 * L_first_30) + theta_pred);
+    const float64 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+    const float64 gain_second_31 = gain_second_32 + g_second_1 * L_first_31;
+    const float64 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
+    const float64 theta_new = wrap_angle(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred);
 
     /* --- eq. 26: L D L^T = P_new */
-    const float64 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
-    const float64 one_per_span_second_1 = 1.0 / span_second_1;
-    const float64 lambda_second_0 = f_second_0 * one_per_span_second_1;
+    const float64 D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second;
+    const float64 one_per_var_second_1 = 1.0 / var_second_1;
+    const float64 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float64 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
-    const float64 D_new_1 = D_first_1 * span_second_2 * one_per_span_second_1;
-    const float64 L_new_20 = L_first_20 - gathered_second_21 * lambda_second_0;
-    const float64 one_per_span_second_2 = 1.0 / span_second_2;
-    const float64 lambda_second_1 = f_second_1 * one_per_span_second_2;
+    const float64 D_new_psi_beta = D_first_1 * var_second_2 * one_per_var_second_1;
+    const float64 L_new_20 = L_first_20 - gain_second_21 * lambda_second_0;
+    const float64 one_per_var_second_2 = 1.0 / var_second_2;
+    const float64 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float64 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
-    const float64 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
-    const float64 L_new_30 = L_first_30 - gathered_second_31 * lambda_second_0;
-    const float64 L_new_31 = L_first_31 - gathered_second_32 * lambda_second_1;
-    const float64 one_per_span_second_3 = 1.0 / span_second_3;
-    const float64 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3;
-    const float64 D_new_3 = variance_second * D_first_3 * one_per_span_second_3;
+    const float64 D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2;
+    const float64 L_new_30 = L_first_30 - gain_second_31 * lambda_second_0;
+    const float64 L_new_31 = L_first_31 - gain_second_32 * lambda_second_1;
+    const float64 one_per_var_second_3 = 1.0 / var_second_3;
+    const float64 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3;
+    const float64 D_new_theta = R_second * D_first_3 * one_per_var_second_3;
 
     /* --- normalised innovation squared */
-    const float64 nis = innovation_i_alpha * share_first + innovation_after_first * share_second;
+    const float64 nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second;
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;
     x_out[2] = omega_new;
     x_out[3] = theta_new;
-    LD_out[0] = D_new_0;
+    LD_out[0] = D_new_psi_alpha;
     LD_out[1] = L_new_10;
-    LD_out[2] = D_new_1;
+    LD_out[2] = D_new_psi_beta;
     LD_out[3] = L_new_20;
     LD_out[4] = L_new_21;
-    LD_out[5] = D_new_2;
+    LD_out[5] = D_new_omega;
     LD_out[6] = L_new_30;
     LD_out[7] = L_new_31;
     LD_out[8] = L_new_32;
-    LD_out[9] = D_new_3;
+    LD_out[9] = D_new_theta;
     nis_out[0] = nis;
 }
 
@@ -731,31 +730,31 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
 
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    LD_out[0] = D_pred_0;
+    LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
-    LD_out[2] = D_pred_1;
+    LD_out[2] = D_pred_psi_beta;
     LD_out[3] = L_pred_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_pred_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
 }
 
 void ipmsm_flux_ckf_f64_init(ipmsm_flux_ckf_f64_t *f)

@@ -23,13 +23,14 @@
 /* Motor data and sample time, folded. */
 #define INV_L_Q 19.607843137254903 /* 1 / L_q, A/Wb */
 #define SALIENCY 8.169934640522875 /* 1 / L_d - 1 / L_q, A/Wb */
-#define GAIN_D 9.950166250831892e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
-#define GAIN_Q 9.9647887809923e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
+#define GAIN_D 9.950166250831948e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
+#define GAIN_Q 9.964788780992322e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define HALF_T_POLE_PAIRS 0.00015000000000000001 /* HALF_T * POLE_PAIRS */
 #define ONE_MINUS_LOSS_D 0.9900498337491681 /* 1 - LOSS_D */
+#define LOSS_D_PSI_M 0.005422840606703412 /* LOSS_D * PSI_M */
 #define ONE_MINUS_LOSS_D_X4 3.9601993349966724 /* 4 * (1 - LOSS_D) */
 #define ONE_MINUS_LOSS_Q 0.9929660314487113 /* 1 - LOSS_Q */
-#define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017080410109e-10 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
+#define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017076910637e-10 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define ONE_MINUS_LOSS_Q_X4 3.9718641257948453 /* 4 * (1 - LOSS_Q) */
 #define ADVANCE_POLE_PAIRS 0.00030000000000000003 /* ADVANCE * POLE_PAIRS */
 #define INV_L_D_PSI_M 15.138888888888891 /* INV_L_D * PSI_M */
@@ -164,30 +165,30 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_0 = LD[0];
-    const float64 D_1 = LD[2];
+    const float64 D_psi_alpha = LD[0];
+    const float64 D_psi_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
 
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
-    const float64 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float64 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
-    const float64 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
-    const float64 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
+    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
 
-    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_3 > SMALL_TURN) {
+    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
         z[0] = z_theta_mid_0;
         z[1] = z_theta_mid_1;
         z[2] = z_theta_mid_2;
-        z[3] = D_3;
+        z[3] = D_theta;
         return widen(&LD[ANGLE_ROW], z, turn_out, 4);
     }
     turn_out[0] = ((((((((SINC_9 * z_theta_mid_0 + SINC_8) * z_theta_mid_0 + SINC_7) * z_theta_mid_0 +
@@ -208,10 +209,12 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
     turn_out[5] = ((((((((COSM1_9 * z_theta_mid_2 + COSM1_8) * z_theta_mid_2 + COSM1_7) * z_theta_mid_2 +
         COSM1_6) * z_theta_mid_2 + COSM1_5) * z_theta_mid_2 + COSM1_4) * z_theta_mid_2 +
         COSM1_3) * z_theta_mid_2 + COSM1_2) * z_theta_mid_2 + COSM1_1) * z_theta_mid_2;
-    turn_out[6] = ((((((((SINC_9 * D_3 + SINC_8) * D_3 + SINC_7) * D_3 + SINC_6) * D_3 + SINC_5) * D_3 +
-        SINC_4) * D_3 + SINC_3) * D_3 + SINC_2) * D_3 + SINC_1) * D_3 + 1.0;
-    turn_out[7] = ((((((((COSM1_9 * D_3 + COSM1_8) * D_3 + COSM1_7) * D_3 + COSM1_6) * D_3 + COSM1_5) * D_3 +
-        COSM1_4) * D_3 + COSM1_3) * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+    turn_out[6] = ((((((((SINC_9 * D_theta + SINC_8) * D_theta + SINC_7) * D_theta + SINC_6) * D_theta +
+        SINC_5) * D_theta + SINC_4) * D_theta + SINC_3) * D_theta + SINC_2) * D_theta + SINC_1) * D_theta +
+        1.0;
+    turn_out[7] = ((((((((COSM1_9 * D_theta + COSM1_8) * D_theta + COSM1_7) * D_theta + COSM1_6) * D_theta +
+        COSM1_5) * D_theta + COSM1_4) * D_theta + COSM1_3) * D_theta + COSM1_2) * D_theta +
+        COSM1_1) * D_theta;
     return 0;
 }
 
@@ -223,16 +226,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_0 = LD[0];
+    const float64 D_psi_alpha = LD[0];
     const float64 L_10 = LD[1];
-    const float64 D_1 = LD[2];
+    const float64 D_psi_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
@@ -259,9 +262,9 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
-    const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422840606703382;
+    const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 D_sind_theta_mid_0 = D_0 * sind_theta_mid_0;
+    const float64 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float64 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
@@ -279,7 +282,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-    const float64 D_sind_theta_mid_1 = D_1 * sind_theta_mid_1;
+    const float64 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
     const float64 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -298,36 +301,36 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
     const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
-    const float64 D_sind_theta_mid_0_scaled = 4.0 * D_sind_theta_mid_0;
+    const float64 n_D_sind_theta_mid_0 = 4.0 * D_sind_theta_mid_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-        D_sind_theta_mid_0_scaled * odd_psi_q_next_0;
+        n_D_sind_theta_mid_0 * odd_psi_q_next_0;
     const float64 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
-    const float64 D_sind_theta_mid_1_scaled = 4.0 * D_sind_theta_mid_1;
+    const float64 n_D_sind_theta_mid_1 = 4.0 * D_sind_theta_mid_1;
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-        D_sind_theta_mid_1_scaled * odd_psi_q_next_1;
+        n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float64 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
-    const float64 D_2_scaled_x_sind_theta_mid_2 = 4.0 * D_2 * sind_theta_mid_2;
+    const float64 n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2;
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
-        D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2;
+        n_D_sind_theta_mid_2 * odd_psi_q_next_2;
     const float64 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
     const float64 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
-    const float64 D_3_scaled_x_sinc_theta_mid_3 = 4.0 * D_3 * sinc_theta_mid_3;
+    const float64 n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3;
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
-        minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3;
+        minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
     const float64 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-    const float64 even_psi_beta_next_0 = D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+    const float64 even_psi_beta_next_0 = n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
         cosm1_theta_mid_0 * total_psi_q_next_0;
     const float64 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-    const float64 even_psi_beta_next_1 = D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+    const float64 even_psi_beta_next_1 = n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
         cosm1_theta_mid_1 * total_psi_q_next_1;
     const float64 odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2;
     const float64 total_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
-    const float64 even_psi_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2
-        + cosm1_theta_mid_2 * total_psi_q_next_2;
+    const float64 even_psi_beta_next_2 = n_D_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2 +
+        cosm1_theta_mid_2 * total_psi_q_next_2;
     const float64 odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2;
     const float64 total_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
-    const float64 even_psi_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3
-        + cosm1_theta_mid_3 * total_psi_q_next_3;
+    const float64 even_psi_beta_next_3 = n_D_sind_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3 +
+        cosm1_theta_mid_3 * total_psi_q_next_3;
     const float64 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
         sind_theta_mid_0 * total_psi_q_next_0;
     const float64 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
@@ -351,113 +354,108 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-    const float64 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
-    const float64 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
-    const float64 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
-    const float64 D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3;
-    const float64 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+    const float64 D_odd_psi_alpha_0 = D_psi_alpha * odd_psi_alpha_next_0;
+    const float64 D_odd_psi_alpha_1 = D_psi_beta * odd_psi_alpha_next_1;
+    const float64 D_odd_psi_alpha_2 = D_omega * odd_psi_alpha_next_2;
+    const float64 D_odd_psi_alpha_3 = D_theta * odd_psi_alpha_next_3;
+    const float64 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
         even_psi_alpha_next_3;
-    const float64 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.25;
-    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - bend_psi_alpha_mean;
-    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - bend_psi_alpha_mean;
-    const float64 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-        odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
-        odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
-        odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+    const float64 curv_psi_alpha_mean = curv_psi_alpha_sum * 0.25;
+    const float64 dev_psi_alpha_0 = even_psi_alpha_next_0 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_1 = even_psi_alpha_next_1 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_2 = even_psi_alpha_next_2 - curv_psi_alpha_mean;
+    const float64 dev_psi_alpha_3 = even_psi_alpha_next_3 - curv_psi_alpha_mean;
+    const float64 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_alpha_next_2 * D_odd_psi_alpha_2 +
+        odd_psi_alpha_next_3 * D_odd_psi_alpha_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_alpha_0 +
         dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
         dev_psi_alpha_3 * dev_psi_alpha_3);
-    const float64 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
-    const float64 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
-    const float64 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
-    const float64 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
-    const float64 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
+    const float64 D_odd_psi_beta_0 = D_psi_alpha * odd_psi_beta_next_0;
+    const float64 D_odd_psi_beta_1 = D_psi_beta * odd_psi_beta_next_1;
+    const float64 D_odd_psi_beta_2 = D_omega * odd_psi_beta_next_2;
+    const float64 D_odd_psi_beta_3 = D_theta * odd_psi_beta_next_3;
+    const float64 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
         even_psi_beta_next_3;
-    const float64 bend_psi_beta_mean = 0.25 * bend_psi_beta_sum;
-    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - bend_psi_beta_mean;
-    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - bend_psi_beta_mean;
-    const float64 P_turned_11 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
-        odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
-        odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
+    const float64 curv_psi_beta_mean = 0.25 * curv_psi_beta_sum;
+    const float64 dev_psi_beta_0 = even_psi_beta_next_0 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_1 = even_psi_beta_next_1 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_2 = even_psi_beta_next_2 - curv_psi_beta_mean;
+    const float64 dev_psi_beta_3 = even_psi_beta_next_3 - curv_psi_beta_mean;
+    const float64 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
+        odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_beta_next_2 * D_odd_psi_beta_2 +
+        odd_psi_beta_next_3 * D_odd_psi_beta_3 + 0.25 * (dev_psi_beta_0 * dev_psi_beta_0 +
         dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-    const float64 P_turned_10 = D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
-        D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
+    const float64 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
+        D_odd_psi_alpha_1 * odd_psi_beta_next_1 + D_odd_psi_alpha_2 * odd_psi_beta_next_2 +
+        D_odd_psi_alpha_3 * odd_psi_beta_next_3 + 0.25 * (dev_psi_alpha_0 * dev_psi_beta_0 +
         dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
-    const float64 D_pred_0 = larger(P_pred_00, Q_0);
+    const float64 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-    const float64 one_per_D_pred_0 = 1.0 / D_pred_0;
-    const float64 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+    const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
+    const float64 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
-    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-    const float64 D_0_times_L_20 = D_0 * L_20;
-    const float64 D_1_times_L_21 = D_1 * L_21;
-    const float64 P_turned_20 = D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1
-        + D_2_times_odd_psi_alpha_next_2;
-    const float64 P_turned_21 = D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
-        D_2_times_odd_psi_beta_next_2;
+    const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 D_odd_omega_0 = D_psi_alpha * L_20;
+    const float64 D_odd_omega_1 = D_psi_beta * L_21;
+    const float64 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+        D_odd_psi_alpha_2;
+    const float64 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+        D_odd_psi_beta_2;
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-    const float64 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+    const float64 L_pred_20 = inv_D_pred_psi_alpha * P_pred_20;
     const float64 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float64 one_per_D_pred_1 = 1.0 / D_pred_1;
-    const float64 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-    const float64 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
-    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-    const float64 P_turned_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
-        + D_3_times_odd_psi_alpha_next_3;
-    const float64 P_turned_31 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
-        D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
-        D_3_times_odd_psi_beta_next_3;
+    const float64 inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta;
+    const float64 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+    const float64 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
+    const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+    const float64 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
+        D_odd_psi_alpha_2 * odd_theta_next_2 + D_odd_psi_alpha_3;
+    const float64 P_turned_31 = D_odd_psi_beta_0 * odd_theta_next_0 + D_odd_psi_beta_1 * odd_theta_next_1 +
+        D_odd_psi_beta_2 * odd_theta_next_2 + D_odd_psi_beta_3;
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-    const float64 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+    const float64 L_pred_30 = inv_D_pred_psi_alpha * P_pred_30;
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
     const float64 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float64 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-    const float64 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
-        D_2_times_odd_theta_next_2;
+    const float64 L_pred_31 = inv_D_pred_psi_beta * LD_pred_31;
+    const float64 D_odd_theta_2 = D_omega * odd_theta_next_2;
+    const float64 P_pred_32 = D_odd_omega_0 * odd_theta_next_0 + D_odd_omega_1 * odd_theta_next_1 +
+        D_odd_theta_2;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-    const float64 L_pred_32 = LD_pred_32 / D_pred_2;
-    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
-        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+    const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
+        D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
+    const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_3);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
-    const float64 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+    const float64 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+    const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float64 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
     /* --- sum of the pivots, for the guard */
-    const float64 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3;
+    const float64 check = D_pred_psi_alpha + D_pred_psi_beta + D_pred_omega + D_pred_theta;
 
     x_pred_out[0] = psi_alpha_pred;
     x_pred_out[1] = psi_beta_pred;
     x_pred_out[2] = omega;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = D_pred_0;
+    LD_pred_out[0] = D_pred_psi_alpha;
     LD_pred_out[1] = L_pred_10;
-    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[2] = D_pred_psi_beta;
     LD_pred_out[3] = L_pred_20;
     LD_pred_out[4] = L_pred_21;
-    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[5] = D_pred_omega;
     LD_pred_out[6] = L_pred_30;
     LD_pred_out[7] = L_pred_31;
     LD_pred_out[8] = L_pred_32;
-    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[9] = D_pred_theta;
     check_out[0] = check;
 }
 
@@ -474,25 +472,25 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
     /* --- eq. 31: x_pred - x^j */
-    const float64 back_psi_alpha = psi_alpha_pred - psi_alpha_j;
-    const float64 back_psi_beta = psi_beta_pred - psi_beta_j;
-    const float64 back_theta = theta_pred - theta_j;
+    const float64 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
+    const float64 deviation_psi_beta = psi_beta_pred - psi_beta_j;
+    const float64 deviation_theta = theta_pred - theta_j;
 
     /* --- eq. 20: Jacobian */
     const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
@@ -515,19 +513,20 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
     const float64 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-        slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
-        slope_y_i_alpha_3 * back_theta;
+        slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
+        slope_y_i_alpha_3 * deviation_theta;
     const float64 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-        slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
+        slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
+        deviation_theta * slope_y_i_beta_3;
 
     /* --- eq. 22: Pyy^j */
     const float64 HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30;
-    const float64 D_HL_00 = D_pred_0 * HL_00;
+    const float64 D_HL_00 = D_pred_psi_alpha * HL_00;
     const float64 HL_01 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
-    const float64 D_HL_01 = HL_01 * D_pred_1;
+    const float64 D_HL_01 = HL_01 * D_pred_psi_beta;
     const float64 HL_02 = slope_y_i_alpha_3 * L_pred_32;
-    const float64 D_HL_02 = HL_02 * D_pred_2;
-    const float64 D_HL_03 = slope_y_i_alpha_3 * D_pred_3;
+    const float64 D_HL_02 = HL_02 * D_pred_omega;
+    const float64 D_HL_03 = slope_y_i_alpha_3 * D_pred_theta;
     const float64 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + slope_y_i_alpha_3 * D_HL_03 +
         R_0;
     const float64 HL_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3;
@@ -538,39 +537,39 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     /* --- eq. 28: Pyy^-1 innovation */
     const float64 one_per_Pyy_00 = 1.0 / Pyy_00;
     const float64 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
-    const float64 D_HL_10 = D_pred_0 * HL_10;
-    const float64 D_HL_11 = D_pred_1 * HL_11;
-    const float64 D_HL_12 = D_pred_2 * HL_12;
-    const float64 D_HL_13 = D_pred_3 * slope_y_i_beta_3;
-    const float64 share_1 =
+    const float64 D_HL_10 = D_pred_psi_alpha * HL_10;
+    const float64 D_HL_11 = D_pred_psi_beta * HL_11;
+    const float64 D_HL_12 = D_pred_omega * HL_12;
+    const float64 D_HL_13 = D_pred_theta * slope_y_i_beta_3;
+    const float64 Pyy_inv_nu_1 =
         (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
         HL_11 * D_HL_11 + HL_12 * D_HL_12 + slope_y_i_beta_3 * D_HL_13 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1,
         R_1);
-    const float64 share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1;
+    const float64 Pyy_inv_nu_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * Pyy_inv_nu_1;
 
     /* --- eq. 31: K innovation = L along; x^{j+1} */
-    const float64 along_0 = D_HL_00 * share_0 + D_HL_10 * share_1;
-    const float64 along_1 = D_HL_01 * share_0 + D_HL_11 * share_1;
-    const float64 along_2 = D_HL_02 * share_0 + D_HL_12 * share_1;
+    const float64 along_0 = D_HL_00 * Pyy_inv_nu_0 + D_HL_10 * Pyy_inv_nu_1;
+    const float64 along_1 = D_HL_01 * Pyy_inv_nu_0 + D_HL_11 * Pyy_inv_nu_1;
+    const float64 along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1;
     const float64 psi_alpha_after = along_0 + psi_alpha_pred;
     const float64 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
     const float64 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
     const float64 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-        D_HL_03 * share_0 + D_HL_13 * share_1 + theta_pred;
+        D_HL_03 * Pyy_inv_nu_0 + D_HL_13 * Pyy_inv_nu_1 + theta_pred;
 
     /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
-    const float64 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
-    const float64 moved_psi_beta = psi_beta_after - psi_beta_j;
-    const float64 moved_omega = omega_after - omega_j;
-    const float64 moved_theta = theta_after - theta_j;
-    const float64 change = moved_psi_alpha * moved_psi_alpha + moved_psi_beta * moved_psi_beta +
-        moved_omega * moved_omega + moved_theta * moved_theta;
+    const float64 step_psi_alpha = psi_alpha_after - psi_alpha_j;
+    const float64 step_psi_beta = psi_beta_after - psi_beta_j;
+    const float64 step_omega = omega_after - omega_j;
+    const float64 step_theta = theta_after - theta_j;
+    const float64 change = step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta +
+        step_omega * step_omega + step_theta * step_theta;
 
     x_j_out[0] = psi_alpha_after;
     x_j_out[1] = psi_beta_after;
     x_j_out[2] = omega_after;
     x_j_out[3] = theta_after;
-    nis_out[0] = innovation_i_alpha * share_0 + innovation_i_beta * share_1;
+    nis_out[0] = innovation_i_alpha * Pyy_inv_nu_0 + innovation_i_beta * Pyy_inv_nu_1;
     HL_out[0] = HL_00;
     HL_out[1] = HL_01;
     HL_out[2] = HL_02;
@@ -590,16 +589,16 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 psi_beta_j = x_j[1];
     const float64 omega_j = x_j[2];
     const float64 theta_j = x_j[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 HL_00 = HL[0];
@@ -612,76 +611,76 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 HL_13 = HL[7];
 
     /* --- eq. 32 */
-    const float64 g_first_3 = HL_03 * D_pred_3;
-    const float64 span_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
-    const float64 g_first_2 = HL_02 * D_pred_2;
-    const float64 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, R_0);
-    const float64 g_first_1 = HL_01 * D_pred_1;
-    const float64 span_first_1 = larger(span_first_2 + HL_01 * g_first_1, R_0);
-    const float64 span_first = larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0);
-    const float64 D_pred_3_per_span_first_3 = D_pred_3 / span_first_3;
-    const float64 D_first_3 = R_0 * D_pred_3_per_span_first_3;
+    const float64 g_first_3 = HL_03 * D_pred_theta;
+    const float64 var_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+    const float64 g_first_2 = HL_02 * D_pred_omega;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 g_first_1 = HL_01 * D_pred_psi_beta;
+    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+    const float64 var_first = larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0);
+    const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
+    const float64 D_first_3 = R_0 * D_pred_theta_per_var_first_3;
     const float64 g_second_3 = HL_13 * D_first_3;
-    const float64 span_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
-    const float64 change_first_32 = HL_03 * HL_02 * D_pred_3_per_span_first_3;
+    const float64 var_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
+    const float64 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
     const float64 f_second_2 = HL_12 - HL_13 * change_first_32;
-    const float64 one_per_span_first_2 = 1.0 / span_first_2;
-    const float64 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+    const float64 one_per_var_first_2 = 1.0 / var_first_2;
+    const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, R_1);
-    const float64 lambda_first_1 = HL_01 * one_per_span_first_2;
-    const float64 gathered_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
-    const float64 f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2;
-    const float64 one_per_span_first_1 = 1.0 / span_first_1;
-    const float64 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+    const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
+    const float64 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
+    const float64 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
+    const float64 one_per_var_first_1 = 1.0 / var_first_1;
+    const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, R_1);
-    const float64 D_first_0 = D_pred_0 * span_first_1 / span_first;
-    const float64 lambda_first_0 = HL_00 * one_per_span_first_1;
-    const float64 f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11);
-    const float64 span_second = larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+    const float64 D_first_0 = D_pred_psi_alpha * var_first_1 / var_first;
+    const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
+    const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
+    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
     /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_j);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float64 D_new_0 = D_first_0 * span_second_1 / span_second;
-    const float64 one_per_span_second_1 = 1.0 / span_second_1;
-    const float64 lambda_second_0 = f_second_0 * one_per_span_second_1;
+    const float64 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
+    const float64 one_per_var_second_1 = 1.0 / var_second_1;
+    const float64 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float64 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
-    const float64 D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1;
+    const float64 D_new_psi_beta = var_second_2 * D_first_1 * one_per_var_second_1;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
-    const float64 one_per_span_second_2 = 1.0 / span_second_2;
-    const float64 lambda_second_1 = f_second_1 * one_per_span_second_2;
+    const float64 one_per_var_second_2 = 1.0 / var_second_2;
+    const float64 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float64 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
-    const float64 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
-    const float64 gathered_first_32 = g_first_3 + g_first_2 * L_pred_32;
+    const float64 D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2;
+    const float64 gain_first_32 = g_first_3 + g_first_2 * L_pred_32;
     const float64 L_first_32 = L_pred_32 - change_first_32;
-    const float64 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
-    const float64 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
-    const float64 L_new_30 = L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
-        lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31);
-    const float64 L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32;
-    const float64 one_per_span_second_3 = 1.0 / span_second_3;
-    const float64 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3;
-    const float64 D_new_3 = D_first_3 * R_1 * one_per_span_second_3;
+    const float64 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+    const float64 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
+        lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
+    const float64 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
+    const float64 one_per_var_second_3 = 1.0 / var_second_3;
+    const float64 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3;
+    const float64 D_new_theta = D_first_3 * R_1 * one_per_var_second_3;
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
     x_out[3] = theta_new;
-    LD_out[0] = D_new_0;
+    LD_out[0] = D_new_psi_alpha;
     LD_out[1] = L_new_10;
-    LD_out[2] = D_new_1;
+    LD_out[2] = D_new_psi_beta;
     LD_out[3] = L_new_20;
     LD_out[4] = L_new_21;
-    LD_out[5] = D_new_2;
+    LD_out[5] = D_new_omega;
     LD_out[6] = L_new_30;
     LD_out[7] = L_new_31;
     LD_out[8] = L_new_32;
-    LD_out[9] = D_new_3;
+    LD_out[9] = D_new_theta;
 }
 
 /* No measurement: the prediction is the estimate */
@@ -691,31 +690,31 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     const float64 psi_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
 
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    LD_out[0] = D_pred_0;
+    LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
-    LD_out[2] = D_pred_1;
+    LD_out[2] = D_pred_psi_beta;
     LD_out[3] = L_pred_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_pred_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
 }
 
 void ipmsm_flux_ickf_f64_init(ipmsm_flux_ickf_f64_t *f)

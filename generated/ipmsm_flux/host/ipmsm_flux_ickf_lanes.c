@@ -21,6 +21,7 @@
 #define GAIN_Q 9.9647885e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define HALF_T_POLE_PAIRS 0.00015f /* HALF_T * POLE_PAIRS */
 #define ONE_MINUS_LOSS_D 0.99004984f /* 1 - LOSS_D */
+#define LOSS_D_PSI_M 0.005422841f /* LOSS_D * PSI_M */
 #define ONE_MINUS_LOSS_D_X4 3.9601994f /* 4 * (1 - LOSS_D) */
 #define ONE_MINUS_LOSS_Q 0.99296606f /* 1 - LOSS_Q */
 #define MAGNET_TURN_POLE_PAIRS_PSI_M 6.765017e-10f /* MAGNET_TURN * POLE_PAIRS * PSI_M */
@@ -68,20 +69,6 @@ INLINE float32 larger(float32 a, float32 b)
 #define PER_SANE_LIMIT 1e-09f
 #define N_WORDS 10 /* of LD */
 #define MOST_REPAIRS 32767
-
-/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
-static void watch_pivots(const lanes *__restrict LD_pred, const lanes *__restrict Q, int *__restrict status)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const int clear_0 = (LD_pred[0].of[lane] > Q[0].of[lane]) ? 1 : 0;
-        const int clear_1 = (LD_pred[2].of[lane] > Q[1].of[lane]) ? 1 : 0;
-        const int clear_2 = (LD_pred[5].of[lane] > Q[2].of[lane]) ? 1 : 0;
-        const int clear_3 = (LD_pred[9].of[lane] > Q[3].of[lane]) ? 1 : 0;
-        const int clear = clear_0 & clear_1 & clear_2 & clear_3;
-        status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
-    }
-}
 
 /* The same angle in [-pi, pi). */
 INLINE float32 wrap_angle(float32 x)
@@ -290,23 +277,23 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
     int lane;
     int wide = 0;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 D_0 = LD[0].of[lane];
-        const float32 D_1 = LD[2].of[lane];
+        const float32 D_psi_alpha = LD[0].of[lane];
+        const float32 D_psi_beta = LD[2].of[lane];
         const float32 L_20 = LD[3].of[lane];
         const float32 L_21 = LD[4].of[lane];
-        const float32 D_2 = LD[5].of[lane];
+        const float32 D_omega = LD[5].of[lane];
         const float32 L_30 = LD[6].of[lane];
         const float32 L_31 = LD[7].of[lane];
         const float32 L_32 = LD[8].of[lane];
-        const float32 D_3 = LD[9].of[lane];
+        const float32 D_theta = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
-        const float32 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
-        const float32 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
-        const float32 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
-        const float32 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
-        const float32 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
+        const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+        const float32 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+        const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+        const float32 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+        const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+        const float32 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
         const float32 sinc_theta_mid_0 = (SINC_2 * z_theta_mid_0 + SINC_1) * z_theta_mid_0 + 1.0f;
         const float32 cosm1_theta_mid_0 = ((COSM1_3 * z_theta_mid_0 + COSM1_2) * z_theta_mid_0 +
             COSM1_1) * z_theta_mid_0;
@@ -316,13 +303,13 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         const float32 sinc_theta_mid_2 = (SINC_2 * z_theta_mid_2 + SINC_1) * z_theta_mid_2 + 1.0f;
         const float32 cosm1_theta_mid_2 = ((COSM1_3 * z_theta_mid_2 + COSM1_2) * z_theta_mid_2 +
             COSM1_1) * z_theta_mid_2;
-        const float32 sinc_theta_mid_3 = (SINC_2 * D_3 + SINC_1) * D_3 + 1.0f;
-        const float32 cosm1_theta_mid_3 = ((COSM1_3 * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+        const float32 sinc_theta_mid_3 = (SINC_2 * D_theta + SINC_1) * D_theta + 1.0f;
+        const float32 cosm1_theta_mid_3 = ((COSM1_3 * D_theta + COSM1_2) * D_theta + COSM1_1) * D_theta;
 
         z_out[0].of[lane] = z_theta_mid_0;
         z_out[1].of[lane] = z_theta_mid_1;
         z_out[2].of[lane] = z_theta_mid_2;
-        z_out[3].of[lane] = D_3;
+        z_out[3].of[lane] = D_theta;
         turn_out[0].of[lane] = sinc_theta_mid_0;
         turn_out[1].of[lane] = cosm1_theta_mid_0;
         turn_out[2].of[lane] = sinc_theta_mid_1;
@@ -331,7 +318,7 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         turn_out[5].of[lane] = cosm1_theta_mid_2;
         turn_out[6].of[lane] = sinc_theta_mid_3;
         turn_out[7].of[lane] = cosm1_theta_mid_3;
-        wide |= (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_3 > SMALL_TURN) ? 1 : 0;
+        wide |= (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) ? 1 : 0;
     }
     return wide;
 }
@@ -347,16 +334,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta = x[1].of[lane];
         const float32 omega = x[2].of[lane];
         const float32 theta = x[3].of[lane];
-        const float32 D_0 = LD[0].of[lane];
+        const float32 D_psi_alpha = LD[0].of[lane];
         const float32 L_10 = LD[1].of[lane];
-        const float32 D_1 = LD[2].of[lane];
+        const float32 D_psi_beta = LD[2].of[lane];
         const float32 L_20 = LD[3].of[lane];
         const float32 L_21 = LD[4].of[lane];
-        const float32 D_2 = LD[5].of[lane];
+        const float32 D_omega = LD[5].of[lane];
         const float32 L_30 = LD[6].of[lane];
         const float32 L_31 = LD[7].of[lane];
         const float32 L_32 = LD[8].of[lane];
-        const float32 D_3 = LD[9].of[lane];
+        const float32 D_theta = LD[9].of[lane];
         const float32 Q_0 = Q[0].of[lane];
         const float32 Q_1 = Q[1].of[lane];
         const float32 Q_2 = Q[2].of[lane];
@@ -383,9 +370,9 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
         const float32 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
         const float32 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
-        const float32 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + 0.005422841f;
+        const float32 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
         const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 D_sind_theta_mid_0 = D_0 * sind_theta_mid_0;
+        const float32 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
             ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
@@ -403,7 +390,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
         const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
         const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 D_sind_theta_mid_1 = D_1 * sind_theta_mid_1;
+        const float32 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
         const float32 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
             ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
@@ -422,36 +409,36 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
         const float32 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
-        const float32 D_sind_theta_mid_0_scaled = 4.0f * D_sind_theta_mid_0;
+        const float32 n_D_sind_theta_mid_0 = 4.0f * D_sind_theta_mid_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-            D_sind_theta_mid_0_scaled * odd_psi_q_next_0;
+            n_D_sind_theta_mid_0 * odd_psi_q_next_0;
         const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
-        const float32 D_sind_theta_mid_1_scaled = 4.0f * D_sind_theta_mid_1;
+        const float32 n_D_sind_theta_mid_1 = 4.0f * D_sind_theta_mid_1;
         const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-            D_sind_theta_mid_1_scaled * odd_psi_q_next_1;
+            n_D_sind_theta_mid_1 * odd_psi_q_next_1;
         const float32 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
-        const float32 D_2_scaled_x_sind_theta_mid_2 = 4.0f * D_2 * sind_theta_mid_2;
+        const float32 n_D_sind_theta_mid_2 = 4.0f * D_omega * sind_theta_mid_2;
         const float32 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
-            D_2_scaled_x_sind_theta_mid_2 * odd_psi_q_next_2;
+            n_D_sind_theta_mid_2 * odd_psi_q_next_2;
         const float32 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
         const float32 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
-        const float32 D_3_scaled_x_sinc_theta_mid_3 = 4.0f * D_3 * sinc_theta_mid_3;
+        const float32 n_D_sind_theta_mid_3 = 4.0f * D_theta * sinc_theta_mid_3;
         const float32 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
-            minus_odd_psi_q_next_3 * D_3_scaled_x_sinc_theta_mid_3;
+            minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
         const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = D_sind_theta_mid_0_scaled * odd_psi_d_next_0 + even_psi_q_next_0 +
+        const float32 even_psi_beta_next_0 = n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
             cosm1_theta_mid_0 * total_psi_q_next_0;
         const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = D_sind_theta_mid_1_scaled * odd_psi_d_next_1 + even_psi_q_next_1 +
+        const float32 even_psi_beta_next_1 = n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
             cosm1_theta_mid_1 * total_psi_q_next_1;
         const float32 odd_psi_d_next_2 = sind_theta_mid_2 * psi_q_mid_scaled_and_v_q_scal_2;
         const float32 total_psi_q_next_2 = psi_q_next + even_psi_q_next_2;
-        const float32 even_psi_beta_next_2 = D_2_scaled_x_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2
-            + cosm1_theta_mid_2 * total_psi_q_next_2;
+        const float32 even_psi_beta_next_2 = n_D_sind_theta_mid_2 * odd_psi_d_next_2 + even_psi_q_next_2 +
+            cosm1_theta_mid_2 * total_psi_q_next_2;
         const float32 odd_psi_d_next_3 = sinc_theta_mid_3 * psi_q_mid_scaled_and_v_q_scal_2;
         const float32 total_psi_q_next_3 = psi_q_next + even_psi_q_next_3;
-        const float32 even_psi_beta_next_3 = D_3_scaled_x_sinc_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3
-            + cosm1_theta_mid_3 * total_psi_q_next_3;
+        const float32 even_psi_beta_next_3 = n_D_sind_theta_mid_3 * odd_psi_d_next_3 + even_psi_q_next_3 +
+            cosm1_theta_mid_3 * total_psi_q_next_3;
         const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
             sind_theta_mid_0 * total_psi_q_next_0;
         const float32 odd_psi_alpha_next_1 = one_plus_cosm1_theta_mid_1 * odd_psi_d_next_1 -
@@ -475,113 +462,108 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_theta_next_2 = ADVANCE_POLE_PAIRS + L_32;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-        const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
-        const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
-        const float32 D_2_times_odd_psi_alpha_next_2 = D_2 * odd_psi_alpha_next_2;
-        const float32 D_3_times_odd_psi_alpha_next_3 = D_3 * odd_psi_alpha_next_3;
-        const float32 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
+        const float32 D_odd_psi_alpha_0 = D_psi_alpha * odd_psi_alpha_next_0;
+        const float32 D_odd_psi_alpha_1 = D_psi_beta * odd_psi_alpha_next_1;
+        const float32 D_odd_psi_alpha_2 = D_omega * odd_psi_alpha_next_2;
+        const float32 D_odd_psi_alpha_3 = D_theta * odd_psi_alpha_next_3;
+        const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 + even_psi_alpha_next_2 +
             even_psi_alpha_next_3;
-        const float32 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.25f;
-        const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - bend_psi_alpha_mean;
-        const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - bend_psi_alpha_mean;
-        const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - bend_psi_alpha_mean;
-        const float32 dev_psi_alpha_3 = even_psi_alpha_next_3 - bend_psi_alpha_mean;
-        const float32 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-            odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 +
-            odd_psi_alpha_next_2 * D_2_times_odd_psi_alpha_next_2 +
-            odd_psi_alpha_next_3 * D_3_times_odd_psi_alpha_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_alpha_0 +
+        const float32 curv_psi_alpha_mean = curv_psi_alpha_sum * 0.25f;
+        const float32 dev_psi_alpha_0 = even_psi_alpha_next_0 - curv_psi_alpha_mean;
+        const float32 dev_psi_alpha_1 = even_psi_alpha_next_1 - curv_psi_alpha_mean;
+        const float32 dev_psi_alpha_2 = even_psi_alpha_next_2 - curv_psi_alpha_mean;
+        const float32 dev_psi_alpha_3 = even_psi_alpha_next_3 - curv_psi_alpha_mean;
+        const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
+            odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_alpha_next_2 * D_odd_psi_alpha_2 +
+            odd_psi_alpha_next_3 * D_odd_psi_alpha_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_alpha_0 +
             dev_psi_alpha_1 * dev_psi_alpha_1 + dev_psi_alpha_2 * dev_psi_alpha_2 +
             dev_psi_alpha_3 * dev_psi_alpha_3);
-        const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
-        const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
-        const float32 D_2_times_odd_psi_beta_next_2 = D_2 * odd_psi_beta_next_2;
-        const float32 D_3_times_odd_psi_beta_next_3 = D_3 * odd_psi_beta_next_3;
-        const float32 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
+        const float32 D_odd_psi_beta_0 = D_psi_alpha * odd_psi_beta_next_0;
+        const float32 D_odd_psi_beta_1 = D_psi_beta * odd_psi_beta_next_1;
+        const float32 D_odd_psi_beta_2 = D_omega * odd_psi_beta_next_2;
+        const float32 D_odd_psi_beta_3 = D_theta * odd_psi_beta_next_3;
+        const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 + even_psi_beta_next_2 +
             even_psi_beta_next_3;
-        const float32 bend_psi_beta_mean = 0.25f * bend_psi_beta_sum;
-        const float32 dev_psi_beta_0 = even_psi_beta_next_0 - bend_psi_beta_mean;
-        const float32 dev_psi_beta_1 = even_psi_beta_next_1 - bend_psi_beta_mean;
-        const float32 dev_psi_beta_2 = even_psi_beta_next_2 - bend_psi_beta_mean;
-        const float32 dev_psi_beta_3 = even_psi_beta_next_3 - bend_psi_beta_mean;
-        const float32 P_turned_11 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-            odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 +
-            odd_psi_beta_next_2 * D_2_times_odd_psi_beta_next_2 +
-            odd_psi_beta_next_3 * D_3_times_odd_psi_beta_next_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
+        const float32 curv_psi_beta_mean = 0.25f * curv_psi_beta_sum;
+        const float32 dev_psi_beta_0 = even_psi_beta_next_0 - curv_psi_beta_mean;
+        const float32 dev_psi_beta_1 = even_psi_beta_next_1 - curv_psi_beta_mean;
+        const float32 dev_psi_beta_2 = even_psi_beta_next_2 - curv_psi_beta_mean;
+        const float32 dev_psi_beta_3 = even_psi_beta_next_3 - curv_psi_beta_mean;
+        const float32 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
+            odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_beta_next_2 * D_odd_psi_beta_2 +
+            odd_psi_beta_next_3 * D_odd_psi_beta_3 + 0.25f * (dev_psi_beta_0 * dev_psi_beta_0 +
             dev_psi_beta_1 * dev_psi_beta_1 + dev_psi_beta_2 * dev_psi_beta_2 + dev_psi_beta_3 * dev_psi_beta_3);
-        const float32 P_turned_10 = D_0_times_odd_psi_alpha_next_0 * odd_psi_beta_next_0 +
-            D_1_times_odd_psi_alpha_next_1 * odd_psi_beta_next_1 +
-            D_2_times_odd_psi_alpha_next_2 * odd_psi_beta_next_2 +
-            D_3_times_odd_psi_alpha_next_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
+        const float32 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
+            D_odd_psi_alpha_1 * odd_psi_beta_next_1 + D_odd_psi_alpha_2 * odd_psi_beta_next_2 +
+            D_odd_psi_alpha_3 * odd_psi_beta_next_3 + 0.25f * (dev_psi_alpha_0 * dev_psi_beta_0 +
             dev_psi_alpha_1 * dev_psi_beta_1 + dev_psi_alpha_2 * dev_psi_beta_2 +
             dev_psi_alpha_3 * dev_psi_beta_3);
         const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
         const float32 P_turn = sin_theta_mid * P_tilt;
         const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
-        const float32 D_pred_0 = larger(P_pred_00, Q_0);
+        const float32 D_pred_psi_alpha = larger(P_pred_00, Q_0);
         const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-        const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
-        const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+        const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+        const float32 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
         const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
-        const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-        const float32 D_0_times_L_20 = D_0 * L_20;
-        const float32 D_1_times_L_21 = D_1 * L_21;
-        const float32 P_turned_20 = D_0_times_L_20 * odd_psi_alpha_next_0 + D_1_times_L_21 * odd_psi_alpha_next_1
-            + D_2_times_odd_psi_alpha_next_2;
-        const float32 P_turned_21 = D_0_times_L_20 * odd_psi_beta_next_0 + D_1_times_L_21 * odd_psi_beta_next_1 +
-            D_2_times_odd_psi_beta_next_2;
+        const float32 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+        const float32 D_odd_omega_0 = D_psi_alpha * L_20;
+        const float32 D_odd_omega_1 = D_psi_beta * L_21;
+        const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+            D_odd_psi_alpha_2;
+        const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+            D_odd_psi_beta_2;
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-        const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+        const float32 L_pred_20 = inv_D_pred_psi_alpha * P_pred_20;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
         const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-        const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-        const float32 P_pred_22 = L_20 * D_0_times_L_20 + L_21 * D_1_times_L_21 + D_2 + Q_2;
-        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-        const float32 P_turned_30 = D_0_times_odd_psi_alpha_next_0 * odd_theta_next_0 +
-            D_1_times_odd_psi_alpha_next_1 * odd_theta_next_1 + D_2_times_odd_psi_alpha_next_2 * odd_theta_next_2
-            + D_3_times_odd_psi_alpha_next_3;
-        const float32 P_turned_31 = D_0_times_odd_psi_beta_next_0 * odd_theta_next_0 +
-            D_1_times_odd_psi_beta_next_1 * odd_theta_next_1 + D_2_times_odd_psi_beta_next_2 * odd_theta_next_2 +
-            D_3_times_odd_psi_beta_next_3;
+        const float32 inv_D_pred_psi_beta = 1.0f / D_pred_psi_beta;
+        const float32 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+        const float32 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
+        const float32 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+        const float32 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
+            D_odd_psi_alpha_2 * odd_theta_next_2 + D_odd_psi_alpha_3;
+        const float32 P_turned_31 = D_odd_psi_beta_0 * odd_theta_next_0 + D_odd_psi_beta_1 * odd_theta_next_1 +
+            D_odd_psi_beta_2 * odd_theta_next_2 + D_odd_psi_beta_3;
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-        const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+        const float32 L_pred_30 = inv_D_pred_psi_alpha * P_pred_30;
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
         const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-        const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-        const float32 P_pred_32 = D_0_times_L_20 * odd_theta_next_0 + D_1_times_L_21 * odd_theta_next_1 +
-            D_2_times_odd_theta_next_2;
+        const float32 L_pred_31 = inv_D_pred_psi_beta * LD_pred_31;
+        const float32 D_odd_theta_2 = D_omega * odd_theta_next_2;
+        const float32 P_pred_32 = D_odd_omega_0 * odd_theta_next_0 + D_odd_omega_1 * odd_theta_next_1 +
+            D_odd_theta_2;
         const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-        const float32 L_pred_32 = LD_pred_32 / D_pred_2;
-        const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
-            D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        const float32 L_pred_32 = LD_pred_32 / D_pred_omega;
+        const float32 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
+            D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
+        const float32 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
             LD_pred_32 * L_pred_32, Q_3);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
-        const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+        const float32 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+        const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
         const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
         const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
         const float32 theta_pred = omega * ADVANCE_POLE_PAIRS + theta;
 
         /* --- sum of the pivots, for the guard */
-        const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3;
+        const float32 check = D_pred_psi_alpha + D_pred_psi_beta + D_pred_omega + D_pred_theta;
 
         x_pred_out[0].of[lane] = psi_alpha_pred;
         x_pred_out[1].of[lane] = psi_beta_pred;
         x_pred_out[2].of[lane] = omega;
         x_pred_out[3].of[lane] = theta_pred;
-        LD_pred_out[0].of[lane] = D_pred_0;
+        LD_pred_out[0].of[lane] = D_pred_psi_alpha;
         LD_pred_out[1].of[lane] = L_pred_10;
-        LD_pred_out[2].of[lane] = D_pred_1;
+        LD_pred_out[2].of[lane] = D_pred_psi_beta;
         LD_pred_out[3].of[lane] = L_pred_20;
         LD_pred_out[4].of[lane] = L_pred_21;
-        LD_pred_out[5].of[lane] = D_pred_2;
+        LD_pred_out[5].of[lane] = D_pred_omega;
         LD_pred_out[6].of[lane] = L_pred_30;
         LD_pred_out[7].of[lane] = L_pred_31;
         LD_pred_out[8].of[lane] = L_pred_32;
-        LD_pred_out[9].of[lane] = D_pred_3;
+        LD_pred_out[9].of[lane] = D_pred_theta;
         check_out[0].of[lane] = check;
     }
 }
@@ -602,25 +584,25 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 psi_beta_pred = x_pred[1].of[lane];
         const float32 omega_pred = x_pred[2].of[lane];
         const float32 theta_pred = x_pred[3].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_omega = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_theta = LD_pred[9].of[lane];
         const float32 R_0 = R[0].of[lane];
         const float32 R_1 = R[1].of[lane];
         const float32 i_alpha_meas = y[0].of[lane];
         const float32 i_beta_meas = y[1].of[lane];
 
         /* --- eq. 31: x_pred - x^j */
-        const float32 back_psi_alpha = psi_alpha_pred - psi_alpha_j;
-        const float32 back_psi_beta = psi_beta_pred - psi_beta_j;
-        const float32 back_theta = theta_pred - theta_j;
+        const float32 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
+        const float32 deviation_psi_beta = psi_beta_pred - psi_beta_j;
+        const float32 deviation_theta = theta_pred - theta_j;
 
         /* --- eq. 20: Jacobian */
         const pmsm_pair sincos_theta_j = sin_cos(theta_j);
@@ -643,19 +625,20 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
 
         /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
         const float32 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-            slope_y_i_alpha_0 * back_psi_alpha - slope_y_i_alpha_1 * back_psi_beta -
-            slope_y_i_alpha_3 * back_theta;
+            slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
+            slope_y_i_alpha_3 * deviation_theta;
         const float32 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-            slope_y_i_alpha_1 * back_psi_alpha - back_psi_beta * slope_y_i_beta_1 - back_theta * slope_y_i_beta_3;
+            slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
+            deviation_theta * slope_y_i_beta_3;
 
         /* --- eq. 22: Pyy^j */
         const float32 HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30;
-        const float32 D_HL_00 = D_pred_0 * HL_00;
+        const float32 D_HL_00 = D_pred_psi_alpha * HL_00;
         const float32 HL_01 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
-        const float32 D_HL_01 = HL_01 * D_pred_1;
+        const float32 D_HL_01 = HL_01 * D_pred_psi_beta;
         const float32 HL_02 = slope_y_i_alpha_3 * L_pred_32;
-        const float32 D_HL_02 = HL_02 * D_pred_2;
-        const float32 D_HL_03 = slope_y_i_alpha_3 * D_pred_3;
+        const float32 D_HL_02 = HL_02 * D_pred_omega;
+        const float32 D_HL_03 = slope_y_i_alpha_3 * D_pred_theta;
         const float32 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + slope_y_i_alpha_3 * D_HL_03 +
             R_0;
         const float32 HL_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3;
@@ -666,39 +649,39 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         /* --- eq. 28: Pyy^-1 innovation */
         const float32 one_per_Pyy_00 = 1.0f / Pyy_00;
         const float32 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
-        const float32 D_HL_10 = D_pred_0 * HL_10;
-        const float32 D_HL_11 = D_pred_1 * HL_11;
-        const float32 D_HL_12 = D_pred_2 * HL_12;
-        const float32 D_HL_13 = D_pred_3 * slope_y_i_beta_3;
-        const float32 share_1 =
+        const float32 D_HL_10 = D_pred_psi_alpha * HL_10;
+        const float32 D_HL_11 = D_pred_psi_beta * HL_11;
+        const float32 D_HL_12 = D_pred_omega * HL_12;
+        const float32 D_HL_13 = D_pred_theta * slope_y_i_beta_3;
+        const float32 Pyy_inv_nu_1 =
             (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
             HL_11 * D_HL_11 + HL_12 * D_HL_12 + slope_y_i_beta_3 * D_HL_13 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1,
             R_1);
-        const float32 share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1;
+        const float32 Pyy_inv_nu_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * Pyy_inv_nu_1;
 
         /* --- eq. 31: K innovation = L along; x^{j+1} */
-        const float32 along_0 = D_HL_00 * share_0 + D_HL_10 * share_1;
-        const float32 along_1 = D_HL_01 * share_0 + D_HL_11 * share_1;
-        const float32 along_2 = D_HL_02 * share_0 + D_HL_12 * share_1;
+        const float32 along_0 = D_HL_00 * Pyy_inv_nu_0 + D_HL_10 * Pyy_inv_nu_1;
+        const float32 along_1 = D_HL_01 * Pyy_inv_nu_0 + D_HL_11 * Pyy_inv_nu_1;
+        const float32 along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1;
         const float32 psi_alpha_after = along_0 + psi_alpha_pred;
         const float32 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
         const float32 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
         const float32 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
-            D_HL_03 * share_0 + D_HL_13 * share_1 + theta_pred;
+            D_HL_03 * Pyy_inv_nu_0 + D_HL_13 * Pyy_inv_nu_1 + theta_pred;
 
         /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
-        const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
-        const float32 moved_psi_beta = psi_beta_after - psi_beta_j;
-        const float32 moved_omega = omega_after - omega_j;
-        const float32 moved_theta = theta_after - theta_j;
-        const float32 change = moved_psi_alpha * moved_psi_alpha + moved_psi_beta * moved_psi_beta +
-            moved_omega * moved_omega + moved_theta * moved_theta;
+        const float32 step_psi_alpha = psi_alpha_after - psi_alpha_j;
+        const float32 step_psi_beta = psi_beta_after - psi_beta_j;
+        const float32 step_omega = omega_after - omega_j;
+        const float32 step_theta = theta_after - theta_j;
+        const float32 change = step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta +
+            step_omega * step_omega + step_theta * step_theta;
 
         x_j_out[0].of[lane] = psi_alpha_after;
         x_j_out[1].of[lane] = psi_beta_after;
         x_j_out[2].of[lane] = omega_after;
         x_j_out[3].of[lane] = theta_after;
-        nis_out[0].of[lane] = innovation_i_alpha * share_0 + innovation_i_beta * share_1;
+        nis_out[0].of[lane] = innovation_i_alpha * Pyy_inv_nu_0 + innovation_i_beta * Pyy_inv_nu_1;
         HL_out[0].of[lane] = HL_00;
         HL_out[1].of[lane] = HL_01;
         HL_out[2].of[lane] = HL_02;
@@ -721,16 +704,16 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 psi_beta_j = x_j[1].of[lane];
         const float32 omega_j = x_j[2].of[lane];
         const float32 theta_j = x_j[3].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_omega = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_theta = LD_pred[9].of[lane];
         const float32 R_0 = R[0].of[lane];
         const float32 R_1 = R[1].of[lane];
         const float32 HL_00 = HL[0].of[lane];
@@ -743,76 +726,76 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 HL_13 = HL[7].of[lane];
 
         /* --- eq. 32 */
-        const float32 g_first_3 = HL_03 * D_pred_3;
-        const float32 span_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
-        const float32 g_first_2 = HL_02 * D_pred_2;
-        const float32 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, R_0);
-        const float32 g_first_1 = HL_01 * D_pred_1;
-        const float32 span_first_1 = larger(span_first_2 + HL_01 * g_first_1, R_0);
-        const float32 span_first = larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0);
-        const float32 D_pred_3_per_span_first_3 = D_pred_3 / span_first_3;
-        const float32 D_first_3 = R_0 * D_pred_3_per_span_first_3;
+        const float32 g_first_3 = HL_03 * D_pred_theta;
+        const float32 var_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+        const float32 g_first_2 = HL_02 * D_pred_omega;
+        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+        const float32 g_first_1 = HL_01 * D_pred_psi_beta;
+        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+        const float32 var_first = larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0);
+        const float32 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
+        const float32 D_first_3 = R_0 * D_pred_theta_per_var_first_3;
         const float32 g_second_3 = HL_13 * D_first_3;
-        const float32 span_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
-        const float32 change_first_32 = HL_03 * HL_02 * D_pred_3_per_span_first_3;
+        const float32 var_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
+        const float32 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
         const float32 f_second_2 = HL_12 - HL_13 * change_first_32;
-        const float32 one_per_span_first_2 = 1.0f / span_first_2;
-        const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+        const float32 one_per_var_first_2 = 1.0f / var_first_2;
+        const float32 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, R_1);
-        const float32 lambda_first_1 = HL_01 * one_per_span_first_2;
-        const float32 gathered_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
-        const float32 f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2;
-        const float32 one_per_span_first_1 = 1.0f / span_first_1;
-        const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
+        const float32 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
+        const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
+        const float32 one_per_var_first_1 = 1.0f / var_first_1;
+        const float32 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
         const float32 g_second_1 = f_second_1 * D_first_1;
-        const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, R_1);
-        const float32 D_first_0 = D_pred_0 * span_first_1 / span_first;
-        const float32 lambda_first_0 = HL_00 * one_per_span_first_1;
-        const float32 f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11);
-        const float32 span_second = larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 D_first_0 = D_pred_psi_alpha * var_first_1 / var_first;
+        const float32 lambda_first_0 = HL_00 * one_per_var_first_1;
+        const float32 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
+        const float32 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_j);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = D_first_0 * span_second_1 / span_second;
-        const float32 one_per_span_second_1 = 1.0f / span_second_1;
-        const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+        const float32 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
+        const float32 one_per_var_second_1 = 1.0f / var_second_1;
+        const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
         const float32 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
-        const float32 D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1;
+        const float32 D_new_psi_beta = var_second_2 * D_first_1 * one_per_var_second_1;
         const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
         const float32 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
             lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
-        const float32 one_per_span_second_2 = 1.0f / span_second_2;
-        const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+        const float32 one_per_var_second_2 = 1.0f / var_second_2;
+        const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
         const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
-        const float32 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
-        const float32 gathered_first_32 = g_first_3 + g_first_2 * L_pred_32;
+        const float32 D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2;
+        const float32 gain_first_32 = g_first_3 + g_first_2 * L_pred_32;
         const float32 L_first_32 = L_pred_32 - change_first_32;
-        const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
-        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
-        const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
-            lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31);
-        const float32 L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32;
-        const float32 one_per_span_second_3 = 1.0f / span_second_3;
-        const float32 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_span_second_3;
-        const float32 D_new_3 = D_first_3 * R_1 * one_per_span_second_3;
+        const float32 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+        const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
+            lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
+        const float32 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
+        const float32 one_per_var_second_3 = 1.0f / var_second_3;
+        const float32 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3;
+        const float32 D_new_theta = D_first_3 * R_1 * one_per_var_second_3;
 
         x_out[0].of[lane] = psi_alpha_j;
         x_out[1].of[lane] = psi_beta_j;
         x_out[2].of[lane] = omega_j;
         x_out[3].of[lane] = theta_new;
-        LD_out[0].of[lane] = D_new_0;
+        LD_out[0].of[lane] = D_new_psi_alpha;
         LD_out[1].of[lane] = L_new_10;
-        LD_out[2].of[lane] = D_new_1;
+        LD_out[2].of[lane] = D_new_psi_beta;
         LD_out[3].of[lane] = L_new_20;
         LD_out[4].of[lane] = L_new_21;
-        LD_out[5].of[lane] = D_new_2;
+        LD_out[5].of[lane] = D_new_omega;
         LD_out[6].of[lane] = L_new_30;
         LD_out[7].of[lane] = L_new_31;
         LD_out[8].of[lane] = L_new_32;
-        LD_out[9].of[lane] = D_new_3;
+        LD_out[9].of[lane] = D_new_theta;
     }
 }
 
@@ -826,31 +809,60 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         const float32 psi_beta_pred = x_pred[1].of[lane];
         const float32 omega_pred = x_pred[2].of[lane];
         const float32 theta_pred = x_pred[3].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_omega = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_theta = LD_pred[9].of[lane];
 
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
         x_out[3].of[lane] = wrap_angle(theta_pred);
-        LD_out[0].of[lane] = D_pred_0;
+        LD_out[0].of[lane] = D_pred_psi_alpha;
         LD_out[1].of[lane] = L_pred_10;
-        LD_out[2].of[lane] = D_pred_1;
+        LD_out[2].of[lane] = D_pred_psi_beta;
         LD_out[3].of[lane] = L_pred_20;
         LD_out[4].of[lane] = L_pred_21;
-        LD_out[5].of[lane] = D_pred_2;
+        LD_out[5].of[lane] = D_pred_omega;
         LD_out[6].of[lane] = L_pred_30;
         LD_out[7].of[lane] = L_pred_31;
         LD_out[8].of[lane] = L_pred_32;
-        LD_out[9].of[lane] = D_pred_3;
+        LD_out[9].of[lane] = D_pred_theta;
+    }
+}
+
+/* Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero, in one lane. */
+static void restart(ipmsm_flux_ickf_lanes_t *__restrict f, int lane)
+{
+    static const int variance[4] = { 0, 2, 5, 9 }; /* its place among the words */
+    int k;
+    for (k = 0; k < N_WORDS; k++) {
+        f->LD[k].of[lane] = 0.0f;
+    }
+    for (k = 0; k < 4; k++) {
+        f->x[k].of[lane] = f->x_0[k].of[lane];
+        f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
+    }
+    f->nis[0].of[lane] = 0.0f;
+}
+
+/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
+static void watch_pivots(ipmsm_flux_ickf_lanes_t *__restrict f, const lanes *__restrict LD_pred)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const int clear_0 = (LD_pred[0].of[lane] > f->Q[0].of[lane]) ? 1 : 0;
+        const int clear_1 = (LD_pred[2].of[lane] > f->Q[1].of[lane]) ? 1 : 0;
+        const int clear_2 = (LD_pred[5].of[lane] > f->Q[2].of[lane]) ? 1 : 0;
+        const int clear_3 = (LD_pred[9].of[lane] > f->Q[3].of[lane]) ? 1 : 0;
+        const int clear = clear_0 & clear_1 & clear_2 & clear_3;
+        f->status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
     }
 }
 
@@ -858,7 +870,6 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
  * in the scalar form. */
 static void set_status_bits(ipmsm_flux_ickf_lanes_t *__restrict f, float32 check, int lane)
 {
-    static const int variance[4] = { 0, 2, 5, 9 }; /* its place among the words */
     float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
@@ -874,35 +885,32 @@ static void set_status_bits(ipmsm_flux_ickf_lanes_t *__restrict f, float32 check
         f->repairs[lane] += (f->repairs[lane] < MOST_REPAIRS) ? 1 : 0;
     }
     if ((f->status[lane] & PMSM_RESTARTED) != 0) {
-        for (k = 0; k < N_WORDS; k++) {
-            f->LD[k].of[lane] = 0.0f;
-        }
-        for (k = 0; k < 4; k++) {
-            f->x[k].of[lane] = f->x_0[k].of[lane];
-            f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
-        }
-        f->nis[0].of[lane] = 0.0f;
+        restart(f, lane);
     }
 }
 
-/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
-static void finish_step(ipmsm_flux_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
-    const int *__restrict rejected)
+/* The sum of pivots, mean and states is no number if one of them is none. */
+static void finish_step(ipmsm_flux_ickf_lanes_t *__restrict f, const lanes *__restrict nis,
+    lanes *__restrict check, const int *__restrict rejected)
 {
     int special[LANES];
-    int lane;
     int any = 0;
+    int lane;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 before = f->nis[0].of[lane];
-        const float32 after = before + f->nis_weight[0].of[lane] * (nis[0].of[lane] - before);
-        const float32 mean = (rejected[lane] != 0) ? before : after;
-        const float32 sum = check[0].of[lane] + mean +
-            f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane];
-        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
-        const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
-        f->nis[0].of[lane] = mean;
-        check[0].of[lane] = sum;
-        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        const float32 nis_before = f->nis[0].of[lane];
+        const float32 nis_after = f->nis[0].of[lane] +
+            f->nis_weight[0].of[lane] * (nis[0].of[lane] - f->nis[0].of[lane]);
+        f->nis[0].of[lane] = (rejected[lane] != 0) ? nis_before : nis_after;
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
+            f->x[2].of[lane] + f->x[3].of[lane];
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
+        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
     if (any != 0) {
@@ -939,7 +947,7 @@ void ipmsm_flux_ickf_lanes_step(ipmsm_flux_ickf_lanes_t *f, const lanes u[2], co
         widen_lanes(&f->LD[ANGLE_ROW], z, turn, 4, f->status);
     }
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
-    watch_pivots(LD_pred, f->Q, f->status);
+    watch_pivots(f, LD_pred);
     copy(x_j, x_pred, 4);
     begin_iterating(f, active, moving);
     do {
@@ -955,5 +963,5 @@ void ipmsm_flux_ickf_lanes_step(ipmsm_flux_ickf_lanes_t *f, const lanes u[2], co
         take(f->x, other_x, rejected, 4);
         take(f->LD, other_LD, rejected, 10);
     }
-    finish_step(f, check, nis, rejected);
+    finish_step(f, nis, check, rejected);
 }

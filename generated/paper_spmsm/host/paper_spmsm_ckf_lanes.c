@@ -65,20 +65,6 @@ INLINE float32 larger(float32 a, float32 b)
 #define N_WORDS 10 /* of LD */
 #define MOST_REPAIRS 32767
 
-/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
-static void watch_pivots(const lanes *__restrict LD_pred, const lanes *__restrict Q, int *__restrict status)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const int clear_0 = (LD_pred[0].of[lane] > Q[0].of[lane]) ? 1 : 0;
-        const int clear_1 = (LD_pred[2].of[lane] > Q[1].of[lane]) ? 1 : 0;
-        const int clear_2 = (LD_pred[5].of[lane] > Q[2].of[lane]) ? 1 : 0;
-        const int clear_3 = (LD_pred[9].of[lane] > Q[3].of[lane]) ? 1 : 0;
-        const int clear = clear_0 & clear_1 & clear_2 & clear_3;
-        status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
-    }
-}
-
 /* The same angle in [-pi, pi). */
 INLINE float32 wrap_angle(float32 x)
 {
@@ -235,31 +221,31 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
     int lane;
     int wide = 0;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 D_0 = LD[0].of[lane];
-        const float32 D_1 = LD[2].of[lane];
-        const float32 D_2 = LD[5].of[lane];
+        const float32 D_i_alpha = LD[0].of[lane];
+        const float32 D_i_beta = LD[2].of[lane];
+        const float32 D_omega = LD[5].of[lane];
         const float32 L_30 = LD[6].of[lane];
         const float32 L_31 = LD[7].of[lane];
         const float32 L_32 = LD[8].of[lane];
-        const float32 D_3 = LD[9].of[lane];
+        const float32 D_theta = LD[9].of[lane];
 
         /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 z_theta_0 = D_0 * L_30 * L_30;
-        const float32 z_theta_1 = D_1 * L_31 * L_31;
-        const float32 z_theta_2 = D_2 * L_32 * L_32;
+        const float32 z_theta_0 = D_i_alpha * L_30 * L_30;
+        const float32 z_theta_1 = D_i_beta * L_31 * L_31;
+        const float32 z_theta_2 = D_omega * L_32 * L_32;
         const float32 sinc_theta_0 = (SINC_2 * z_theta_0 + SINC_1) * z_theta_0 + 1.0f;
         const float32 cosm1_theta_0 = ((COSM1_3 * z_theta_0 + COSM1_2) * z_theta_0 + COSM1_1) * z_theta_0;
         const float32 sinc_theta_1 = (SINC_2 * z_theta_1 + SINC_1) * z_theta_1 + 1.0f;
         const float32 cosm1_theta_1 = ((COSM1_3 * z_theta_1 + COSM1_2) * z_theta_1 + COSM1_1) * z_theta_1;
         const float32 sinc_theta_2 = (SINC_2 * z_theta_2 + SINC_1) * z_theta_2 + 1.0f;
         const float32 cosm1_theta_2 = ((COSM1_3 * z_theta_2 + COSM1_2) * z_theta_2 + COSM1_1) * z_theta_2;
-        const float32 sinc_theta_3 = (SINC_2 * D_3 + SINC_1) * D_3 + 1.0f;
-        const float32 cosm1_theta_3 = ((COSM1_3 * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+        const float32 sinc_theta_3 = (SINC_2 * D_theta + SINC_1) * D_theta + 1.0f;
+        const float32 cosm1_theta_3 = ((COSM1_3 * D_theta + COSM1_2) * D_theta + COSM1_1) * D_theta;
 
         z_out[0].of[lane] = z_theta_0;
         z_out[1].of[lane] = z_theta_1;
         z_out[2].of[lane] = z_theta_2;
-        z_out[3].of[lane] = D_3;
+        z_out[3].of[lane] = D_theta;
         turn_out[0].of[lane] = sinc_theta_0;
         turn_out[1].of[lane] = cosm1_theta_0;
         turn_out[2].of[lane] = sinc_theta_1;
@@ -268,7 +254,7 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
         turn_out[5].of[lane] = cosm1_theta_2;
         turn_out[6].of[lane] = sinc_theta_3;
         turn_out[7].of[lane] = cosm1_theta_3;
-        wide |= (z_theta_0 + z_theta_1 + z_theta_2 + D_3 > SMALL_TURN) ? 1 : 0;
+        wide |= (z_theta_0 + z_theta_1 + z_theta_2 + D_theta > SMALL_TURN) ? 1 : 0;
     }
     return wide;
 }
@@ -284,16 +270,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 i_beta = x[1].of[lane];
         const float32 omega = x[2].of[lane];
         const float32 theta = x[3].of[lane];
-        const float32 D_0 = LD[0].of[lane];
+        const float32 D_i_alpha = LD[0].of[lane];
         const float32 L_10 = LD[1].of[lane];
-        const float32 D_1 = LD[2].of[lane];
+        const float32 D_i_beta = LD[2].of[lane];
         const float32 L_20 = LD[3].of[lane];
         const float32 L_21 = LD[4].of[lane];
-        const float32 D_2 = LD[5].of[lane];
+        const float32 D_omega = LD[5].of[lane];
         const float32 L_30 = LD[6].of[lane];
         const float32 L_31 = LD[7].of[lane];
         const float32 L_32 = LD[8].of[lane];
-        const float32 D_3 = LD[9].of[lane];
+        const float32 D_theta = LD[9].of[lane];
         const float32 Q_0 = Q[0].of[lane];
         const float32 Q_1 = Q[1].of[lane];
         const float32 Q_2 = Q[2].of[lane];
@@ -330,90 +316,86 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_theta_next_2 = POLE_PAIRS_SAMPLE_TIME + L_32;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-        const float32 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
-        const float32 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+        const float32 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
+        const float32 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
         const float32 emf_step_sq = emf_step * emf_step;
         const float32 sind_theta_2 = L_32 * sinc_theta_2;
-        const float32 bend_i_alpha_2 = D_2 * sind_theta_2;
-        const float32 D_sind_theta_3 = sinc_theta_3 * D_3;
-        const float32 L_20_times_D_0 = L_20 * D_0;
-        const float32 bend_i_alpha_0 = sind_theta_0 * L_20_times_D_0;
-        const float32 L_21_times_D_1 = L_21 * D_1;
-        const float32 bend_i_alpha_1 = sind_theta_1 * L_21_times_D_1;
-        const float32 bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2;
-        const float32 offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
-        const float32 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-            odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + emf_step_sq * (sind_theta_2 * bend_i_alpha_2 +
-            sinc_theta_3 * D_sind_theta_3) + GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (bend_i_alpha_0 * bend_i_alpha_0 +
-            bend_i_alpha_1 * bend_i_alpha_1 + bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha;
-        const float32 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
-        const float32 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
+        const float32 curv_i_alpha_2 = D_omega * sind_theta_2;
+        const float32 D_sind_theta_3 = sinc_theta_3 * D_theta;
+        const float32 D_odd_omega_0 = L_20 * D_i_alpha;
+        const float32 curv_i_alpha_0 = sind_theta_0 * D_odd_omega_0;
+        const float32 D_odd_omega_1 = L_21 * D_i_beta;
+        const float32 curv_i_alpha_1 = sind_theta_1 * D_odd_omega_1;
+        const float32 curv_i_alpha_sum = curv_i_alpha_0 + curv_i_alpha_1 + curv_i_alpha_2;
+        const float32 offset_i_alpha = GAIN_E_POLE_PAIRS * curv_i_alpha_sum;
+        const float32 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
+            emf_step_sq * (sind_theta_2 * curv_i_alpha_2 + sinc_theta_3 * D_sind_theta_3) +
+            GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (curv_i_alpha_0 * curv_i_alpha_0 + curv_i_alpha_1 * curv_i_alpha_1 +
+            curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha;
+        const float32 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
+        const float32 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
         const float32 one_plus_cosm1_theta_2 = 1.0f + cosm1_theta_2;
         const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
-        const float32 D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2;
-        const float32 bend_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
-        const float32 bend_i_beta_mean = bend_i_beta_sum * 0.25f;
-        const float32 dev_i_beta_0 = cosm1_theta_0 - bend_i_beta_mean;
-        const float32 dev_i_beta_1 = cosm1_theta_1 - bend_i_beta_mean;
-        const float32 dev_i_beta_2 = cosm1_theta_2 - bend_i_beta_mean;
-        const float32 dev_i_beta_3 = cosm1_theta_3 - bend_i_beta_mean;
-        const float32 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-            odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
-            minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
-            0.25f * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
-            dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3);
-        const float32 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
-            omega * GAIN_E_SQ_POLE_PAIRS_SQ * (bend_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
-            bend_i_alpha_0 * dev_i_beta_0 + bend_i_alpha_1 * dev_i_beta_1);
+        const float32 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
+        const float32 curv_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
+        const float32 curv_i_beta_mean = curv_i_beta_sum * 0.25f;
+        const float32 dev_i_beta_0 = cosm1_theta_0 - curv_i_beta_mean;
+        const float32 dev_i_beta_1 = cosm1_theta_1 - curv_i_beta_mean;
+        const float32 dev_i_beta_2 = cosm1_theta_2 - curv_i_beta_mean;
+        const float32 dev_i_beta_3 = cosm1_theta_3 - curv_i_beta_mean;
+        const float32 P_turned_11 = odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+            minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 + 0.25f * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 +
+            dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3);
+        const float32 P_turned_10 = D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
+            omega * GAIN_E_SQ_POLE_PAIRS_SQ * (curv_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
+            curv_i_alpha_0 * dev_i_beta_0 + curv_i_alpha_1 * dev_i_beta_1);
         const float32 P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0f;
         const float32 P_turn = sin_theta * P_tilt;
         const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
-        const float32 D_pred_0 = larger(P_pred_00, Q_0);
+        const float32 D_pred_i_alpha = larger(P_pred_00, Q_0);
         const float32 P_pred_10 = cos_theta * P_tilt - P_turned_10;
-        const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
-        const float32 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+        const float32 inv_D_pred_i_alpha = 1.0f / D_pred_i_alpha;
+        const float32 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
         const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
-        const float32 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+        const float32 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
         const float32 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
-        const float32 emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2;
-        const float32 part_of_P_pred_20 = L_20_times_D_0 * odd_i_alpha_next_0 +
-            L_21_times_D_1 * odd_i_alpha_next_1 + emf_step_times_bend_i_alpha_2;
+        const float32 D_odd_i_alpha_2 = emf_step * curv_i_alpha_2;
+        const float32 part_of_P_pred_20 = D_odd_omega_0 * odd_i_alpha_next_0 + D_odd_omega_1 * odd_i_alpha_next_1
+            + D_odd_i_alpha_2;
         const float32 sin_theta_times_decay_omega = sin_theta * DECAY_OMEGA;
-        const float32 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_beta_next_0 +
-            L_21_times_D_1 * odd_i_beta_next_1 - D_2_x_minus_odd_i_beta_next_2;
+        const float32 part_of_P_pred_20_2 = D_odd_omega_0 * odd_i_beta_next_0 + D_odd_omega_1 * odd_i_beta_next_1
+            - minus_D_odd_i_beta_2;
         const float32 P_pred_20 = cos_theta_times_decay_omega * part_of_P_pred_20 -
             sin_theta_times_decay_omega * part_of_P_pred_20_2;
-        const float32 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+        const float32 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
         const float32 P_pred_21 = sin_theta_times_decay_omega * part_of_P_pred_20 +
             cos_theta_times_decay_omega * part_of_P_pred_20_2;
         const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-        const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-        const float32 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2;
-        const float32 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-        const float32 P_turned_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + emf_step_times_bend_i_alpha_2 * odd_theta_next_2 +
-            emf_step * D_sind_theta_3;
-        const float32 P_turned_31 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
-            D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_theta_next_2;
+        const float32 inv_D_pred_i_beta = 1.0f / D_pred_i_beta;
+        const float32 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+        const float32 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega) + Q_2;
+        const float32 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+        const float32 P_turned_30 = D_odd_i_alpha_0 * odd_theta_next_0 + D_odd_i_alpha_1 * odd_theta_next_1 +
+            D_odd_i_alpha_2 * odd_theta_next_2 + emf_step * D_sind_theta_3;
+        const float32 P_turned_31 = D_odd_i_beta_0 * odd_theta_next_0 + D_odd_i_beta_1 * odd_theta_next_1 -
+            minus_D_odd_i_beta_2 * odd_theta_next_2;
         const float32 P_pred_30 = cos_theta * P_turned_30 - sin_theta * P_turned_31;
-        const float32 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+        const float32 L_pred_30 = inv_D_pred_i_alpha * P_pred_30;
         const float32 P_pred_31 = sin_theta * P_turned_30 + cos_theta * P_turned_31;
         const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-        const float32 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-        const float32 P_pred_32 = DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 +
-            L_21_times_D_1 * odd_theta_next_1 + D_2_times_odd_theta_next_2);
+        const float32 L_pred_31 = inv_D_pred_i_beta * LD_pred_31;
+        const float32 D_odd_theta_2 = D_omega * odd_theta_next_2;
+        const float32 P_pred_32 = DECAY_OMEGA * (D_odd_omega_0 * odd_theta_next_0 +
+            D_odd_omega_1 * odd_theta_next_1 + D_odd_theta_2);
         const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-        const float32 L_pred_32 = LD_pred_32 / D_pred_2;
-        const float32 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
-            D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-        const float32 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        const float32 L_pred_32 = LD_pred_32 / D_pred_omega;
+        const float32 P_pred_33 = D_i_alpha * odd_theta_next_0 * odd_theta_next_0 +
+            D_i_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
+        const float32 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
             LD_pred_32 * L_pred_32, Q_3);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 part_of_i_alpha_pred = emf_step + emf_step * bend_i_beta_mean;
+        const float32 part_of_i_alpha_pred = emf_step + emf_step * curv_i_beta_mean;
         const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
             cos_theta * offset_i_alpha;
         const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
@@ -422,22 +404,22 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta;
 
         /* --- sum of the pivots, for the guard */
-        const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3;
+        const float32 check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta;
 
         x_pred_out[0].of[lane] = i_alpha_pred;
         x_pred_out[1].of[lane] = i_beta_pred;
         x_pred_out[2].of[lane] = omega_pred;
         x_pred_out[3].of[lane] = theta_pred;
-        LD_pred_out[0].of[lane] = D_pred_0;
+        LD_pred_out[0].of[lane] = D_pred_i_alpha;
         LD_pred_out[1].of[lane] = L_pred_10;
-        LD_pred_out[2].of[lane] = D_pred_1;
+        LD_pred_out[2].of[lane] = D_pred_i_beta;
         LD_pred_out[3].of[lane] = L_pred_20;
         LD_pred_out[4].of[lane] = L_pred_21;
-        LD_pred_out[5].of[lane] = D_pred_2;
+        LD_pred_out[5].of[lane] = D_pred_omega;
         LD_pred_out[6].of[lane] = L_pred_30;
         LD_pred_out[7].of[lane] = L_pred_31;
         LD_pred_out[8].of[lane] = L_pred_32;
-        LD_pred_out[9].of[lane] = D_pred_3;
+        LD_pred_out[9].of[lane] = D_pred_theta;
         check_out[0].of[lane] = check;
     }
 }
@@ -453,16 +435,16 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 i_beta_pred = x_pred[1].of[lane];
         const float32 omega_pred = x_pred[2].of[lane];
         const float32 theta_pred = x_pred[3].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_i_alpha = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_i_beta = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_omega = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_theta = LD_pred[9].of[lane];
         const float32 R_0 = R[0].of[lane];
         const float32 R_1 = R[1].of[lane];
         const float32 i_alpha_meas = y[0].of[lane];
@@ -470,53 +452,52 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
 
         /* --- eq. 25: y - y_pred; theta wrapped */
         const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-        const float32 span_first = R_0 + D_pred_0;
-        const float32 one_per_span_first = 1.0f / span_first;
-        const float32 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
-        const float32 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+        const float32 var_first = R_0 + D_pred_i_alpha;
+        const float32 one_per_var_first = 1.0f / var_first;
+        const float32 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
+        const float32 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
         const float32 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
-        const float32 span_second_1 = R_1 + D_pred_1;
-        const float32 D_first_0 = R_0 * D_pred_0_per_span_first;
+        const float32 var_second_1 = R_1 + D_pred_i_beta;
+        const float32 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
         const float32 g_second_0 = D_first_0 * L_pred_10;
-        const float32 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
-        const float32 one_per_span_second = 1.0f / span_second;
-        const float32 share_second = innovation_after_first * one_per_span_second;
-        const float32 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+        const float32 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
+        const float32 one_per_var_second = 1.0f / var_second;
+        const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
+        const float32 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
         const float32 i_alpha_new = correction_second_0 + i_alpha_pred;
-        const float32 i_beta_new = i_beta_meas - R_1 * share_second;
-        const float32 D_pred_1_times_share_second = D_pred_1 * share_second;
-        const float32 omega_new = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
-            omega_pred;
-        const float32 theta_new = wrap_angle(correction_second_0 * L_pred_30 +
-            D_pred_1_times_share_second * L_pred_31 + theta_pred);
+        const float32 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
+        const float32 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
+        const float32 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
+        const float32 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
+            theta_pred);
 
         /* --- eq. 26: L D L^T = P_new */
-        const float32 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
-        const float32 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
-        const float32 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+        const float32 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
+        const float32 D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1;
+        const float32 change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1;
         const float32 L_new_10 = L_pred_10 - change_second_10;
-        const float32 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+        const float32 D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1;
         const float32 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
         const float32 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
 
         /* --- normalised innovation squared */
-        const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-            innovation_after_first * share_second;
+        const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+            innovation_after_first * nu_by_var_second;
 
         x_out[0].of[lane] = i_alpha_new;
         x_out[1].of[lane] = i_beta_new;
         x_out[2].of[lane] = omega_new;
         x_out[3].of[lane] = theta_new;
-        LD_out[0].of[lane] = D_new_0;
+        LD_out[0].of[lane] = D_new_i_alpha;
         LD_out[1].of[lane] = L_new_10;
-        LD_out[2].of[lane] = D_new_1;
+        LD_out[2].of[lane] = D_new_i_beta;
         LD_out[3].of[lane] = L_new_20;
         LD_out[4].of[lane] = L_pred_21;
-        LD_out[5].of[lane] = D_pred_2;
+        LD_out[5].of[lane] = D_pred_omega;
         LD_out[6].of[lane] = L_new_30;
         LD_out[7].of[lane] = L_pred_31;
         LD_out[8].of[lane] = L_pred_32;
-        LD_out[9].of[lane] = D_pred_3;
+        LD_out[9].of[lane] = D_pred_theta;
         nis_out[0].of[lane] = nis;
     }
 }
@@ -531,31 +512,60 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         const float32 i_beta_pred = x_pred[1].of[lane];
         const float32 omega_pred = x_pred[2].of[lane];
         const float32 theta_pred = x_pred[3].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_i_alpha = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_i_beta = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_omega = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_theta = LD_pred[9].of[lane];
 
         x_out[0].of[lane] = i_alpha_pred;
         x_out[1].of[lane] = i_beta_pred;
         x_out[2].of[lane] = omega_pred;
         x_out[3].of[lane] = wrap_angle(theta_pred);
-        LD_out[0].of[lane] = D_pred_0;
+        LD_out[0].of[lane] = D_pred_i_alpha;
         LD_out[1].of[lane] = L_pred_10;
-        LD_out[2].of[lane] = D_pred_1;
+        LD_out[2].of[lane] = D_pred_i_beta;
         LD_out[3].of[lane] = L_pred_20;
         LD_out[4].of[lane] = L_pred_21;
-        LD_out[5].of[lane] = D_pred_2;
+        LD_out[5].of[lane] = D_pred_omega;
         LD_out[6].of[lane] = L_pred_30;
         LD_out[7].of[lane] = L_pred_31;
         LD_out[8].of[lane] = L_pred_32;
-        LD_out[9].of[lane] = D_pred_3;
+        LD_out[9].of[lane] = D_pred_theta;
+    }
+}
+
+/* Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero, in one lane. */
+static void restart(paper_spmsm_ckf_lanes_t *__restrict f, int lane)
+{
+    static const int variance[4] = { 0, 2, 5, 9 }; /* its place among the words */
+    int k;
+    for (k = 0; k < N_WORDS; k++) {
+        f->LD[k].of[lane] = 0.0f;
+    }
+    for (k = 0; k < 4; k++) {
+        f->x[k].of[lane] = f->x_0[k].of[lane];
+        f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
+    }
+    f->nis[0].of[lane] = 0.0f;
+}
+
+/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
+static void watch_pivots(paper_spmsm_ckf_lanes_t *__restrict f, const lanes *__restrict LD_pred)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const int clear_0 = (LD_pred[0].of[lane] > f->Q[0].of[lane]) ? 1 : 0;
+        const int clear_1 = (LD_pred[2].of[lane] > f->Q[1].of[lane]) ? 1 : 0;
+        const int clear_2 = (LD_pred[5].of[lane] > f->Q[2].of[lane]) ? 1 : 0;
+        const int clear_3 = (LD_pred[9].of[lane] > f->Q[3].of[lane]) ? 1 : 0;
+        const int clear = clear_0 & clear_1 & clear_2 & clear_3;
+        f->status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
     }
 }
 
@@ -563,7 +573,6 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
  * in the scalar form. */
 static void set_status_bits(paper_spmsm_ckf_lanes_t *__restrict f, float32 check, int lane)
 {
-    static const int variance[4] = { 0, 2, 5, 9 }; /* its place among the words */
     float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
@@ -579,35 +588,32 @@ static void set_status_bits(paper_spmsm_ckf_lanes_t *__restrict f, float32 check
         f->repairs[lane] += (f->repairs[lane] < MOST_REPAIRS) ? 1 : 0;
     }
     if ((f->status[lane] & PMSM_RESTARTED) != 0) {
-        for (k = 0; k < N_WORDS; k++) {
-            f->LD[k].of[lane] = 0.0f;
-        }
-        for (k = 0; k < 4; k++) {
-            f->x[k].of[lane] = f->x_0[k].of[lane];
-            f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
-        }
-        f->nis[0].of[lane] = 0.0f;
+        restart(f, lane);
     }
 }
 
-/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
-static void finish_step(paper_spmsm_ckf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
-    const int *__restrict rejected)
+/* The sum of pivots, mean and states is no number if one of them is none. */
+static void finish_step(paper_spmsm_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
+    lanes *__restrict check, const int *__restrict rejected)
 {
     int special[LANES];
-    int lane;
     int any = 0;
+    int lane;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 before = f->nis[0].of[lane];
-        const float32 after = before + f->nis_weight[0].of[lane] * (nis[0].of[lane] - before);
-        const float32 mean = (rejected[lane] != 0) ? before : after;
-        const float32 sum = check[0].of[lane] + mean +
-            f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane];
-        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
-        const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
-        f->nis[0].of[lane] = mean;
-        check[0].of[lane] = sum;
-        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        const float32 nis_before = f->nis[0].of[lane];
+        const float32 nis_after = f->nis[0].of[lane] +
+            f->nis_weight[0].of[lane] * (nis[0].of[lane] - f->nis[0].of[lane]);
+        f->nis[0].of[lane] = (rejected[lane] != 0) ? nis_before : nis_after;
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
+            f->x[2].of[lane] + f->x[3].of[lane];
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
+        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
     if (any != 0) {
@@ -636,12 +642,12 @@ void paper_spmsm_ckf_lanes_step(paper_spmsm_ckf_lanes_t *f, const lanes u[2], co
         widen_lanes(&f->LD[ANGLE_ROW], z, turn, 4, f->status);
     }
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
-    watch_pivots(LD_pred, f->Q, f->status);
+    watch_pivots(f, LD_pred);
     ckf_measurement_update(x_pred, LD_pred, f->R, y, f->x, f->LD, nis);
     if (any_rejected != 0) {
         coast(x_pred, LD_pred, other_x, other_LD);
         take(f->x, other_x, rejected, 4);
         take(f->LD, other_LD, rejected, 10);
     }
-    finish_step(f, check, nis, rejected);
+    finish_step(f, nis, check, rejected);
 }

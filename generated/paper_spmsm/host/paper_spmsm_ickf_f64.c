@@ -152,25 +152,25 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_0 = LD[0];
-    const float64 D_1 = LD[2];
-    const float64 D_2 = LD[5];
+    const float64 D_i_alpha = LD[0];
+    const float64 D_i_beta = LD[2];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
 
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 z_theta_0 = D_0 * L_30 * L_30;
-    const float64 z_theta_1 = D_1 * L_31 * L_31;
-    const float64 z_theta_2 = D_2 * L_32 * L_32;
+    const float64 z_theta_0 = D_i_alpha * L_30 * L_30;
+    const float64 z_theta_1 = D_i_beta * L_31 * L_31;
+    const float64 z_theta_2 = D_omega * L_32 * L_32;
 
-    if (z_theta_0 + z_theta_1 + z_theta_2 + D_3 > SMALL_TURN) {
+    if (z_theta_0 + z_theta_1 + z_theta_2 + D_theta > SMALL_TURN) {
         float64 z[4];
         z[0] = z_theta_0;
         z[1] = z_theta_1;
         z[2] = z_theta_2;
-        z[3] = D_3;
+        z[3] = D_theta;
         return widen(&LD[ANGLE_ROW], z, turn_out, 4);
     }
     turn_out[0] = ((((((((SINC_9 * z_theta_0 + SINC_8) * z_theta_0 + SINC_7) * z_theta_0 + SINC_6) * z_theta_0
@@ -191,10 +191,12 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
     turn_out[5] = ((((((((COSM1_9 * z_theta_2 + COSM1_8) * z_theta_2 + COSM1_7) * z_theta_2 +
         COSM1_6) * z_theta_2 + COSM1_5) * z_theta_2 + COSM1_4) * z_theta_2 + COSM1_3) * z_theta_2 +
         COSM1_2) * z_theta_2 + COSM1_1) * z_theta_2;
-    turn_out[6] = ((((((((SINC_9 * D_3 + SINC_8) * D_3 + SINC_7) * D_3 + SINC_6) * D_3 + SINC_5) * D_3 +
-        SINC_4) * D_3 + SINC_3) * D_3 + SINC_2) * D_3 + SINC_1) * D_3 + 1.0;
-    turn_out[7] = ((((((((COSM1_9 * D_3 + COSM1_8) * D_3 + COSM1_7) * D_3 + COSM1_6) * D_3 + COSM1_5) * D_3 +
-        COSM1_4) * D_3 + COSM1_3) * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+    turn_out[6] = ((((((((SINC_9 * D_theta + SINC_8) * D_theta + SINC_7) * D_theta + SINC_6) * D_theta +
+        SINC_5) * D_theta + SINC_4) * D_theta + SINC_3) * D_theta + SINC_2) * D_theta + SINC_1) * D_theta +
+        1.0;
+    turn_out[7] = ((((((((COSM1_9 * D_theta + COSM1_8) * D_theta + COSM1_7) * D_theta + COSM1_6) * D_theta +
+        COSM1_5) * D_theta + COSM1_4) * D_theta + COSM1_3) * D_theta + COSM1_2) * D_theta +
+        COSM1_1) * D_theta;
     return 0;
 }
 
@@ -206,16 +208,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 i_beta = x[1];
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_0 = LD[0];
+    const float64 D_i_alpha = LD[0];
     const float64 L_10 = LD[1];
-    const float64 D_1 = LD[2];
+    const float64 D_i_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
@@ -252,90 +254,86 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 odd_theta_next_2 = POLE_PAIRS_SAMPLE_TIME + L_32;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-    const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
-    const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+    const float64 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
+    const float64 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float64 emf_step_sq = emf_step * emf_step;
     const float64 sind_theta_2 = L_32 * sinc_theta_2;
-    const float64 bend_i_alpha_2 = D_2 * sind_theta_2;
-    const float64 D_sind_theta_3 = sinc_theta_3 * D_3;
-    const float64 L_20_times_D_0 = L_20 * D_0;
-    const float64 bend_i_alpha_0 = sind_theta_0 * L_20_times_D_0;
-    const float64 L_21_times_D_1 = L_21 * D_1;
-    const float64 bend_i_alpha_1 = sind_theta_1 * L_21_times_D_1;
-    const float64 bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2;
-    const float64 offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
-    const float64 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 + emf_step_sq * (sind_theta_2 * bend_i_alpha_2 +
-        sinc_theta_3 * D_sind_theta_3) + GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (bend_i_alpha_0 * bend_i_alpha_0 +
-        bend_i_alpha_1 * bend_i_alpha_1 + bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha;
-    const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
-    const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
+    const float64 curv_i_alpha_2 = D_omega * sind_theta_2;
+    const float64 D_sind_theta_3 = sinc_theta_3 * D_theta;
+    const float64 D_odd_omega_0 = L_20 * D_i_alpha;
+    const float64 curv_i_alpha_0 = sind_theta_0 * D_odd_omega_0;
+    const float64 D_odd_omega_1 = L_21 * D_i_beta;
+    const float64 curv_i_alpha_1 = sind_theta_1 * D_odd_omega_1;
+    const float64 curv_i_alpha_sum = curv_i_alpha_0 + curv_i_alpha_1 + curv_i_alpha_2;
+    const float64 offset_i_alpha = GAIN_E_POLE_PAIRS * curv_i_alpha_sum;
+    const float64 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
+        emf_step_sq * (sind_theta_2 * curv_i_alpha_2 + sinc_theta_3 * D_sind_theta_3) +
+        GAIN_E_SQ_POLE_PAIRS_SQ_X4 * (curv_i_alpha_0 * curv_i_alpha_0 + curv_i_alpha_1 * curv_i_alpha_1 +
+        curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha;
+    const float64 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
+    const float64 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
     const float64 one_plus_cosm1_theta_2 = 1.0 + cosm1_theta_2;
     const float64 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
-    const float64 D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2;
-    const float64 bend_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
-    const float64 bend_i_beta_mean = bend_i_beta_sum * 0.25;
-    const float64 dev_i_beta_0 = cosm1_theta_0 - bend_i_beta_mean;
-    const float64 dev_i_beta_1 = cosm1_theta_1 - bend_i_beta_mean;
-    const float64 dev_i_beta_2 = cosm1_theta_2 - bend_i_beta_mean;
-    const float64 dev_i_beta_3 = cosm1_theta_3 - bend_i_beta_mean;
-    const float64 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
-        minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
-        0.25 * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 + dev_i_beta_1 * dev_i_beta_1 +
-        dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3);
-    const float64 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
-        omega * GAIN_E_SQ_POLE_PAIRS_SQ * (bend_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
-        bend_i_alpha_0 * dev_i_beta_0 + bend_i_alpha_1 * dev_i_beta_1);
+    const float64 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
+    const float64 curv_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
+    const float64 curv_i_beta_mean = curv_i_beta_sum * 0.25;
+    const float64 dev_i_beta_0 = cosm1_theta_0 - curv_i_beta_mean;
+    const float64 dev_i_beta_1 = cosm1_theta_1 - curv_i_beta_mean;
+    const float64 dev_i_beta_2 = cosm1_theta_2 - curv_i_beta_mean;
+    const float64 dev_i_beta_3 = cosm1_theta_3 - curv_i_beta_mean;
+    const float64 P_turned_11 = odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+        minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 + 0.25 * emf_step_sq * (dev_i_beta_0 * dev_i_beta_0 +
+        dev_i_beta_1 * dev_i_beta_1 + dev_i_beta_2 * dev_i_beta_2 + dev_i_beta_3 * dev_i_beta_3);
+    const float64 P_turned_10 = D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
+        omega * GAIN_E_SQ_POLE_PAIRS_SQ * (curv_i_alpha_2 * (one_plus_cosm1_theta_2 + dev_i_beta_2) +
+        curv_i_alpha_0 * dev_i_beta_0 + curv_i_alpha_1 * dev_i_beta_1);
     const float64 P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta * P_tilt;
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
-    const float64 D_pred_0 = larger(P_pred_00, Q_0);
+    const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta * P_tilt - P_turned_10;
-    const float64 one_per_D_pred_0 = 1.0 / D_pred_0;
-    const float64 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+    const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
+    const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
-    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
-    const float64 emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2;
-    const float64 part_of_P_pred_20 = L_20_times_D_0 * odd_i_alpha_next_0 +
-        L_21_times_D_1 * odd_i_alpha_next_1 + emf_step_times_bend_i_alpha_2;
+    const float64 D_odd_i_alpha_2 = emf_step * curv_i_alpha_2;
+    const float64 part_of_P_pred_20 = D_odd_omega_0 * odd_i_alpha_next_0 + D_odd_omega_1 * odd_i_alpha_next_1
+        + D_odd_i_alpha_2;
     const float64 sin_theta_times_decay_omega = sin_theta * DECAY_OMEGA;
-    const float64 part_of_P_pred_20_2 = L_20_times_D_0 * odd_i_beta_next_0 +
-        L_21_times_D_1 * odd_i_beta_next_1 - D_2_x_minus_odd_i_beta_next_2;
+    const float64 part_of_P_pred_20_2 = D_odd_omega_0 * odd_i_beta_next_0 + D_odd_omega_1 * odd_i_beta_next_1
+        - minus_D_odd_i_beta_2;
     const float64 P_pred_20 = cos_theta_times_decay_omega * part_of_P_pred_20 -
         sin_theta_times_decay_omega * part_of_P_pred_20_2;
-    const float64 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+    const float64 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
     const float64 P_pred_21 = sin_theta_times_decay_omega * part_of_P_pred_20 +
         cos_theta_times_decay_omega * part_of_P_pred_20_2;
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float64 one_per_D_pred_1 = 1.0 / D_pred_1;
-    const float64 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-    const float64 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * L_20_times_D_0 + L_21 * L_21_times_D_1 + D_2) + Q_2;
-    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-    const float64 P_turned_30 = D_0_times_odd_i_alpha_next_0 * odd_theta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_theta_next_1 + emf_step_times_bend_i_alpha_2 * odd_theta_next_2 +
-        emf_step * D_sind_theta_3;
-    const float64 P_turned_31 = D_0_times_odd_i_beta_next_0 * odd_theta_next_0 +
-        D_1_times_odd_i_beta_next_1 * odd_theta_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_theta_next_2;
+    const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
+    const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float64 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega) + Q_2;
+    const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+    const float64 P_turned_30 = D_odd_i_alpha_0 * odd_theta_next_0 + D_odd_i_alpha_1 * odd_theta_next_1 +
+        D_odd_i_alpha_2 * odd_theta_next_2 + emf_step * D_sind_theta_3;
+    const float64 P_turned_31 = D_odd_i_beta_0 * odd_theta_next_0 + D_odd_i_beta_1 * odd_theta_next_1 -
+        minus_D_odd_i_beta_2 * odd_theta_next_2;
     const float64 P_pred_30 = cos_theta * P_turned_30 - sin_theta * P_turned_31;
-    const float64 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+    const float64 L_pred_30 = inv_D_pred_i_alpha * P_pred_30;
     const float64 P_pred_31 = sin_theta * P_turned_30 + cos_theta * P_turned_31;
     const float64 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float64 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-    const float64 D_2_times_odd_theta_next_2 = D_2 * odd_theta_next_2;
-    const float64 P_pred_32 = DECAY_OMEGA * (L_20_times_D_0 * odd_theta_next_0 +
-        L_21_times_D_1 * odd_theta_next_1 + D_2_times_odd_theta_next_2);
+    const float64 L_pred_31 = inv_D_pred_i_beta * LD_pred_31;
+    const float64 D_odd_theta_2 = D_omega * odd_theta_next_2;
+    const float64 P_pred_32 = DECAY_OMEGA * (D_odd_omega_0 * odd_theta_next_0 +
+        D_odd_omega_1 * odd_theta_next_1 + D_odd_theta_2);
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-    const float64 L_pred_32 = LD_pred_32 / D_pred_2;
-    const float64 P_pred_33 = D_0 * odd_theta_next_0 * odd_theta_next_0 +
-        D_1 * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_2_times_odd_theta_next_2 + D_3 + Q_3;
-    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+    const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 P_pred_33 = D_i_alpha * odd_theta_next_0 * odd_theta_next_0 +
+        D_i_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
+    const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_3);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 part_of_i_alpha_pred = emf_step + emf_step * bend_i_beta_mean;
+    const float64 part_of_i_alpha_pred = emf_step + emf_step * curv_i_beta_mean;
     const float64 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
         cos_theta * offset_i_alpha;
     const float64 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
@@ -344,22 +342,22 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 theta_pred = omega * POLE_PAIRS_SAMPLE_TIME + theta;
 
     /* --- sum of the pivots, for the guard */
-    const float64 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3;
+    const float64 check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta;
 
     x_pred_out[0] = i_alpha_pred;
     x_pred_out[1] = i_beta_pred;
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
-    LD_pred_out[0] = D_pred_0;
+    LD_pred_out[0] = D_pred_i_alpha;
     LD_pred_out[1] = L_pred_10;
-    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[2] = D_pred_i_beta;
     LD_pred_out[3] = L_pred_20;
     LD_pred_out[4] = L_pred_21;
-    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[5] = D_pred_omega;
     LD_pred_out[6] = L_pred_30;
     LD_pred_out[7] = L_pred_31;
     LD_pred_out[8] = L_pred_32;
-    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[9] = D_pred_theta;
     check_out[0] = check;
 }
 
@@ -371,16 +369,16 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pr
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
@@ -388,56 +386,56 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pr
 
     /* --- eq. 31: y - y_pred; x^{j+1} */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-    const float64 span_first = R_0 + D_pred_0;
-    const float64 one_per_span_first = 1.0 / span_first;
-    const float64 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
-    const float64 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+    const float64 var_first = R_0 + D_pred_i_alpha;
+    const float64 one_per_var_first = 1.0 / var_first;
+    const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
+    const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
-    const float64 span_second_1 = R_1 + D_pred_1;
-    const float64 D_first_0 = R_0 * D_pred_0_per_span_first;
+    const float64 var_second_1 = R_1 + D_pred_i_beta;
+    const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
-    const float64 one_per_span_second = 1.0 / span_second;
-    const float64 share_second = innovation_after_first * one_per_span_second;
-    const float64 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
+    const float64 one_per_var_second = 1.0 / var_second;
+    const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
+    const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_after = correction_second_0 + i_alpha_pred;
-    const float64 i_beta_after = i_beta_meas - R_1 * share_second;
-    const float64 D_pred_1_times_share_second = D_pred_1 * share_second;
-    const float64 omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
+    const float64 i_beta_after = i_beta_meas - R_1 * nu_by_var_second;
+    const float64 part_of_omega_after = D_pred_i_beta * nu_by_var_second;
+    const float64 omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 +
         omega_pred;
-    const float64 theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
+    const float64 theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 +
         theta_pred;
 
     /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_after);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float64 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
-    const float64 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
-    const float64 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+    const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
+    const float64 D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1;
+    const float64 change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1;
     const float64 L_new_10 = L_pred_10 - change_second_10;
-    const float64 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+    const float64 D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1;
     const float64 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
     const float64 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
 
     /* --- normalised innovation squared */
-    const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-        innovation_after_first * share_second;
+    const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second;
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
     x_out[3] = theta_new;
-    LD_out[0] = D_new_0;
+    LD_out[0] = D_new_i_alpha;
     LD_out[1] = L_new_10;
-    LD_out[2] = D_new_1;
+    LD_out[2] = D_new_i_beta;
     LD_out[3] = L_new_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_new_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
     nis_out[0] = nis;
 }
 
@@ -448,31 +446,31 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     const float64 i_beta_pred = x_pred[1];
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
 
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
-    LD_out[0] = D_pred_0;
+    LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
-    LD_out[2] = D_pred_1;
+    LD_out[2] = D_pred_i_beta;
     LD_out[3] = L_pred_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_pred_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
 }
 
 void paper_spmsm_ickf_f64_init(paper_spmsm_ickf_f64_t *f)

@@ -25,14 +25,17 @@
 #define GAIN_Q 8.460126e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define LOSS_Q 0.10131888f /* (1 - exp(-T R / L_q)) / R, 1 / ohm */
 #define DECAY_OMEGA 0.999975f /* exp(-T D / J) */
-#define GAIN_OMEGA 0.012499844f /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
+#define GAIN_OMEGA 0.012499844f /* (1 - exp(-T D / J)) / D, rad/s per N m */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08f /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
+#define PAIR_WEIGHT 0.14285715f /* 1 / 7: weight of the two points of a column of S */
 #define MAGNET_TURN_POLE_PAIRS 3.3365823e-06f /* MAGNET_TURN * POLE_PAIRS */
 #define GAIN_TORQUE_INV_L_D 7185.629f /* GAIN_TORQUE * INV_L_D */
 #define GAIN_TORQUE_INV_L_D_X7 50299.402f /* 7 * GAIN_TORQUE * INV_L_D */
 #define GAIN_OMEGA_HALF_T_POLE_PAIRS 2.4999688e-06f /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define ONE_MINUS_RETURN 0.9998779f /* 1 - RETURN */
+#define OWN_MAGNET_FLUX_RETURN 2.1362304e-05f /* OWN_MAGNET_FLUX * RETURN */
+#define OWN_STATOR_RESISTANCE_RETURN 0.00035095215f /* OWN_STATOR_RESISTANCE * RETURN */
 #define GAIN_OMEGA_SQ 0.0001562461f /* GAIN_OMEGA * GAIN_OMEGA */
 #define INV_L_Q_SQ 1.4342572e+06f /* INV_L_Q * INV_L_Q */
 
@@ -76,23 +79,6 @@ INLINE float32 larger(float32 a, float32 b)
 #define PER_SANE_LIMIT 1e-09f
 #define N_WORDS 28 /* of LD */
 #define MOST_REPAIRS 32767
-
-/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
-static void watch_pivots(const lanes *__restrict LD_pred, const lanes *__restrict Q, int *__restrict status)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const int clear_0 = (LD_pred[14].of[lane] > Q[0].of[lane]) ? 1 : 0;
-        const int clear_1 = (LD_pred[20].of[lane] > Q[1].of[lane]) ? 1 : 0;
-        const int clear_2 = (LD_pred[2].of[lane] > Q[2].of[lane]) ? 1 : 0;
-        const int clear_3 = (LD_pred[0].of[lane] > Q[3].of[lane]) ? 1 : 0;
-        const int clear_4 = (LD_pred[27].of[lane] > Q[4].of[lane]) ? 1 : 0;
-        const int clear_5 = (LD_pred[9].of[lane] > Q[5].of[lane]) ? 1 : 0;
-        const int clear_6 = (LD_pred[5].of[lane] > Q[6].of[lane]) ? 1 : 0;
-        const int clear = clear_0 & clear_1 & clear_2 & clear_3 & clear_4 & clear_5 & clear_6;
-        status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
-    }
-}
 
 /* The same angle in [-pi, pi). */
 INLINE float32 wrap_angle(float32 x)
@@ -301,14 +287,14 @@ static int time_update_turns(const lanes *__restrict LD, lanes *__restrict z_out
     int lane;
     int wide = 0;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 D_0 = LD[0].of[lane];
+        const float32 D_theta = LD[0].of[lane];
         const float32 L_10 = LD[1].of[lane];
-        const float32 D_1 = LD[2].of[lane];
+        const float32 D_omega = LD[2].of[lane];
 
         /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-        const float32 one_and_L_10_scaled = 1.0f + HALF_T_POLE_PAIRS * L_10;
-        const float32 z_theta_mid_0 = D_0 * one_and_L_10_scaled * one_and_L_10_scaled;
-        const float32 z_theta_mid_1 = D_1 * HALF_T_SQ_POLE_PAIRS_SQ;
+        const float32 odd_theta_mid_0 = 1.0f + HALF_T_POLE_PAIRS * L_10;
+        const float32 z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0;
+        const float32 z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ;
         const float32 sinc_theta_mid_0 = (SINC_2 * z_theta_mid_0 + SINC_1) * z_theta_mid_0 + 1.0f;
         const float32 cosm1_theta_mid_0 = ((COSM1_3 * z_theta_mid_0 + COSM1_2) * z_theta_mid_0 +
             COSM1_1) * z_theta_mid_0;
@@ -341,34 +327,34 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 load_torque = x[4].of[lane];
         const float32 magnet_flux = x[5].of[lane];
         const float32 stator_resistance = x[6].of[lane];
-        const float32 D_0 = LD[0].of[lane];
+        const float32 D_theta = LD[0].of[lane];
         const float32 L_10 = LD[1].of[lane];
-        const float32 D_1 = LD[2].of[lane];
+        const float32 D_omega = LD[2].of[lane];
         const float32 L_20 = LD[3].of[lane];
         const float32 L_21 = LD[4].of[lane];
-        const float32 D_2 = LD[5].of[lane];
+        const float32 D_stator_resistance = LD[5].of[lane];
         const float32 L_30 = LD[6].of[lane];
         const float32 L_31 = LD[7].of[lane];
         const float32 L_32 = LD[8].of[lane];
-        const float32 D_3 = LD[9].of[lane];
+        const float32 D_magnet_flux = LD[9].of[lane];
         const float32 L_40 = LD[10].of[lane];
         const float32 L_41 = LD[11].of[lane];
         const float32 L_42 = LD[12].of[lane];
         const float32 L_43 = LD[13].of[lane];
-        const float32 D_4 = LD[14].of[lane];
+        const float32 D_psi_alpha = LD[14].of[lane];
         const float32 L_50 = LD[15].of[lane];
         const float32 L_51 = LD[16].of[lane];
         const float32 L_52 = LD[17].of[lane];
         const float32 L_53 = LD[18].of[lane];
         const float32 L_54 = LD[19].of[lane];
-        const float32 D_5 = LD[20].of[lane];
+        const float32 D_psi_beta = LD[20].of[lane];
         const float32 L_60 = LD[21].of[lane];
         const float32 L_61 = LD[22].of[lane];
         const float32 L_62 = LD[23].of[lane];
         const float32 L_63 = LD[24].of[lane];
         const float32 L_64 = LD[25].of[lane];
         const float32 L_65 = LD[26].of[lane];
-        const float32 D_6 = LD[27].of[lane];
+        const float32 D_load_torque = LD[27].of[lane];
         const float32 Q_0 = Q[0].of[lane];
         const float32 Q_1 = Q[1].of[lane];
         const float32 Q_2 = Q[2].of[lane];
@@ -392,19 +378,19 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
-        const float32 n_D_0 = D_0 * 7.0f;
+        const float32 n_D_0 = D_theta * 7.0f;
         const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 n_D_0_times_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+        const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
         const float32 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
-            n_D_0_times_sind_theta_mid_0 * odd_psi_beta_turned_0;
+            n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
         const float32 odd_psi_alpha_turned_0 = cos_theta_mid * L_40 + sin_theta_mid * L_50;
         const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
         const float32 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
             sind_theta_mid_0 * psi_q_mid;
         const float32 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
-            n_D_0_times_sind_theta_mid_0 * odd_psi_alpha_turned_0;
+            n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
         const float32 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
             psi_d_mid * sind_theta_mid_0;
         const float32 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
@@ -443,18 +429,18 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 L_30_times_gain_torque_inv_l_d = L_30 * GAIN_TORQUE_INV_L_D;
         const float32 even_torque_0 = magnet_flux_scaled * even_psi_q_between_0 +
             n_D_0 * L_30_times_gain_torque_inv_l_d * odd_psi_q_between_0;
-        const float32 n_D_1 = 7.0f * D_1;
+        const float32 n_D_1 = 7.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
-        const float32 n_D_1_times_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+        const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
         const float32 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
         const float32 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
-            n_D_1_times_sind_theta_mid_1 * odd_psi_beta_turned_1;
+            n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
         const float32 odd_psi_alpha_turned_1 = cos_theta_mid * L_41 + sin_theta_mid * L_51;
         const float32 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
             psi_q_mid * sind_theta_mid_1;
         const float32 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
-            n_D_1_times_sind_theta_mid_1 * odd_psi_alpha_turned_1;
+            n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
         const float32 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
             psi_d_mid * sind_theta_mid_1;
         const float32 loss_d_times_L_21 = LOSS_D * L_21;
@@ -484,7 +470,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
             omega_e_times_magnet_turn * L_32;
         const float32 odd_psi_q_between_2 = 0.5f * (odd_psi_q_mid_2 + odd_psi_q_next_2);
-        const float32 n_D_2 = 7.0f * D_2;
+        const float32 n_D_2 = 7.0f * D_stator_resistance;
         const float32 L_32_times_gain_torque_inv_l_d = L_32 * GAIN_TORQUE_INV_L_D;
         const float32 minus_even_psi_q_next_2 = LOSS_Q * n_D_2 * odd_psi_q_mid_2;
         const float32 minus_even_psi_q_between_2 = minus_even_psi_q_next_2 * 0.5f;
@@ -511,15 +497,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_torque_5 = half_times_magnet_flux_scaled * (cos_theta_mid + odd_psi_q_next_5);
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
-            n_D_0_times_sind_theta_mid_0 * odd_psi_q_next_0;
+            n_D_sind_theta_mid_0 * odd_psi_q_next_0;
         const float32 total_psi_d_next_1 = psi_d_next + even_psi_d_next_1;
         const float32 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
-            n_D_1_times_sind_theta_mid_1 * odd_psi_q_next_1;
+            n_D_sind_theta_mid_1 * odd_psi_q_next_1;
         const float32 total_psi_q_next_0 = psi_q_next + even_psi_q_next_0;
-        const float32 even_psi_beta_next_0 = n_D_0_times_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
+        const float32 even_psi_beta_next_0 = n_D_sind_theta_mid_0 * odd_psi_d_next_0 + even_psi_q_next_0 +
             cosm1_theta_mid_0 * total_psi_q_next_0;
         const float32 total_psi_q_next_1 = psi_q_next + even_psi_q_next_1;
-        const float32 even_psi_beta_next_1 = n_D_1_times_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
+        const float32 even_psi_beta_next_1 = n_D_sind_theta_mid_1 * odd_psi_d_next_1 + even_psi_q_next_1 +
             cosm1_theta_mid_1 * total_psi_q_next_1;
         const float32 odd_psi_alpha_next_0 = one_plus_cosm1_theta_mid_0 * odd_psi_d_next_0 -
             sind_theta_mid_0 * total_psi_q_next_0;
@@ -546,230 +532,228 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_stator_resistance_next_1 = L_21 * ONE_MINUS_RETURN;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-        const float32 D_0_times_odd_omega_next_0 = D_0 * odd_omega_next_0;
-        const float32 D_1_times_odd_omega_next_1 = D_1 * odd_omega_next_1;
-        const float32 D_2_times_odd_omega_next_2 = D_2 * odd_omega_next_2;
-        const float32 D_3_times_odd_omega_next_3 = D_3 * odd_omega_next_3;
-        const float32 D_4_times_odd_omega_next_4 = D_4 * odd_omega_next_4;
-        const float32 D_5_times_odd_omega_next_5 = D_5 * odd_omega_next_5;
-        const float32 gain_omega_times_D_6 = GAIN_OMEGA * D_6;
-        const float32 bend_omega_3 = GAIN_TORQUE_INV_L_D_X7 * odd_psi_q_between_3 * D_3;
-        const float32 bend_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + bend_omega_3;
-        const float32 bend_omega_mean = 0.14285715f * bend_omega_sum;
-        const float32 part_of_P_pred_32 = odd_omega_next_0 * D_0_times_odd_omega_next_0 +
-            odd_omega_next_1 * D_1_times_odd_omega_next_1 + odd_omega_next_2 * D_2_times_odd_omega_next_2 +
-            odd_omega_next_3 * D_3_times_odd_omega_next_3 + odd_omega_next_4 * D_4_times_odd_omega_next_4 +
-            odd_omega_next_5 * D_5_times_odd_omega_next_5 + GAIN_OMEGA * gain_omega_times_D_6 +
-            GAIN_OMEGA_SQ * (0.14285715f * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
-            even_torque_2 * even_torque_2 + bend_omega_3 * bend_omega_3) - bend_omega_mean * bend_omega_mean);
-        const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_0_times_odd_omega_next_0 +
-            HALF_T_POLE_PAIRS * D_1_times_odd_omega_next_1;
+        const float32 D_odd_omega_0 = D_theta * odd_omega_next_0;
+        const float32 D_odd_omega_1 = D_omega * odd_omega_next_1;
+        const float32 D_odd_omega_2 = D_stator_resistance * odd_omega_next_2;
+        const float32 D_odd_omega_3 = D_magnet_flux * odd_omega_next_3;
+        const float32 D_odd_omega_4 = D_psi_alpha * odd_omega_next_4;
+        const float32 D_odd_omega_5 = D_psi_beta * odd_omega_next_5;
+        const float32 minus_D_odd_omega_6 = GAIN_OMEGA * D_load_torque;
+        const float32 curv_omega_3 = GAIN_TORQUE_INV_L_D_X7 * odd_psi_q_between_3 * D_magnet_flux;
+        const float32 curv_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + curv_omega_3;
+        const float32 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+        const float32 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+            odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
+            + odd_omega_next_5 * D_odd_omega_5 + GAIN_OMEGA * minus_D_odd_omega_6 +
+            GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+            even_torque_2 * even_torque_2 + curv_omega_3 * curv_omega_3) - curv_omega_mean * curv_omega_mean);
+        const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
         const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
-        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_1 * HALF_T_POLE_PAIRS)
-            + D_0 * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
-        const float32 D_pred_0 = larger(P_pred_33, Q_3);
-        const float32 one_per_D_pred_0 = 1.0f / D_pred_0;
-        const float32 L_pred_10 = P_pred_32 * one_per_D_pred_0;
+        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+            D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
+        const float32 D_pred_theta = larger(P_pred_33, Q_3);
+        const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+        const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
         const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
-        const float32 D_pred_1 = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
-        const float32 part_of_P_pred_62 = D_0 * odd_stator_resistance_next_0;
-        const float32 part_of_P_pred_62_2 = D_1 * odd_stator_resistance_next_1;
-        const float32 D_2_times_one_minus_return = D_2 * ONE_MINUS_RETURN;
-        const float32 P_pred_62 = odd_omega_next_0 * part_of_P_pred_62 + odd_omega_next_1 * part_of_P_pred_62_2 +
-            odd_omega_next_2 * D_2_times_one_minus_return;
-        const float32 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + part_of_P_pred_62_2) +
-            odd_theta_mid_0 * part_of_P_pred_62;
-        const float32 L_pred_20 = one_per_D_pred_0 * P_pred_63;
+        const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
+        const float32 D_odd_stator_resistance_0 = D_theta * odd_stator_resistance_next_0;
+        const float32 D_odd_stator_resistance_1 = D_omega * odd_stator_resistance_next_1;
+        const float32 D_odd_stator_resistance_2 = D_stator_resistance * ONE_MINUS_RETURN;
+        const float32 P_pred_62 = odd_omega_next_0 * D_odd_stator_resistance_0 +
+            odd_omega_next_1 * D_odd_stator_resistance_1 + odd_omega_next_2 * D_odd_stator_resistance_2;
+        const float32 P_pred_63 = HALF_T_POLE_PAIRS * (P_pred_62 + D_odd_stator_resistance_1) +
+            odd_theta_mid_0 * D_odd_stator_resistance_0;
+        const float32 L_pred_20 = inv_D_pred_theta * P_pred_63;
         const float32 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
-        const float32 one_per_D_pred_1 = 1.0f / D_pred_1;
-        const float32 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-        const float32 P_pred_66 = odd_stator_resistance_next_0 * part_of_P_pred_62 +
-            odd_stator_resistance_next_1 * part_of_P_pred_62_2 + ONE_MINUS_RETURN * D_2_times_one_minus_return +
-            Q_6;
-        const float32 D_pred_2 = larger(P_pred_66 - P_pred_63 * L_pred_20 - LD_pred_21 * L_pred_21, Q_6);
-        const float32 D_0_x_odd_magnet_flux_next_0 = D_0 * odd_magnet_flux_next_0;
-        const float32 D_1_x_odd_magnet_flux_next_1 = D_1 * odd_magnet_flux_next_1;
-        const float32 D_2_x_odd_magnet_flux_next_2 = D_2 * odd_magnet_flux_next_2;
-        const float32 D_3_times_one_minus_return = D_3 * ONE_MINUS_RETURN;
-        const float32 P_pred_52 = odd_omega_next_0 * D_0_x_odd_magnet_flux_next_0 +
-            odd_omega_next_1 * D_1_x_odd_magnet_flux_next_1 + odd_omega_next_2 * D_2_x_odd_magnet_flux_next_2 +
-            odd_omega_next_3 * D_3_times_one_minus_return;
-        const float32 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_1_x_odd_magnet_flux_next_1) +
-            odd_theta_mid_0 * D_0_x_odd_magnet_flux_next_0;
-        const float32 L_pred_30 = one_per_D_pred_0 * P_pred_53;
+        const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+        const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
+        const float32 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
+            odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
+            ONE_MINUS_RETURN * D_odd_stator_resistance_2 + Q_6;
+        const float32 D_pred_stator_resistance = larger(P_pred_66 - P_pred_63 * L_pred_20 -
+            LD_pred_21 * L_pred_21, Q_6);
+        const float32 D_odd_magnet_flux_0 = D_theta * odd_magnet_flux_next_0;
+        const float32 D_odd_magnet_flux_1 = D_omega * odd_magnet_flux_next_1;
+        const float32 D_odd_magnet_flux_2 = D_stator_resistance * odd_magnet_flux_next_2;
+        const float32 D_odd_magnet_flux_3 = D_magnet_flux * ONE_MINUS_RETURN;
+        const float32 P_pred_52 = odd_omega_next_0 * D_odd_magnet_flux_0 + odd_omega_next_1 * D_odd_magnet_flux_1
+            + odd_omega_next_2 * D_odd_magnet_flux_2 + odd_omega_next_3 * D_odd_magnet_flux_3;
+        const float32 P_pred_53 = HALF_T_POLE_PAIRS * (P_pred_52 + D_odd_magnet_flux_1) +
+            odd_theta_mid_0 * D_odd_magnet_flux_0;
+        const float32 L_pred_30 = inv_D_pred_theta * P_pred_53;
         const float32 LD_pred_31 = P_pred_52 - L_pred_10 * P_pred_53;
-        const float32 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-        const float32 P_pred_65 = part_of_P_pred_62 * odd_magnet_flux_next_0 +
-            part_of_P_pred_62_2 * odd_magnet_flux_next_1 + D_2_times_one_minus_return * odd_magnet_flux_next_2;
+        const float32 L_pred_31 = inv_D_pred_omega * LD_pred_31;
+        const float32 P_pred_65 = D_odd_stator_resistance_0 * odd_magnet_flux_next_0 +
+            D_odd_stator_resistance_1 * odd_magnet_flux_next_1 +
+            D_odd_stator_resistance_2 * odd_magnet_flux_next_2;
         const float32 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
-        const float32 one_per_D_pred_2 = 1.0f / D_pred_2;
-        const float32 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
-        const float32 P_pred_55 = odd_magnet_flux_next_0 * D_0_x_odd_magnet_flux_next_0 +
-            odd_magnet_flux_next_1 * D_1_x_odd_magnet_flux_next_1 +
-            odd_magnet_flux_next_2 * D_2_x_odd_magnet_flux_next_2 + ONE_MINUS_RETURN * D_3_times_one_minus_return
-            + Q_5;
-        const float32 D_pred_3 = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        const float32 inv_D_pred_stator_resistance = 1.0f / D_pred_stator_resistance;
+        const float32 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
+        const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
+            odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
+            ONE_MINUS_RETURN * D_odd_magnet_flux_3 + Q_5;
+        const float32 D_pred_magnet_flux = larger(P_pred_55 - P_pred_53 * L_pred_30 - LD_pred_31 * L_pred_31 -
             LD_pred_32 * L_pred_32, Q_5);
         const float32 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
-        const float32 bend_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
+        const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1 -
             minus_even_psi_d_next_2;
-        const float32 bend_psi_alpha_mean = bend_psi_alpha_sum * 0.14285715f;
-        const float32 P_turned_20 = D_0_times_odd_omega_next_0 * odd_psi_alpha_next_0 +
-            D_1_times_odd_omega_next_1 * odd_psi_alpha_next_1 + D_2_times_odd_omega_next_2 * odd_psi_d_next_2 +
-            D_3_times_odd_omega_next_3 * odd_psi_d_next_3 + D_4_times_odd_omega_next_4 * odd_psi_d_next_4 +
-            D_5_times_odd_omega_next_5 * odd_psi_d_next_5 +
-            GAIN_OMEGA * (0.14285715f * (even_psi_alpha_next_0 * even_torque_0 +
+        const float32 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
+        const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
+            D_odd_omega_2 * odd_psi_d_next_2 + D_odd_omega_3 * odd_psi_d_next_3 + D_odd_omega_4 * odd_psi_d_next_4
+            + D_odd_omega_5 * odd_psi_d_next_5 +
+            GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
             even_psi_alpha_next_1 * even_torque_1 - minus_even_psi_d_next_2 * even_torque_2) -
-            bend_psi_alpha_mean * bend_omega_mean);
-        const float32 D_1_times_odd_psi_alpha_next_1 = D_1 * odd_psi_alpha_next_1;
-        const float32 D_0_times_odd_psi_alpha_next_0 = D_0 * odd_psi_alpha_next_0;
-        const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_1_times_odd_psi_alpha_next_1) +
-            odd_theta_mid_0 * D_0_times_odd_psi_alpha_next_0;
-        const float32 bend_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
-        const float32 bend_psi_beta_mean = 0.14285715f * bend_psi_beta_sum;
-        const float32 P_turned_21 = D_0_times_odd_omega_next_0 * odd_psi_beta_next_0 +
-            D_1_times_odd_omega_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_omega_next_2 +
-            odd_psi_q_next_3 * D_3_times_odd_omega_next_3 + odd_psi_q_next_4 * D_4_times_odd_omega_next_4 +
-            odd_psi_q_next_5 * D_5_times_odd_omega_next_5 +
-            GAIN_OMEGA * (0.14285715f * (even_psi_beta_next_0 * even_torque_0 +
-            even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
-            bend_psi_beta_mean * bend_omega_mean);
-        const float32 D_1_times_odd_psi_beta_next_1 = D_1 * odd_psi_beta_next_1;
-        const float32 D_0_times_odd_psi_beta_next_0 = D_0 * odd_psi_beta_next_0;
-        const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_1_times_odd_psi_beta_next_1) +
-            odd_theta_mid_0 * D_0_times_odd_psi_beta_next_0;
+            curv_psi_alpha_mean * curv_omega_mean);
+        const float32 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
+        const float32 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
+        const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
+            odd_theta_mid_0 * D_odd_psi_alpha_0;
+        const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1 - minus_even_psi_q_next_2;
+        const float32 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
+        const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
+            odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 + odd_psi_q_next_4 * D_odd_omega_4
+            + odd_psi_q_next_5 * D_odd_omega_5 + GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0
+            + even_psi_beta_next_1 * even_torque_1 - minus_even_psi_q_next_2 * even_torque_2) -
+            curv_psi_beta_mean * curv_omega_mean);
+        const float32 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
+        const float32 D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0;
+        const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
+            odd_theta_mid_0 * D_odd_psi_beta_0;
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-        const float32 L_pred_40 = one_per_D_pred_0 * P_pred_30;
+        const float32 L_pred_40 = inv_D_pred_theta * P_pred_30;
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
         const float32 LD_pred_41 = P_pred_20 - L_pred_10 * P_pred_30;
-        const float32 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
-        const float32 P_turned_60 = part_of_P_pred_62 * odd_psi_alpha_next_0 +
-            part_of_P_pred_62_2 * odd_psi_alpha_next_1 + D_2_times_one_minus_return * odd_psi_d_next_2;
-        const float32 P_turned_61 = part_of_P_pred_62 * odd_psi_beta_next_0 +
-            part_of_P_pred_62_2 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_one_minus_return;
+        const float32 L_pred_41 = inv_D_pred_omega * LD_pred_41;
+        const float32 P_turned_60 = D_odd_stator_resistance_0 * odd_psi_alpha_next_0 +
+            D_odd_stator_resistance_1 * odd_psi_alpha_next_1 + D_odd_stator_resistance_2 * odd_psi_d_next_2;
+        const float32 P_turned_61 = D_odd_stator_resistance_0 * odd_psi_beta_next_0 +
+            D_odd_stator_resistance_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_stator_resistance_2;
         const float32 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
         const float32 LD_pred_42 = P_pred_60 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_41;
-        const float32 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
-        const float32 P_turned_50 = D_0_x_odd_magnet_flux_next_0 * odd_psi_alpha_next_0 +
-            D_1_x_odd_magnet_flux_next_1 * odd_psi_alpha_next_1 + D_2_x_odd_magnet_flux_next_2 * odd_psi_d_next_2
-            + D_3_times_one_minus_return * odd_psi_d_next_3;
-        const float32 P_turned_51 = D_0_x_odd_magnet_flux_next_0 * odd_psi_beta_next_0 +
-            D_1_x_odd_magnet_flux_next_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_x_odd_magnet_flux_next_2 +
-            odd_psi_q_next_3 * D_3_times_one_minus_return;
+        const float32 L_pred_42 = inv_D_pred_stator_resistance * LD_pred_42;
+        const float32 P_turned_50 = D_odd_magnet_flux_0 * odd_psi_alpha_next_0 +
+            D_odd_magnet_flux_1 * odd_psi_alpha_next_1 + D_odd_magnet_flux_2 * odd_psi_d_next_2 +
+            D_odd_magnet_flux_3 * odd_psi_d_next_3;
+        const float32 P_turned_51 = D_odd_magnet_flux_0 * odd_psi_beta_next_0 +
+            D_odd_magnet_flux_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_magnet_flux_2 +
+            odd_psi_q_next_3 * D_odd_magnet_flux_3;
         const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
         const float32 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
             L_pred_32 * LD_pred_42;
-        const float32 one_per_D_pred_3 = 1.0f / D_pred_3;
-        const float32 L_pred_43 = LD_pred_43 * one_per_D_pred_3;
-        const float32 P_turned_00 = odd_psi_alpha_next_0 * D_0_times_odd_psi_alpha_next_0 +
-            odd_psi_alpha_next_1 * D_1_times_odd_psi_alpha_next_1 + D_2 * odd_psi_d_next_2 * odd_psi_d_next_2 +
-            D_3 * odd_psi_d_next_3 * odd_psi_d_next_3 + D_4 * odd_psi_d_next_4 * odd_psi_d_next_4 +
-            D_5 * odd_psi_d_next_5 * odd_psi_d_next_5 +
-            0.14285715f * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
+        const float32 inv_D_pred_magnet_flux = 1.0f / D_pred_magnet_flux;
+        const float32 L_pred_43 = LD_pred_43 * inv_D_pred_magnet_flux;
+        const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
+            odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + D_stator_resistance * odd_psi_d_next_2 * odd_psi_d_next_2 +
+            D_magnet_flux * odd_psi_d_next_3 * odd_psi_d_next_3 +
+            D_psi_alpha * odd_psi_d_next_4 * odd_psi_d_next_4 + D_psi_beta * odd_psi_d_next_5 * odd_psi_d_next_5 +
+            PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
             even_psi_alpha_next_1 * even_psi_alpha_next_1 + minus_even_psi_d_next_2 * minus_even_psi_d_next_2) -
-            bend_psi_alpha_mean * bend_psi_alpha_mean;
-        const float32 D_2_times_odd_psi_q_next_2 = D_2 * odd_psi_q_next_2;
-        const float32 odd_psi_q_next_3_times_D_3 = odd_psi_q_next_3 * D_3;
-        const float32 D_4_times_odd_psi_q_next_4 = D_4 * odd_psi_q_next_4;
-        const float32 D_5_times_odd_psi_q_next_5 = D_5 * odd_psi_q_next_5;
-        const float32 P_turned_11 = odd_psi_beta_next_0 * D_0_times_odd_psi_beta_next_0 +
-            odd_psi_beta_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_q_next_2 * D_2_times_odd_psi_q_next_2 +
-            odd_psi_q_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_q_next_4 * D_4_times_odd_psi_q_next_4 +
-            odd_psi_q_next_5 * D_5_times_odd_psi_q_next_5 +
-            0.14285715f * (even_psi_beta_next_0 * even_psi_beta_next_0 +
+            curv_psi_alpha_mean * curv_psi_alpha_mean;
+        const float32 D_odd_psi_beta_2 = D_stator_resistance * odd_psi_q_next_2;
+        const float32 D_odd_psi_beta_3 = odd_psi_q_next_3 * D_magnet_flux;
+        const float32 D_odd_psi_beta_4 = D_psi_alpha * odd_psi_q_next_4;
+        const float32 D_odd_psi_beta_5 = D_psi_beta * odd_psi_q_next_5;
+        const float32 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
+            odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
+            odd_psi_q_next_3 * D_odd_psi_beta_3 + odd_psi_q_next_4 * D_odd_psi_beta_4 +
+            odd_psi_q_next_5 * D_odd_psi_beta_5 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
             even_psi_beta_next_1 * even_psi_beta_next_1 + minus_even_psi_q_next_2 * minus_even_psi_q_next_2) -
-            bend_psi_beta_mean * bend_psi_beta_mean;
-        const float32 P_turned_10 = odd_psi_alpha_next_0 * D_0_times_odd_psi_beta_next_0 +
-            odd_psi_alpha_next_1 * D_1_times_odd_psi_beta_next_1 + odd_psi_d_next_2 * D_2_times_odd_psi_q_next_2 +
-            odd_psi_d_next_3 * odd_psi_q_next_3_times_D_3 + odd_psi_d_next_4 * D_4_times_odd_psi_q_next_4 +
-            odd_psi_d_next_5 * D_5_times_odd_psi_q_next_5 +
-            0.14285715f * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
+            curv_psi_beta_mean * curv_psi_beta_mean;
+        const float32 P_turned_10 = odd_psi_alpha_next_0 * D_odd_psi_beta_0 +
+            odd_psi_alpha_next_1 * D_odd_psi_beta_1 + odd_psi_d_next_2 * D_odd_psi_beta_2 +
+            odd_psi_d_next_3 * D_odd_psi_beta_3 + odd_psi_d_next_4 * D_odd_psi_beta_4 +
+            odd_psi_d_next_5 * D_odd_psi_beta_5 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
             even_psi_alpha_next_1 * even_psi_beta_next_1 + minus_even_psi_d_next_2 * minus_even_psi_q_next_2) -
-            bend_psi_alpha_mean * bend_psi_beta_mean;
+            curv_psi_alpha_mean * curv_psi_beta_mean;
         const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
         const float32 P_turn = sin_theta_mid * P_tilt;
         const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
-        const float32 D_pred_4 = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
+        const float32 D_pred_psi_alpha = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
             LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
-        const float32 L_pred_50 = one_per_D_pred_0 * P_pred_31;
+        const float32 L_pred_50 = inv_D_pred_theta * P_pred_31;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
         const float32 LD_pred_51 = P_pred_21 - L_pred_10 * P_pred_31;
-        const float32 L_pred_51 = one_per_D_pred_1 * LD_pred_51;
+        const float32 L_pred_51 = inv_D_pred_omega * LD_pred_51;
         const float32 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
         const float32 LD_pred_52 = P_pred_61 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_51;
-        const float32 L_pred_52 = one_per_D_pred_2 * LD_pred_52;
+        const float32 L_pred_52 = inv_D_pred_stator_resistance * LD_pred_52;
         const float32 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
         const float32 LD_pred_53 = P_pred_51 - L_pred_30 * P_pred_31 - L_pred_31 * LD_pred_51 -
             L_pred_32 * LD_pred_52;
-        const float32 L_pred_53 = one_per_D_pred_3 * LD_pred_53;
+        const float32 L_pred_53 = inv_D_pred_magnet_flux * LD_pred_53;
         const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
         const float32 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
             L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
-        const float32 one_per_D_pred_4 = 1.0f / D_pred_4;
-        const float32 L_pred_54 = LD_pred_54 * one_per_D_pred_4;
+        const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+        const float32 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
         const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
-        const float32 D_pred_5 = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
+        const float32 D_pred_psi_beta = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
             LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
-        const float32 D_0_times_L_60 = D_0 * L_60;
-        const float32 D_1_times_L_61 = D_1 * L_61;
-        const float32 D_2_times_L_62 = D_2 * L_62;
-        const float32 D_3_times_L_63 = D_3 * L_63;
-        const float32 D_4_times_L_64 = D_4 * L_64;
-        const float32 D_5_times_L_65 = D_5 * L_65;
-        const float32 P_pred_42 = odd_omega_next_0 * D_0_times_L_60 + odd_omega_next_1 * D_1_times_L_61 +
-            odd_omega_next_2 * D_2_times_L_62 + odd_omega_next_3 * D_3_times_L_63 +
-            odd_omega_next_4 * D_4_times_L_64 + odd_omega_next_5 * D_5_times_L_65 - gain_omega_times_D_6;
-        const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_1_times_L_61) +
-            odd_theta_mid_0 * D_0_times_L_60;
-        const float32 L_pred_60 = one_per_D_pred_0 * P_pred_43;
+        const float32 D_odd_load_torque_0 = D_theta * L_60;
+        const float32 D_odd_load_torque_1 = D_omega * L_61;
+        const float32 D_odd_load_torque_2 = D_stator_resistance * L_62;
+        const float32 D_odd_load_torque_3 = D_magnet_flux * L_63;
+        const float32 D_odd_load_torque_4 = D_psi_alpha * L_64;
+        const float32 D_odd_load_torque_5 = D_psi_beta * L_65;
+        const float32 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+            + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 +
+            odd_omega_next_4 * D_odd_load_torque_4 + odd_omega_next_5 * D_odd_load_torque_5 - minus_D_odd_omega_6;
+        const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) +
+            odd_theta_mid_0 * D_odd_load_torque_0;
+        const float32 L_pred_60 = inv_D_pred_theta * P_pred_43;
         const float32 LD_pred_61 = P_pred_42 - L_pred_10 * P_pred_43;
-        const float32 L_pred_61 = one_per_D_pred_1 * LD_pred_61;
-        const float32 P_pred_64 = L_60 * part_of_P_pred_62 + L_61 * part_of_P_pred_62_2 +
-            L_62 * D_2_times_one_minus_return;
+        const float32 L_pred_61 = inv_D_pred_omega * LD_pred_61;
+        const float32 P_pred_64 = L_60 * D_odd_stator_resistance_0 + L_61 * D_odd_stator_resistance_1 +
+            L_62 * D_odd_stator_resistance_2;
         const float32 LD_pred_62 = P_pred_64 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_61;
-        const float32 L_pred_62 = one_per_D_pred_2 * LD_pred_62;
-        const float32 P_pred_54 = L_60 * D_0_x_odd_magnet_flux_next_0 + L_61 * D_1_x_odd_magnet_flux_next_1 +
-            L_62 * D_2_x_odd_magnet_flux_next_2 + L_63 * D_3_times_one_minus_return;
+        const float32 L_pred_62 = inv_D_pred_stator_resistance * LD_pred_62;
+        const float32 P_pred_54 = L_60 * D_odd_magnet_flux_0 + L_61 * D_odd_magnet_flux_1 +
+            L_62 * D_odd_magnet_flux_2 + L_63 * D_odd_magnet_flux_3;
         const float32 LD_pred_63 = P_pred_54 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_61 -
             L_pred_32 * LD_pred_62;
-        const float32 L_pred_63 = one_per_D_pred_3 * LD_pred_63;
-        const float32 P_turned_40 = odd_psi_alpha_next_0 * D_0_times_L_60 + odd_psi_alpha_next_1 * D_1_times_L_61
-            + odd_psi_d_next_2 * D_2_times_L_62 + odd_psi_d_next_3 * D_3_times_L_63 +
-            odd_psi_d_next_4 * D_4_times_L_64 + odd_psi_d_next_5 * D_5_times_L_65;
-        const float32 P_turned_41 = odd_psi_beta_next_0 * D_0_times_L_60 + odd_psi_beta_next_1 * D_1_times_L_61 +
-            odd_psi_q_next_2 * D_2_times_L_62 + odd_psi_q_next_3 * D_3_times_L_63 +
-            odd_psi_q_next_4 * D_4_times_L_64 + odd_psi_q_next_5 * D_5_times_L_65;
+        const float32 L_pred_63 = inv_D_pred_magnet_flux * LD_pred_63;
+        const float32 P_turned_40 = odd_psi_alpha_next_0 * D_odd_load_torque_0 +
+            odd_psi_alpha_next_1 * D_odd_load_torque_1 + odd_psi_d_next_2 * D_odd_load_torque_2 +
+            odd_psi_d_next_3 * D_odd_load_torque_3 + odd_psi_d_next_4 * D_odd_load_torque_4 +
+            odd_psi_d_next_5 * D_odd_load_torque_5;
+        const float32 P_turned_41 = odd_psi_beta_next_0 * D_odd_load_torque_0 +
+            odd_psi_beta_next_1 * D_odd_load_torque_1 + odd_psi_q_next_2 * D_odd_load_torque_2 +
+            odd_psi_q_next_3 * D_odd_load_torque_3 + odd_psi_q_next_4 * D_odd_load_torque_4 +
+            odd_psi_q_next_5 * D_odd_load_torque_5;
         const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
         const float32 LD_pred_64 = P_pred_40 - L_pred_40 * P_pred_43 - L_pred_41 * LD_pred_61 -
             L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
-        const float32 L_pred_64 = one_per_D_pred_4 * LD_pred_64;
+        const float32 L_pred_64 = inv_D_pred_psi_alpha * LD_pred_64;
         const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
         const float32 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
             L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
-        const float32 L_pred_65 = LD_pred_65 / D_pred_5;
-        const float32 P_pred_44 = L_60 * D_0_times_L_60 + L_61 * D_1_times_L_61 + L_62 * D_2_times_L_62 +
-            L_63 * D_3_times_L_63 + L_64 * D_4_times_L_64 + L_65 * D_5_times_L_65 + D_6 + Q_4;
-        const float32 D_pred_6 = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
+        const float32 L_pred_65 = LD_pred_65 / D_pred_psi_beta;
+        const float32 P_pred_44 = L_60 * D_odd_load_torque_0 + L_61 * D_odd_load_torque_1 +
+            L_62 * D_odd_load_torque_2 + L_63 * D_odd_load_torque_3 + L_64 * D_odd_load_torque_4 +
+            L_65 * D_odd_load_torque_5 + D_load_torque + Q_4;
+        const float32 D_pred_load_torque = larger(P_pred_44 - P_pred_43 * L_pred_60 - LD_pred_61 * L_pred_61 -
             LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
             Q_4);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 offset_omega = GAIN_OMEGA * bend_omega_mean;
-        const float32 offset_theta = bend_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
-        const float32 psi_alpha_mean = psi_d_next + bend_psi_alpha_mean;
-        const float32 psi_beta_mean = psi_q_next + bend_psi_beta_mean;
+        const float32 offset_omega = GAIN_OMEGA * curv_omega_mean;
+        const float32 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
+        const float32 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+        const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
         const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
         const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
         const float32 omega_of_x = omega * DECAY_OMEGA +
             GAIN_OMEGA * (psi_q_between * magnet_flux_scaled - load_torque);
         const float32 omega_pred = omega_of_x + offset_omega;
-        const float32 theta_pred = theta_mid + omega_of_x * 0.0002f + offset_theta;
-        const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + 2.1362304e-05f;
-        const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + 0.00035095215f;
+        const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
+        const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
+        const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +
+            OWN_STATOR_RESISTANCE_RETURN;
 
         /* --- sum of the pivots, for the guard */
-        const float32 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4 + D_pred_5 + D_pred_6;
+        const float32 check = D_pred_theta + D_pred_omega + D_pred_stator_resistance + D_pred_magnet_flux +
+            D_pred_psi_alpha + D_pred_psi_beta + D_pred_load_torque;
 
         x_pred_out[0].of[lane] = psi_alpha_pred;
         x_pred_out[1].of[lane] = psi_beta_pred;
@@ -778,34 +762,34 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         x_pred_out[4].of[lane] = load_torque;
         x_pred_out[5].of[lane] = magnet_flux_pred;
         x_pred_out[6].of[lane] = stator_resistance_pred;
-        LD_pred_out[0].of[lane] = D_pred_0;
+        LD_pred_out[0].of[lane] = D_pred_theta;
         LD_pred_out[1].of[lane] = L_pred_10;
-        LD_pred_out[2].of[lane] = D_pred_1;
+        LD_pred_out[2].of[lane] = D_pred_omega;
         LD_pred_out[3].of[lane] = L_pred_20;
         LD_pred_out[4].of[lane] = L_pred_21;
-        LD_pred_out[5].of[lane] = D_pred_2;
+        LD_pred_out[5].of[lane] = D_pred_stator_resistance;
         LD_pred_out[6].of[lane] = L_pred_30;
         LD_pred_out[7].of[lane] = L_pred_31;
         LD_pred_out[8].of[lane] = L_pred_32;
-        LD_pred_out[9].of[lane] = D_pred_3;
+        LD_pred_out[9].of[lane] = D_pred_magnet_flux;
         LD_pred_out[10].of[lane] = L_pred_40;
         LD_pred_out[11].of[lane] = L_pred_41;
         LD_pred_out[12].of[lane] = L_pred_42;
         LD_pred_out[13].of[lane] = L_pred_43;
-        LD_pred_out[14].of[lane] = D_pred_4;
+        LD_pred_out[14].of[lane] = D_pred_psi_alpha;
         LD_pred_out[15].of[lane] = L_pred_50;
         LD_pred_out[16].of[lane] = L_pred_51;
         LD_pred_out[17].of[lane] = L_pred_52;
         LD_pred_out[18].of[lane] = L_pred_53;
         LD_pred_out[19].of[lane] = L_pred_54;
-        LD_pred_out[20].of[lane] = D_pred_5;
+        LD_pred_out[20].of[lane] = D_pred_psi_beta;
         LD_pred_out[21].of[lane] = L_pred_60;
         LD_pred_out[22].of[lane] = L_pred_61;
         LD_pred_out[23].of[lane] = L_pred_62;
         LD_pred_out[24].of[lane] = L_pred_63;
         LD_pred_out[25].of[lane] = L_pred_64;
         LD_pred_out[26].of[lane] = L_pred_65;
-        LD_pred_out[27].of[lane] = D_pred_6;
+        LD_pred_out[27].of[lane] = D_pred_load_torque;
         check_out[0].of[lane] = check;
     }
 }
@@ -832,27 +816,27 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 load_torque_pred = x_pred[4].of[lane];
         const float32 magnet_flux_pred = x_pred[5].of[lane];
         const float32 stator_resistance_pred = x_pred[6].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_theta = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_omega = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_stator_resistance = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_magnet_flux = LD_pred[9].of[lane];
         const float32 L_pred_40 = LD_pred[10].of[lane];
         const float32 L_pred_41 = LD_pred[11].of[lane];
         const float32 L_pred_42 = LD_pred[12].of[lane];
         const float32 L_pred_43 = LD_pred[13].of[lane];
-        const float32 D_pred_4 = LD_pred[14].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[14].of[lane];
         const float32 L_pred_50 = LD_pred[15].of[lane];
         const float32 L_pred_51 = LD_pred[16].of[lane];
         const float32 L_pred_52 = LD_pred[17].of[lane];
         const float32 L_pred_53 = LD_pred[18].of[lane];
         const float32 L_pred_54 = LD_pred[19].of[lane];
-        const float32 D_pred_5 = LD_pred[20].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[20].of[lane];
         const float32 L_pred_60 = LD_pred[21].of[lane];
         const float32 L_pred_61 = LD_pred[22].of[lane];
         const float32 L_pred_62 = LD_pred[23].of[lane];
@@ -865,8 +849,8 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 i_beta_meas = y[1].of[lane];
 
         /* --- eq. 31: x_pred - x^j */
-        const float32 back_theta = theta_pred - theta_j;
-        const float32 back_magnet_flux = magnet_flux_pred - magnet_flux_j;
+        const float32 deviation_theta = theta_pred - theta_j;
+        const float32 deviation_magnet_flux = magnet_flux_pred - magnet_flux_j;
 
         /* --- eq. 20: Jacobian */
         const pmsm_pair sincos_theta_j = sin_cos(theta_j);
@@ -879,51 +863,54 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 minus_slope_y_i_alpha_5 = INV_L_D * cos_theta_j;
         const float32 minus_slope_y_i_beta_3 = magnet_flux_j * minus_slope_y_i_alpha_5;
         const float32 innovation_i_alpha = minus_slope_y_i_beta_3 - 0.0f * psi_alpha_j - INV_L_Q * psi_alpha_pred
-            - slope_y_i_alpha_3 * back_theta + minus_slope_y_i_alpha_5 * back_magnet_flux + i_alpha_meas;
+            - slope_y_i_alpha_3 * deviation_theta + minus_slope_y_i_alpha_5 * deviation_magnet_flux +
+            i_alpha_meas;
         const float32 innovation_i_beta = slope_y_i_alpha_3 - 0.0f * psi_beta_j - INV_L_Q * psi_beta_pred +
-            minus_slope_y_i_beta_3 * back_theta + minus_slope_y_i_beta_5 * back_magnet_flux + i_beta_meas;
+            minus_slope_y_i_beta_3 * deviation_theta + minus_slope_y_i_beta_5 * deviation_magnet_flux +
+            i_beta_meas;
 
         /* --- eq. 22: Pyy^j */
         const float32 HL_00 = L_pred_40 * INV_L_Q + slope_y_i_alpha_3 - minus_slope_y_i_alpha_5 * L_pred_30;
-        const float32 D_HL_00 = D_pred_0 * HL_00;
+        const float32 D_HL_00 = D_pred_theta * HL_00;
         const float32 HL_01 = INV_L_Q * L_pred_41 - minus_slope_y_i_alpha_5 * L_pred_31;
-        const float32 D_HL_01 = HL_01 * D_pred_1;
+        const float32 D_HL_01 = HL_01 * D_pred_omega;
         const float32 HL_02 = INV_L_Q * L_pred_42 - minus_slope_y_i_alpha_5 * L_pred_32;
-        const float32 D_HL_02 = HL_02 * D_pred_2;
+        const float32 D_HL_02 = HL_02 * D_pred_stator_resistance;
         const float32 HL_03 = INV_L_Q * L_pred_43 - minus_slope_y_i_alpha_5;
-        const float32 D_HL_03 = HL_03 * D_pred_3;
-        const float32 inv_l_q_sq_times_D_pred_4 = INV_L_Q_SQ * D_pred_4;
+        const float32 D_HL_03 = HL_03 * D_pred_magnet_flux;
+        const float32 inv_l_q_sq_x_D_pred_psi_alpha = INV_L_Q_SQ * D_pred_psi_alpha;
         const float32 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 +
-            inv_l_q_sq_times_D_pred_4 + R_0;
+            inv_l_q_sq_x_D_pred_psi_alpha + R_0;
         const float32 HL_10 = INV_L_Q * L_pred_50 - minus_slope_y_i_beta_3 - minus_slope_y_i_beta_5 * L_pred_30;
         const float32 HL_11 = INV_L_Q * L_pred_51 - minus_slope_y_i_beta_5 * L_pred_31;
         const float32 HL_12 = INV_L_Q * L_pred_52 - minus_slope_y_i_beta_5 * L_pred_32;
         const float32 HL_13 = INV_L_Q * L_pred_53 - minus_slope_y_i_beta_5;
-        const float32 part_of_Pyy_10 = inv_l_q_sq_times_D_pred_4 * L_pred_54;
+        const float32 part_of_Pyy_10 = inv_l_q_sq_x_D_pred_psi_alpha * L_pred_54;
         const float32 Pyy_10 = D_HL_00 * HL_10 + D_HL_01 * HL_11 + D_HL_02 * HL_12 + D_HL_03 * HL_13 +
             part_of_Pyy_10;
 
         /* --- eq. 28: Pyy^-1 innovation */
         const float32 one_per_Pyy_00 = 1.0f / Pyy_00;
         const float32 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
-        const float32 D_HL_10 = D_pred_0 * HL_10;
-        const float32 D_HL_11 = D_pred_1 * HL_11;
-        const float32 D_HL_12 = D_pred_2 * HL_12;
-        const float32 D_HL_13 = D_pred_3 * HL_13;
-        const float32 share_1 =
+        const float32 D_HL_10 = D_pred_theta * HL_10;
+        const float32 D_HL_11 = D_pred_omega * HL_11;
+        const float32 D_HL_12 = D_pred_stator_resistance * HL_12;
+        const float32 D_HL_13 = D_pred_magnet_flux * HL_13;
+        const float32 Pyy_inv_nu_1 =
             (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
             HL_11 * D_HL_11 + HL_12 * D_HL_12 + HL_13 * D_HL_13 + L_pred_54 * part_of_Pyy_10 +
-            INV_L_Q_SQ * D_pred_5 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1, R_1);
-        const float32 share_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * share_1;
+            INV_L_Q_SQ * D_pred_psi_beta - Pyy_10 * Pyy_10_per_Pyy_00 + R_1, R_1);
+        const float32 Pyy_inv_nu_0 = innovation_i_alpha * one_per_Pyy_00 - Pyy_10_per_Pyy_00 * Pyy_inv_nu_1;
 
         /* --- eq. 31: K innovation = L along; x^{j+1} */
-        const float32 along_0 = D_HL_00 * share_0 + D_HL_10 * share_1;
-        const float32 along_1 = D_HL_01 * share_0 + D_HL_11 * share_1;
-        const float32 along_2 = D_HL_02 * share_0 + D_HL_12 * share_1;
-        const float32 along_3 = D_HL_03 * share_0 + D_HL_13 * share_1;
-        const float32 inv_l_q_times_share_1 = INV_L_Q * share_1;
-        const float32 along_4 = D_pred_4 * (INV_L_Q * share_0 + L_pred_54 * inv_l_q_times_share_1);
-        const float32 along_5 = D_pred_5 * inv_l_q_times_share_1;
+        const float32 along_0 = D_HL_00 * Pyy_inv_nu_0 + D_HL_10 * Pyy_inv_nu_1;
+        const float32 along_1 = D_HL_01 * Pyy_inv_nu_0 + D_HL_11 * Pyy_inv_nu_1;
+        const float32 along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1;
+        const float32 along_3 = D_HL_03 * Pyy_inv_nu_0 + D_HL_13 * Pyy_inv_nu_1;
+        const float32 inv_l_q_times_Pyy_inv_nu_1 = INV_L_Q * Pyy_inv_nu_1;
+        const float32 along_4 = D_pred_psi_alpha * (INV_L_Q * Pyy_inv_nu_0 +
+            L_pred_54 * inv_l_q_times_Pyy_inv_nu_1);
+        const float32 along_5 = D_pred_psi_beta * inv_l_q_times_Pyy_inv_nu_1;
         const float32 psi_alpha_after = L_pred_40 * along_0 + L_pred_41 * along_1 + L_pred_42 * along_2 +
             L_pred_43 * along_3 + along_4 + psi_alpha_pred;
         const float32 psi_beta_after = L_pred_50 * along_0 + L_pred_51 * along_1 + L_pred_52 * along_2 +
@@ -938,16 +925,16 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
             stator_resistance_pred;
 
         /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
-        const float32 moved_psi_alpha = psi_alpha_after - psi_alpha_j;
-        const float32 moved_psi_beta = psi_beta_after - psi_beta_j;
-        const float32 moved_omega = omega_after - omega_j;
-        const float32 moved_theta = theta_after - theta_j;
-        const float32 moved_load_torque = load_torque_after - load_torque_j;
-        const float32 moved_magnet_flux = magnet_flux_after - magnet_flux_j;
-        const float32 moved_stator_resistance = stator_resistance_after - stator_resistance_j;
-        const float32 change = moved_psi_alpha * moved_psi_alpha + moved_psi_beta * moved_psi_beta +
-            moved_omega * moved_omega + moved_theta * moved_theta + moved_load_torque * moved_load_torque +
-            moved_magnet_flux * moved_magnet_flux + moved_stator_resistance * moved_stator_resistance;
+        const float32 step_psi_alpha = psi_alpha_after - psi_alpha_j;
+        const float32 step_psi_beta = psi_beta_after - psi_beta_j;
+        const float32 step_omega = omega_after - omega_j;
+        const float32 step_theta = theta_after - theta_j;
+        const float32 step_load_torque = load_torque_after - load_torque_j;
+        const float32 step_magnet_flux = magnet_flux_after - magnet_flux_j;
+        const float32 step_stator_resistance = stator_resistance_after - stator_resistance_j;
+        const float32 change = step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta +
+            step_omega * step_omega + step_theta * step_theta + step_load_torque * step_load_torque +
+            step_magnet_flux * step_magnet_flux + step_stator_resistance * step_stator_resistance;
 
         x_j_out[0].of[lane] = psi_alpha_after;
         x_j_out[1].of[lane] = psi_beta_after;
@@ -956,7 +943,7 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         x_j_out[4].of[lane] = load_torque_after;
         x_j_out[5].of[lane] = magnet_flux_after;
         x_j_out[6].of[lane] = stator_resistance_after;
-        nis_out[0].of[lane] = innovation_i_alpha * share_0 + innovation_i_beta * share_1;
+        nis_out[0].of[lane] = innovation_i_alpha * Pyy_inv_nu_0 + innovation_i_beta * Pyy_inv_nu_1;
         HL_out[0].of[lane] = HL_00;
         HL_out[1].of[lane] = HL_01;
         HL_out[2].of[lane] = HL_02;
@@ -983,34 +970,34 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 load_torque_j = x_j[4].of[lane];
         const float32 magnet_flux_j = x_j[5].of[lane];
         const float32 stator_resistance_j = x_j[6].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_theta = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_omega = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_stator_resistance = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_magnet_flux = LD_pred[9].of[lane];
         const float32 L_pred_40 = LD_pred[10].of[lane];
         const float32 L_pred_41 = LD_pred[11].of[lane];
         const float32 L_pred_42 = LD_pred[12].of[lane];
         const float32 L_pred_43 = LD_pred[13].of[lane];
-        const float32 D_pred_4 = LD_pred[14].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[14].of[lane];
         const float32 L_pred_50 = LD_pred[15].of[lane];
         const float32 L_pred_51 = LD_pred[16].of[lane];
         const float32 L_pred_52 = LD_pred[17].of[lane];
         const float32 L_pred_53 = LD_pred[18].of[lane];
         const float32 L_pred_54 = LD_pred[19].of[lane];
-        const float32 D_pred_5 = LD_pred[20].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[20].of[lane];
         const float32 L_pred_60 = LD_pred[21].of[lane];
         const float32 L_pred_61 = LD_pred[22].of[lane];
         const float32 L_pred_62 = LD_pred[23].of[lane];
         const float32 L_pred_63 = LD_pred[24].of[lane];
         const float32 L_pred_64 = LD_pred[25].of[lane];
         const float32 L_pred_65 = LD_pred[26].of[lane];
-        const float32 D_pred_6 = LD_pred[27].of[lane];
+        const float32 D_pred_load_torque = LD_pred[27].of[lane];
         const float32 R_0 = R[0].of[lane];
         const float32 R_1 = R[1].of[lane];
         const float32 HL_00 = HL[0].of[lane];
@@ -1024,117 +1011,117 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         const float32 HL_14 = HL[8].of[lane];
 
         /* --- eq. 32 */
-        const float32 span_first_4 = INV_L_Q_SQ * D_pred_4 + R_0;
-        const float32 g_first_3 = HL_03 * D_pred_3;
-        const float32 span_first_3 = larger(span_first_4 + HL_03 * g_first_3, R_0);
-        const float32 g_first_2 = HL_02 * D_pred_2;
-        const float32 span_first_2 = larger(span_first_3 + HL_02 * g_first_2, R_0);
-        const float32 g_first_1 = HL_01 * D_pred_1;
-        const float32 span_first_1 = larger(span_first_2 + HL_01 * g_first_1, R_0);
-        const float32 span_first = larger(span_first_1 + D_pred_0 * HL_00 * HL_00, R_0);
-        const float32 span_second_5 = INV_L_Q_SQ * D_pred_5 + R_1;
-        const float32 D_pred_4_per_span_first_4 = D_pred_4 / span_first_4;
-        const float32 D_first_4 = R_0 * D_pred_4_per_span_first_4;
+        const float32 var_first_4 = INV_L_Q_SQ * D_pred_psi_alpha + R_0;
+        const float32 g_first_3 = HL_03 * D_pred_magnet_flux;
+        const float32 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+        const float32 g_first_2 = HL_02 * D_pred_stator_resistance;
+        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+        const float32 g_first_1 = HL_01 * D_pred_omega;
+        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+        const float32 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
+        const float32 var_second_5 = INV_L_Q_SQ * D_pred_psi_beta + R_1;
+        const float32 part_of_D_new_theta = D_pred_psi_alpha / var_first_4;
+        const float32 D_first_4 = R_0 * part_of_D_new_theta;
         const float32 g_second_4 = HL_14 * D_first_4;
-        const float32 span_second_4 = larger(span_second_5 + HL_14 * g_second_4, R_1);
-        const float32 change_first_43 = HL_03 * D_pred_4_per_span_first_4 * INV_L_Q;
+        const float32 var_second_4 = larger(var_second_5 + HL_14 * g_second_4, R_1);
+        const float32 change_first_43 = HL_03 * part_of_D_new_theta * INV_L_Q;
         const float32 f_second_3 = HL_13 - HL_14 * change_first_43;
-        const float32 one_per_span_first_3 = 1.0f / span_first_3;
-        const float32 D_first_3 = span_first_4 * (D_pred_3 * one_per_span_first_3);
+        const float32 one_per_var_first_3 = 1.0f / var_first_3;
+        const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
         const float32 g_second_3 = f_second_3 * D_first_3;
-        const float32 span_second_3 = larger(span_second_4 + f_second_3 * g_second_3, R_1);
-        const float32 lambda_first_2 = HL_02 * one_per_span_first_3;
-        const float32 g_first_4 = D_pred_4 * INV_L_Q;
-        const float32 gathered_first_y3 = HL_14 * g_first_4 + g_first_3 * HL_13;
-        const float32 f_second_2 = HL_12 - lambda_first_2 * gathered_first_y3;
-        const float32 one_per_span_first_2 = 1.0f / span_first_2;
-        const float32 D_first_2 = span_first_3 * (D_pred_2 * one_per_span_first_2);
+        const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
+        const float32 lambda_first_2 = HL_02 * one_per_var_first_3;
+        const float32 g_first_4 = D_pred_psi_alpha * INV_L_Q;
+        const float32 gain_first_y3 = HL_14 * g_first_4 + g_first_3 * HL_13;
+        const float32 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
+        const float32 one_per_var_first_2 = 1.0f / var_first_2;
+        const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 span_second_2 = larger(span_second_3 + f_second_2 * g_second_2, R_1);
-        const float32 lambda_first_1 = HL_01 * one_per_span_first_2;
-        const float32 gathered_first_y2 = gathered_first_y3 + g_first_2 * HL_12;
-        const float32 f_second_1 = HL_11 - lambda_first_1 * gathered_first_y2;
-        const float32 one_per_span_first_1 = 1.0f / span_first_1;
-        const float32 D_first_1 = span_first_2 * (D_pred_1 * one_per_span_first_1);
+        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
+        const float32 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
+        const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
+        const float32 one_per_var_first_1 = 1.0f / var_first_1;
+        const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = f_second_1 * D_first_1;
-        const float32 span_second_1 = larger(span_second_2 + f_second_1 * g_second_1, R_1);
-        const float32 D_first_0 = D_pred_0 * span_first_1 / span_first;
-        const float32 lambda_first_0 = HL_00 * one_per_span_first_1;
-        const float32 f_second_0 = HL_10 - lambda_first_0 * (gathered_first_y2 + g_first_1 * HL_11);
-        const float32 span_second = larger(span_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 D_first_0 = D_pred_theta * var_first_1 / var_first;
+        const float32 lambda_first_0 = HL_00 * one_per_var_first_1;
+        const float32 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
+        const float32 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_j);
 
         /* --- eq. 32: L D L^T = P_new */
-        const float32 D_new_0 = D_first_0 * span_second_1 / span_second;
-        const float32 one_per_span_second_1 = 1.0f / span_second_1;
-        const float32 lambda_second_0 = f_second_0 * one_per_span_second_1;
+        const float32 D_new_theta = D_first_0 * var_second_1 / var_second;
+        const float32 one_per_var_second_1 = 1.0f / var_second_1;
+        const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
         const float32 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
-        const float32 D_new_1 = span_second_2 * D_first_1 * one_per_span_second_1;
+        const float32 D_new_omega = var_second_2 * D_first_1 * one_per_var_second_1;
         const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
         const float32 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
             lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
-        const float32 one_per_span_second_2 = 1.0f / span_second_2;
-        const float32 lambda_second_1 = f_second_1 * one_per_span_second_2;
+        const float32 one_per_var_second_2 = 1.0f / var_second_2;
+        const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
         const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
-        const float32 D_new_2 = span_second_3 * D_first_2 * one_per_span_second_2;
-        const float32 gathered_first_32 = g_first_3 + g_first_2 * L_pred_32;
+        const float32 D_new_stator_resistance = var_second_3 * D_first_2 * one_per_var_second_2;
+        const float32 gain_first_32 = g_first_3 + g_first_2 * L_pred_32;
         const float32 L_first_32 = L_pred_32 - g_first_3 * lambda_first_2;
-        const float32 gathered_second_32 = g_second_3 + g_second_2 * L_first_32;
-        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gathered_first_32;
-        const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gathered_first_32 + g_first_1 * L_pred_31) -
-            lambda_second_0 * (gathered_second_32 + g_second_1 * L_first_31);
-        const float32 L_new_31 = L_first_31 - lambda_second_1 * gathered_second_32;
-        const float32 one_per_span_second_3 = 1.0f / span_second_3;
-        const float32 lambda_second_2 = f_second_2 * one_per_span_second_3;
+        const float32 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+        const float32 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+        const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
+            lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
+        const float32 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
+        const float32 one_per_var_second_3 = 1.0f / var_second_3;
+        const float32 lambda_second_2 = f_second_2 * one_per_var_second_3;
         const float32 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
-        const float32 D_new_3 = span_second_4 * D_first_3 * one_per_span_second_3;
-        const float32 gathered_first_43 = g_first_4 + g_first_3 * L_pred_43;
-        const float32 gathered_first_42 = gathered_first_43 + g_first_2 * L_pred_42;
+        const float32 D_new_magnet_flux = var_second_4 * D_first_3 * one_per_var_second_3;
+        const float32 gain_first_43 = g_first_4 + g_first_3 * L_pred_43;
+        const float32 gain_first_42 = gain_first_43 + g_first_2 * L_pred_42;
         const float32 L_first_43 = L_pred_43 - change_first_43;
-        const float32 gathered_second_43 = g_second_4 + g_second_3 * L_first_43;
-        const float32 L_first_42 = L_pred_42 - lambda_first_2 * gathered_first_43;
-        const float32 gathered_second_42 = gathered_second_43 + g_second_2 * L_first_42;
-        const float32 L_first_41 = L_pred_41 - lambda_first_1 * gathered_first_42;
-        const float32 L_new_40 = L_pred_40 - lambda_first_0 * (gathered_first_42 + g_first_1 * L_pred_41) -
-            lambda_second_0 * (gathered_second_42 + g_second_1 * L_first_41);
-        const float32 L_new_41 = L_first_41 - lambda_second_1 * gathered_second_42;
-        const float32 L_new_42 = L_first_42 - lambda_second_2 * gathered_second_43;
-        const float32 one_per_span_second_4 = 1.0f / span_second_4;
-        const float32 lambda_second_3 = f_second_3 * one_per_span_second_4;
+        const float32 gain_second_43 = g_second_4 + g_second_3 * L_first_43;
+        const float32 L_first_42 = L_pred_42 - lambda_first_2 * gain_first_43;
+        const float32 gain_second_42 = gain_second_43 + g_second_2 * L_first_42;
+        const float32 L_first_41 = L_pred_41 - lambda_first_1 * gain_first_42;
+        const float32 L_new_40 = L_pred_40 - lambda_first_0 * (gain_first_42 + g_first_1 * L_pred_41) -
+            lambda_second_0 * (gain_second_42 + g_second_1 * L_first_41);
+        const float32 L_new_41 = L_first_41 - lambda_second_1 * gain_second_42;
+        const float32 L_new_42 = L_first_42 - lambda_second_2 * gain_second_43;
+        const float32 one_per_var_second_4 = 1.0f / var_second_4;
+        const float32 lambda_second_3 = f_second_3 * one_per_var_second_4;
         const float32 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
-        const float32 D_new_4 = span_second_5 * D_first_4 * one_per_span_second_4;
-        const float32 gathered_first_53 = g_first_4 * L_pred_54 + g_first_3 * L_pred_53;
-        const float32 gathered_first_52 = gathered_first_53 + g_first_2 * L_pred_52;
-        const float32 g_second_5 = D_pred_5 * INV_L_Q;
+        const float32 D_new_psi_alpha = var_second_5 * D_first_4 * one_per_var_second_4;
+        const float32 gain_first_53 = g_first_4 * L_pred_54 + g_first_3 * L_pred_53;
+        const float32 gain_first_52 = gain_first_53 + g_first_2 * L_pred_52;
+        const float32 g_second_5 = D_pred_psi_beta * INV_L_Q;
         const float32 part_of_L_new_50 = g_second_5 + g_second_4 * L_pred_54;
         const float32 L_first_53 = L_pred_53 - change_first_43 * L_pred_54;
-        const float32 gathered_second_53 = part_of_L_new_50 + g_second_3 * L_first_53;
-        const float32 L_first_52 = L_pred_52 - lambda_first_2 * gathered_first_53;
-        const float32 gathered_second_52 = gathered_second_53 + g_second_2 * L_first_52;
-        const float32 L_first_51 = L_pred_51 - lambda_first_1 * gathered_first_52;
-        const float32 L_new_50 = L_pred_50 - lambda_first_0 * (gathered_first_52 + g_first_1 * L_pred_51) -
-            lambda_second_0 * (gathered_second_52 + g_second_1 * L_first_51);
-        const float32 L_new_51 = L_first_51 - lambda_second_1 * gathered_second_52;
-        const float32 L_new_52 = L_first_52 - lambda_second_2 * gathered_second_53;
+        const float32 gain_second_53 = part_of_L_new_50 + g_second_3 * L_first_53;
+        const float32 L_first_52 = L_pred_52 - lambda_first_2 * gain_first_53;
+        const float32 gain_second_52 = gain_second_53 + g_second_2 * L_first_52;
+        const float32 L_first_51 = L_pred_51 - lambda_first_1 * gain_first_52;
+        const float32 L_new_50 = L_pred_50 - lambda_first_0 * (gain_first_52 + g_first_1 * L_pred_51) -
+            lambda_second_0 * (gain_second_52 + g_second_1 * L_first_51);
+        const float32 L_new_51 = L_first_51 - lambda_second_1 * gain_second_52;
+        const float32 L_new_52 = L_first_52 - lambda_second_2 * gain_second_53;
         const float32 L_new_53 = L_first_53 - lambda_second_3 * part_of_L_new_50;
-        const float32 one_per_span_second_5 = 1.0f / span_second_5;
-        const float32 change_second_54 = HL_14 * g_second_5 * one_per_span_second_5;
+        const float32 one_per_var_second_5 = 1.0f / var_second_5;
+        const float32 change_second_54 = HL_14 * g_second_5 * one_per_var_second_5;
         const float32 L_new_54 = L_pred_54 - change_second_54;
-        const float32 D_new_5 = D_pred_5 * R_1 * one_per_span_second_5;
-        const float32 gathered_first_63 = g_first_4 * L_pred_64 + g_first_3 * L_pred_63;
-        const float32 gathered_first_62 = gathered_first_63 + g_first_2 * L_pred_62;
+        const float32 D_new_psi_beta = D_pred_psi_beta * R_1 * one_per_var_second_5;
+        const float32 gain_first_63 = g_first_4 * L_pred_64 + g_first_3 * L_pred_63;
+        const float32 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
         const float32 part_of_L_new_60 = g_second_5 * L_pred_65 + g_second_4 * L_pred_64;
         const float32 L_first_63 = L_pred_63 - change_first_43 * L_pred_64;
-        const float32 gathered_second_63 = part_of_L_new_60 + g_second_3 * L_first_63;
-        const float32 L_first_62 = L_pred_62 - lambda_first_2 * gathered_first_63;
-        const float32 gathered_second_62 = gathered_second_63 + g_second_2 * L_first_62;
-        const float32 L_first_61 = L_pred_61 - lambda_first_1 * gathered_first_62;
-        const float32 L_new_60 = L_pred_60 - lambda_first_0 * (gathered_first_62 + g_first_1 * L_pred_61) -
-            lambda_second_0 * (gathered_second_62 + g_second_1 * L_first_61);
-        const float32 L_new_61 = L_first_61 - lambda_second_1 * gathered_second_62;
-        const float32 L_new_62 = L_first_62 - lambda_second_2 * gathered_second_63;
+        const float32 gain_second_63 = part_of_L_new_60 + g_second_3 * L_first_63;
+        const float32 L_first_62 = L_pred_62 - lambda_first_2 * gain_first_63;
+        const float32 gain_second_62 = gain_second_63 + g_second_2 * L_first_62;
+        const float32 L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62;
+        const float32 L_new_60 = L_pred_60 - lambda_first_0 * (gain_first_62 + g_first_1 * L_pred_61) -
+            lambda_second_0 * (gain_second_62 + g_second_1 * L_first_61);
+        const float32 L_new_61 = L_first_61 - lambda_second_1 * gain_second_62;
+        const float32 L_new_62 = L_first_62 - lambda_second_2 * gain_second_63;
         const float32 L_new_63 = L_first_63 - lambda_second_3 * part_of_L_new_60;
         const float32 L_new_64 = L_pred_64 - change_second_54 * L_pred_65;
 
@@ -1145,34 +1132,34 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         x_out[4].of[lane] = load_torque_j;
         x_out[5].of[lane] = magnet_flux_j;
         x_out[6].of[lane] = stator_resistance_j;
-        LD_out[0].of[lane] = D_new_0;
+        LD_out[0].of[lane] = D_new_theta;
         LD_out[1].of[lane] = L_new_10;
-        LD_out[2].of[lane] = D_new_1;
+        LD_out[2].of[lane] = D_new_omega;
         LD_out[3].of[lane] = L_new_20;
         LD_out[4].of[lane] = L_new_21;
-        LD_out[5].of[lane] = D_new_2;
+        LD_out[5].of[lane] = D_new_stator_resistance;
         LD_out[6].of[lane] = L_new_30;
         LD_out[7].of[lane] = L_new_31;
         LD_out[8].of[lane] = L_new_32;
-        LD_out[9].of[lane] = D_new_3;
+        LD_out[9].of[lane] = D_new_magnet_flux;
         LD_out[10].of[lane] = L_new_40;
         LD_out[11].of[lane] = L_new_41;
         LD_out[12].of[lane] = L_new_42;
         LD_out[13].of[lane] = L_new_43;
-        LD_out[14].of[lane] = D_new_4;
+        LD_out[14].of[lane] = D_new_psi_alpha;
         LD_out[15].of[lane] = L_new_50;
         LD_out[16].of[lane] = L_new_51;
         LD_out[17].of[lane] = L_new_52;
         LD_out[18].of[lane] = L_new_53;
         LD_out[19].of[lane] = L_new_54;
-        LD_out[20].of[lane] = D_new_5;
+        LD_out[20].of[lane] = D_new_psi_beta;
         LD_out[21].of[lane] = L_new_60;
         LD_out[22].of[lane] = L_new_61;
         LD_out[23].of[lane] = L_new_62;
         LD_out[24].of[lane] = L_new_63;
         LD_out[25].of[lane] = L_new_64;
         LD_out[26].of[lane] = L_pred_65;
-        LD_out[27].of[lane] = D_pred_6;
+        LD_out[27].of[lane] = D_pred_load_torque;
     }
 }
 
@@ -1189,34 +1176,34 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         const float32 load_torque_pred = x_pred[4].of[lane];
         const float32 magnet_flux_pred = x_pred[5].of[lane];
         const float32 stator_resistance_pred = x_pred[6].of[lane];
-        const float32 D_pred_0 = LD_pred[0].of[lane];
+        const float32 D_pred_theta = LD_pred[0].of[lane];
         const float32 L_pred_10 = LD_pred[1].of[lane];
-        const float32 D_pred_1 = LD_pred[2].of[lane];
+        const float32 D_pred_omega = LD_pred[2].of[lane];
         const float32 L_pred_20 = LD_pred[3].of[lane];
         const float32 L_pred_21 = LD_pred[4].of[lane];
-        const float32 D_pred_2 = LD_pred[5].of[lane];
+        const float32 D_pred_stator_resistance = LD_pred[5].of[lane];
         const float32 L_pred_30 = LD_pred[6].of[lane];
         const float32 L_pred_31 = LD_pred[7].of[lane];
         const float32 L_pred_32 = LD_pred[8].of[lane];
-        const float32 D_pred_3 = LD_pred[9].of[lane];
+        const float32 D_pred_magnet_flux = LD_pred[9].of[lane];
         const float32 L_pred_40 = LD_pred[10].of[lane];
         const float32 L_pred_41 = LD_pred[11].of[lane];
         const float32 L_pred_42 = LD_pred[12].of[lane];
         const float32 L_pred_43 = LD_pred[13].of[lane];
-        const float32 D_pred_4 = LD_pred[14].of[lane];
+        const float32 D_pred_psi_alpha = LD_pred[14].of[lane];
         const float32 L_pred_50 = LD_pred[15].of[lane];
         const float32 L_pred_51 = LD_pred[16].of[lane];
         const float32 L_pred_52 = LD_pred[17].of[lane];
         const float32 L_pred_53 = LD_pred[18].of[lane];
         const float32 L_pred_54 = LD_pred[19].of[lane];
-        const float32 D_pred_5 = LD_pred[20].of[lane];
+        const float32 D_pred_psi_beta = LD_pred[20].of[lane];
         const float32 L_pred_60 = LD_pred[21].of[lane];
         const float32 L_pred_61 = LD_pred[22].of[lane];
         const float32 L_pred_62 = LD_pred[23].of[lane];
         const float32 L_pred_63 = LD_pred[24].of[lane];
         const float32 L_pred_64 = LD_pred[25].of[lane];
         const float32 L_pred_65 = LD_pred[26].of[lane];
-        const float32 D_pred_6 = LD_pred[27].of[lane];
+        const float32 D_pred_load_torque = LD_pred[27].of[lane];
 
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
@@ -1225,34 +1212,66 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[4].of[lane] = load_torque_pred;
         x_out[5].of[lane] = magnet_flux_pred;
         x_out[6].of[lane] = stator_resistance_pred;
-        LD_out[0].of[lane] = D_pred_0;
+        LD_out[0].of[lane] = D_pred_theta;
         LD_out[1].of[lane] = L_pred_10;
-        LD_out[2].of[lane] = D_pred_1;
+        LD_out[2].of[lane] = D_pred_omega;
         LD_out[3].of[lane] = L_pred_20;
         LD_out[4].of[lane] = L_pred_21;
-        LD_out[5].of[lane] = D_pred_2;
+        LD_out[5].of[lane] = D_pred_stator_resistance;
         LD_out[6].of[lane] = L_pred_30;
         LD_out[7].of[lane] = L_pred_31;
         LD_out[8].of[lane] = L_pred_32;
-        LD_out[9].of[lane] = D_pred_3;
+        LD_out[9].of[lane] = D_pred_magnet_flux;
         LD_out[10].of[lane] = L_pred_40;
         LD_out[11].of[lane] = L_pred_41;
         LD_out[12].of[lane] = L_pred_42;
         LD_out[13].of[lane] = L_pred_43;
-        LD_out[14].of[lane] = D_pred_4;
+        LD_out[14].of[lane] = D_pred_psi_alpha;
         LD_out[15].of[lane] = L_pred_50;
         LD_out[16].of[lane] = L_pred_51;
         LD_out[17].of[lane] = L_pred_52;
         LD_out[18].of[lane] = L_pred_53;
         LD_out[19].of[lane] = L_pred_54;
-        LD_out[20].of[lane] = D_pred_5;
+        LD_out[20].of[lane] = D_pred_psi_beta;
         LD_out[21].of[lane] = L_pred_60;
         LD_out[22].of[lane] = L_pred_61;
         LD_out[23].of[lane] = L_pred_62;
         LD_out[24].of[lane] = L_pred_63;
         LD_out[25].of[lane] = L_pred_64;
         LD_out[26].of[lane] = L_pred_65;
-        LD_out[27].of[lane] = D_pred_6;
+        LD_out[27].of[lane] = D_pred_load_torque;
+    }
+}
+
+/* Sets x = x_0, P = diag(P_0) and the mean of the normalised innovation squared to zero, in one lane. */
+static void restart(spmsm_adaptive_ickf_lanes_t *__restrict f, int lane)
+{
+    static const int variance[7] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
+    int k;
+    for (k = 0; k < N_WORDS; k++) {
+        f->LD[k].of[lane] = 0.0f;
+    }
+    for (k = 0; k < 7; k++) {
+        f->x[k].of[lane] = f->x_0[k].of[lane];
+        f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
+    }
+    f->nis[0].of[lane] = 0.0f;
+}
+
+/* Exact arithmetic never has a pivot of P at its bound; where one is, it was raised. */
+static void watch_pivots(spmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restrict LD_pred)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const int clear_0 = (LD_pred[0].of[lane] > f->Q[3].of[lane]) ? 1 : 0;
+        const int clear_1 = (LD_pred[2].of[lane] > f->Q[2].of[lane]) ? 1 : 0;
+        const int clear_2 = (LD_pred[5].of[lane] > f->Q[6].of[lane]) ? 1 : 0;
+        const int clear_3 = (LD_pred[9].of[lane] > f->Q[5].of[lane]) ? 1 : 0;
+        const int clear_4 = (LD_pred[14].of[lane] > f->Q[0].of[lane]) ? 1 : 0;
+        const int clear_5 = (LD_pred[20].of[lane] > f->Q[1].of[lane]) ? 1 : 0;
+        const int clear_6 = (LD_pred[27].of[lane] > f->Q[4].of[lane]) ? 1 : 0;
+        const int clear = clear_0 & clear_1 & clear_2 & clear_3 & clear_4 & clear_5 & clear_6;
+        f->status[lane] |= (clear != 0) ? 0 : PMSM_COVARIANCE_REPAIRED;
     }
 }
 
@@ -1260,7 +1279,6 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
  * in the scalar form. */
 static void set_status_bits(spmsm_adaptive_ickf_lanes_t *__restrict f, float32 check, int lane)
 {
-    static const int variance[7] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
     float32 size = check * PER_SANE_LIMIT;
     float32 worst = size * size;
     int k;
@@ -1276,36 +1294,32 @@ static void set_status_bits(spmsm_adaptive_ickf_lanes_t *__restrict f, float32 c
         f->repairs[lane] += (f->repairs[lane] < MOST_REPAIRS) ? 1 : 0;
     }
     if ((f->status[lane] & PMSM_RESTARTED) != 0) {
-        for (k = 0; k < N_WORDS; k++) {
-            f->LD[k].of[lane] = 0.0f;
-        }
-        for (k = 0; k < 7; k++) {
-            f->x[k].of[lane] = f->x_0[k].of[lane];
-            f->LD[variance[k]].of[lane] = f->P_0[k].of[lane];
-        }
-        f->nis[0].of[lane] = 0.0f;
+        restart(f, lane);
     }
 }
 
-/* Averages the normalised innovation squared where a measurement was taken, and sees to lanes that are not ordinary. */
-static void finish_step(spmsm_adaptive_ickf_lanes_t *__restrict f, lanes *__restrict check, const lanes *__restrict nis,
-    const int *__restrict rejected)
+/* The sum of pivots, mean and states is no number if one of them is none. */
+static void finish_step(spmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restrict nis,
+    lanes *__restrict check, const int *__restrict rejected)
 {
     int special[LANES];
-    int lane;
     int any = 0;
+    int lane;
     for (lane = 0; lane < LANES; lane++) {
-        const float32 before = f->nis[0].of[lane];
-        const float32 after = before + f->nis_weight[0].of[lane] * (nis[0].of[lane] - before);
-        const float32 mean = (rejected[lane] != 0) ? before : after;
-        const float32 sum = check[0].of[lane] + mean +
-            f->x[0].of[lane] + f->x[1].of[lane] + f->x[2].of[lane] + f->x[3].of[lane] +
-            f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
-        const int sane = (sum * sum <= SANE_LIMIT * SANE_LIMIT) ? 1 : 0;
-        const int calm = (mean < f->nis_max[0].of[lane]) ? 1 : 0;
-        f->nis[0].of[lane] = mean;
-        check[0].of[lane] = sum;
-        special[lane] = (1 - (sane & calm)) | (f->status[lane] & PMSM_COVARIANCE_REPAIRED);
+        const float32 nis_before = f->nis[0].of[lane];
+        const float32 nis_after = f->nis[0].of[lane] +
+            f->nis_weight[0].of[lane] * (nis[0].of[lane] - f->nis[0].of[lane]);
+        f->nis[0].of[lane] = (rejected[lane] != 0) ? nis_before : nis_after;
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
+            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
+        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
     if (any != 0) {
@@ -1342,7 +1356,7 @@ void spmsm_adaptive_ickf_lanes_step(spmsm_adaptive_ickf_lanes_t *f, const lanes 
         widen_lanes(&f->LD[ANGLE_ROW], z, turn, 2, f->status);
     }
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
-    watch_pivots(LD_pred, f->Q, f->status);
+    watch_pivots(f, LD_pred);
     copy(x_j, x_pred, 7);
     begin_iterating(f, active, moving);
     do {
@@ -1358,5 +1372,5 @@ void spmsm_adaptive_ickf_lanes_step(spmsm_adaptive_ickf_lanes_t *f, const lanes 
         take(f->x, other_x, rejected, 7);
         take(f->LD, other_LD, rejected, 28);
     }
-    finish_step(f, check, nis, rejected);
+    finish_step(f, nis, check, rejected);
 }

@@ -24,20 +24,27 @@
 #define DECAY_I 0.708708218076448 /* exp(-T R / L) */
 #define GAIN_V 0.10131888066906156 /* (1 - exp(-T R / L)) / R, A/V */
 #define DECAY_OMEGA 0.9999750003124974 /* exp(-T D / J) */
-#define GAIN_OMEGA 0.01249984375195311 /* T (1 + exp(-T D / J)) / (2 J), rad/s per N m */
+#define GAIN_OMEGA 0.012499843751302076 /* (1 - exp(-T D / J)) / D, rad/s per N m */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS 0.07092321646834308 /* GAIN_E * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS_BY5 0.014184643293668617 /* 0.2 * GAIN_E * POLE_PAIRS */
-#define GAIN_OMEGA_GAIN_TORQUE_BY2 0.006562417969775382 /* 0.5 * GAIN_OMEGA * GAIN_TORQUE */
-#define GAIN_OMEGA_GAIN_TORQUE_BY5 0.002624967187910153 /* 0.2 * GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_OMEGA_GAIN_TORQUE_BY2 0.006562417969433589 /* 0.5 * GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_OMEGA_GAIN_TORQUE_BY5 0.002624967187773436 /* 0.2 * GAIN_OMEGA * GAIN_TORQUE */
 #define ONE_PLUS_DECAY_I 1.7087082180764481 /* 1 + DECAY_I */
 #define GAIN_E_POLE_PAIRS_BY2 0.03546160823417154 /* 0.5 * GAIN_E * POLE_PAIRS */
+#define GAIN_E_POLE_PAIRS_X5_BY2 0.17730804117085772 /* 2.5 * GAIN_E * POLE_PAIRS */
+#define G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP 5.249934375546872e-07 /* GAIN_OMEGA * GAIN_TORQUE * HALF_T * PAIR_WEIGHT * POLE_PAIRS */
 #define GAIN_E_SQ_POLE_PAIRS_SQ_X5 0.025150513171077263 /* 5 * GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
+#define PAIR_WEIGHT 0.2 /* 1 / 5: weight of the two points of a column of S */
+#define PAIR_WEIGHT_SQ 0.04000000000000001 /* PAIR_WEIGHT * PAIR_WEIGHT */
 #define GAIN_E_SQ_POLE_PAIRS_SQ 0.0050301026342154526 /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
-#define GAIN_OMEGA_GAIN_TORQUE 0.013124835939550763 /* GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_OMEGA_GAIN_TORQUE 0.013124835938867178 /* GAIN_OMEGA * GAIN_TORQUE */
+#define GAIN_E_GAIN_TORQUE_PP_BY2 0.037234688645880115 /* 0.5 * GAIN_E * GAIN_TORQUE * POLE_PAIRS */
 #define GAIN_TORQUE_BY2 0.5249999999999999 /* 0.5 * GAIN_TORQUE */
-#define GAIN_OMEGA_SQ 0.0001562460938232412 /* GAIN_OMEGA * GAIN_OMEGA */
-#define GAIN_OMEGA_SQ_GAIN_TORQUE_SQ 0.00017226131844012336 /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE */
+#define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 0.0046542779020188295 /* 5 * GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
+#define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP 0.0009308555804037658 /* GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
+#define GAIN_OMEGA_SQ 0.00015624609380696555 /* GAIN_OMEGA * GAIN_OMEGA */
+#define GAIN_OMEGA_SQ_GAIN_TORQUE_SQ 0.0001722613184221795 /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
@@ -161,30 +168,30 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[15], float64 turn_out[8])
 {
-    const float64 D_0 = LD[0];
-    const float64 D_1 = LD[2];
+    const float64 D_i_alpha = LD[0];
+    const float64 D_i_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
 
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
-    const float64 L_20_scaled_and_L_30 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 z_theta_mid_0 = D_0 * L_20_scaled_and_L_30 * L_20_scaled_and_L_30;
-    const float64 L_21_scaled_and_L_31 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float64 z_theta_mid_1 = D_1 * L_21_scaled_and_L_31 * L_21_scaled_and_L_31;
-    const float64 half_t_pole_pairs_plus_L_32 = HALF_T_POLE_PAIRS + L_32;
-    const float64 z_theta_mid_2 = D_2 * half_t_pole_pairs_plus_L_32 * half_t_pole_pairs_plus_L_32;
+    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
 
-    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_3 > SMALL_TURN) {
+    if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
         z[0] = z_theta_mid_0;
         z[1] = z_theta_mid_1;
         z[2] = z_theta_mid_2;
-        z[3] = D_3;
+        z[3] = D_theta;
         return widen(&LD[ANGLE_ROW], z, turn_out, 4);
     }
     turn_out[0] = ((((((((SINC_9 * z_theta_mid_0 + SINC_8) * z_theta_mid_0 + SINC_7) * z_theta_mid_0 +
@@ -205,10 +212,12 @@ static int time_update_turns(float64 LD[15], float64 turn_out[8])
     turn_out[5] = ((((((((COSM1_9 * z_theta_mid_2 + COSM1_8) * z_theta_mid_2 + COSM1_7) * z_theta_mid_2 +
         COSM1_6) * z_theta_mid_2 + COSM1_5) * z_theta_mid_2 + COSM1_4) * z_theta_mid_2 +
         COSM1_3) * z_theta_mid_2 + COSM1_2) * z_theta_mid_2 + COSM1_1) * z_theta_mid_2;
-    turn_out[6] = ((((((((SINC_9 * D_3 + SINC_8) * D_3 + SINC_7) * D_3 + SINC_6) * D_3 + SINC_5) * D_3 +
-        SINC_4) * D_3 + SINC_3) * D_3 + SINC_2) * D_3 + SINC_1) * D_3 + 1.0;
-    turn_out[7] = ((((((((COSM1_9 * D_3 + COSM1_8) * D_3 + COSM1_7) * D_3 + COSM1_6) * D_3 + COSM1_5) * D_3 +
-        COSM1_4) * D_3 + COSM1_3) * D_3 + COSM1_2) * D_3 + COSM1_1) * D_3;
+    turn_out[6] = ((((((((SINC_9 * D_theta + SINC_8) * D_theta + SINC_7) * D_theta + SINC_6) * D_theta +
+        SINC_5) * D_theta + SINC_4) * D_theta + SINC_3) * D_theta + SINC_2) * D_theta + SINC_1) * D_theta +
+        1.0;
+    turn_out[7] = ((((((((COSM1_9 * D_theta + COSM1_8) * D_theta + COSM1_7) * D_theta + COSM1_6) * D_theta +
+        COSM1_5) * D_theta + COSM1_4) * D_theta + COSM1_3) * D_theta + COSM1_2) * D_theta +
+        COSM1_1) * D_theta;
     return 0;
 }
 
@@ -221,21 +230,21 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 omega = x[2];
     const float64 theta = x[3];
     const float64 load_torque = x[4];
-    const float64 D_0 = LD[0];
+    const float64 D_i_alpha = LD[0];
     const float64 L_10 = LD[1];
-    const float64 D_1 = LD[2];
+    const float64 D_i_beta = LD[2];
     const float64 L_20 = LD[3];
     const float64 L_21 = LD[4];
-    const float64 D_2 = LD[5];
+    const float64 D_omega = LD[5];
     const float64 L_30 = LD[6];
     const float64 L_31 = LD[7];
     const float64 L_32 = LD[8];
-    const float64 D_3 = LD[9];
+    const float64 D_theta = LD[9];
     const float64 L_40 = LD[10];
     const float64 L_41 = LD[11];
     const float64 L_42 = LD[12];
     const float64 L_43 = LD[13];
-    const float64 D_4 = LD[14];
+    const float64 D_load_torque = LD[14];
     const float64 Q_0 = Q[0];
     const float64 Q_1 = Q[1];
     const float64 Q_2 = Q[2];
@@ -270,8 +279,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         sin_theta_mid * part_of_i_q_between_2 - emf_step);
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
     const float64 omega_x_gain_e_pole_pairs_by2 = omega * GAIN_E_POLE_PAIRS_BY2;
-    const float64 odd_theta_mid_0_times_D_0 = odd_theta_mid_0 * D_0;
-    const float64 D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_0;
+    const float64 odd_theta_mid_0_times_D_i_alpha = odd_theta_mid_0 * D_i_alpha;
+    const float64 D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha;
     const float64 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
     const float64 sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0;
     const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0;
@@ -281,8 +290,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
-    const float64 odd_theta_mid_1_times_D_1 = odd_theta_mid_1 * D_1;
-    const float64 D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_1;
+    const float64 odd_theta_mid_1_times_D_i_beta = odd_theta_mid_1 * D_i_beta;
+    const float64 D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_i_beta;
     const float64 sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1;
     const float64 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * sind_theta_mid_1;
     const float64 even_i_q_between_1 = cosm1_theta_mid_1 * (i_q_between -
@@ -290,15 +299,15 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         D_sind_theta_mid_1 * 2.5 * (sin_theta_mid + odd_i_alpha_next_1);
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
     const float64 one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2;
-    const float64 D_2_times_odd_theta_mid_2 = D_2 * odd_theta_mid_2;
-    const float64 bend_i_alpha_2 = D_2_times_odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2;
+    const float64 curv_i_alpha_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
-    const float64 part_of_even_i_q_between_2 = bend_i_alpha_2 * sind_theta_mid_2;
-    const float64 omega_scaled = omega * 0.17730804117085772;
+    const float64 part_of_even_i_q_between_2 = curv_i_alpha_2 * sind_theta_mid_2;
+    const float64 omega_scaled = omega * GAIN_E_POLE_PAIRS_X5_BY2;
     const float64 even_i_q_between_2 = cosm1_theta_mid_2 * (i_q_between -
         omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_2) -
         part_of_even_i_q_between_2 * omega_scaled;
-    const float64 D_sind_theta_mid_3 = sinc_theta_mid_3 * D_3;
+    const float64 D_sind_theta_mid_3 = sinc_theta_mid_3 * D_theta;
     const float64 part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3;
     const float64 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
         cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3) -
@@ -307,146 +316,146 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0;
     const float64 odd_i_beta_next_1 = DECAY_I * cos_theta_mid -
         GAIN_E_POLE_PAIRS * L_21 * one_plus_cosm1_theta_mid_1;
-    const float64 bend_i_alpha_0 = L_20 * D_sind_theta_mid_0;
+    const float64 curv_i_alpha_0 = L_20 * D_sind_theta_mid_0;
     const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_0 * 0.17730804117085772) -
-        GAIN_OMEGA * L_40;
-    const float64 bend_i_alpha_1 = L_21 * D_sind_theta_mid_1;
+        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
+        - GAIN_OMEGA * L_40;
+    const float64 curv_i_alpha_1 = L_21 * D_sind_theta_mid_1;
     const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_1 * 0.17730804117085772) -
-        GAIN_OMEGA * L_41;
+        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
+        - GAIN_OMEGA * L_41;
     const float64 odd_omega_next_2 = DECAY_OMEGA -
-        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * 0.037234688645880115 + L_42) -
-        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + bend_i_alpha_2 * 0.17730804117085772);
+        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * GAIN_E_GAIN_TORQUE_PP_BY2 +
+        L_42) -
+        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2);
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
-    const float64 D_0_times_odd_i_alpha_next_0 = D_0 * odd_i_alpha_next_0;
-    const float64 D_1_times_odd_i_alpha_next_1 = D_1 * odd_i_alpha_next_1;
+    const float64 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
+    const float64 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float64 emf_step_sq = emf_step * emf_step;
-    const float64 bend_i_alpha_sum = bend_i_alpha_0 + bend_i_alpha_1 + bend_i_alpha_2;
-    const float64 offset_i_alpha = GAIN_E_POLE_PAIRS * bend_i_alpha_sum;
-    const float64 P_turned_00 = odd_i_alpha_next_0 * D_0_times_odd_i_alpha_next_0 +
-        odd_i_alpha_next_1 * D_1_times_odd_i_alpha_next_1 +
+    const float64 curv_i_alpha_sum = curv_i_alpha_0 + curv_i_alpha_1 + curv_i_alpha_2;
+    const float64 offset_i_alpha = GAIN_E_POLE_PAIRS * curv_i_alpha_sum;
+    const float64 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
         emf_step_sq * (part_of_even_i_q_between_2 + part_of_even_i_q_between_3) +
-        GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (bend_i_alpha_0 * bend_i_alpha_0 + bend_i_alpha_1 * bend_i_alpha_1 +
-        bend_i_alpha_2 * bend_i_alpha_2) - offset_i_alpha * offset_i_alpha;
-    const float64 D_0_times_odd_i_beta_next_0 = D_0 * odd_i_beta_next_0;
-    const float64 D_1_times_odd_i_beta_next_1 = D_1 * odd_i_beta_next_1;
+        GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (curv_i_alpha_0 * curv_i_alpha_0 + curv_i_alpha_1 * curv_i_alpha_1 +
+        curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha;
+    const float64 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
+    const float64 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
     const float64 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2;
-    const float64 D_2_x_minus_odd_i_beta_next_2 = D_2 * minus_odd_i_beta_next_2;
-    const float64 bend_i_beta_sum = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 +
+    const float64 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
+    const float64 curv_i_beta_sum = cosm1_theta_mid_0 + cosm1_theta_mid_1 + cosm1_theta_mid_2 +
         cosm1_theta_mid_3;
-    const float64 bend_i_beta_sum_scaled = bend_i_beta_sum * 0.04000000000000001;
-    const float64 P_turned_11 = odd_i_beta_next_0 * D_0_times_odd_i_beta_next_0 +
-        odd_i_beta_next_1 * D_1_times_odd_i_beta_next_1 +
-        minus_odd_i_beta_next_2 * D_2_x_minus_odd_i_beta_next_2 +
-        emf_step_sq * (0.2 * (cosm1_theta_mid_0 * cosm1_theta_mid_0 + cosm1_theta_mid_1 * cosm1_theta_mid_1 +
-        cosm1_theta_mid_2 * cosm1_theta_mid_2 + cosm1_theta_mid_3 * cosm1_theta_mid_3) -
-        bend_i_beta_sum * bend_i_beta_sum_scaled);
-    const float64 P_turned_10 = D_0_times_odd_i_alpha_next_0 * odd_i_beta_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_i_beta_next_1 -
-        bend_i_alpha_2 * (emf_step * minus_odd_i_beta_next_2 +
+    const float64 mean_i_beta_by_n = curv_i_beta_sum * PAIR_WEIGHT_SQ;
+    const float64 P_turned_11 = odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
+        minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 +
+        emf_step_sq * (PAIR_WEIGHT * (cosm1_theta_mid_0 * cosm1_theta_mid_0 +
+        cosm1_theta_mid_1 * cosm1_theta_mid_1 + cosm1_theta_mid_2 * cosm1_theta_mid_2 +
+        cosm1_theta_mid_3 * cosm1_theta_mid_3) - curv_i_beta_sum * mean_i_beta_by_n);
+    const float64 P_turned_10 = D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
+        curv_i_alpha_2 * (emf_step * minus_odd_i_beta_next_2 +
         omega * cosm1_theta_mid_2 * GAIN_E_SQ_POLE_PAIRS_SQ) -
-        omega * GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (0.2 * (bend_i_alpha_0 * cosm1_theta_mid_0 +
-        bend_i_alpha_1 * cosm1_theta_mid_1) - bend_i_alpha_sum * bend_i_beta_sum_scaled);
+        omega * GAIN_E_SQ_POLE_PAIRS_SQ_X5 * (PAIR_WEIGHT * (curv_i_alpha_0 * cosm1_theta_mid_0 +
+        curv_i_alpha_1 * cosm1_theta_mid_1) - curv_i_alpha_sum * mean_i_beta_by_n);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
-    const float64 D_pred_0 = larger(P_pred_00, Q_0);
+    const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-    const float64 one_per_D_pred_0 = 1.0 / D_pred_0;
-    const float64 L_pred_10 = P_pred_10 * one_per_D_pred_0;
+    const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
+    const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
-    const float64 D_pred_1 = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-    const float64 emf_step_times_bend_i_alpha_2 = emf_step * bend_i_alpha_2;
-    const float64 emf_step_x_D_sind_theta_mid_3 = emf_step * D_sind_theta_mid_3;
+    const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
+    const float64 D_odd_i_alpha_2 = emf_step * curv_i_alpha_2;
+    const float64 D_odd_i_alpha_3 = emf_step * D_sind_theta_mid_3;
     const float64 part_of_P_turned_20 = sinc_theta_mid_3 * part_of_i_d_between * GAIN_TORQUE_BY2 + L_43;
     const float64 minus_odd_omega_next_3 = GAIN_OMEGA * part_of_P_turned_20;
-    const float64 bend_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 +
+    const float64 curv_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 +
         even_i_q_between_3;
-    const float64 bend_omega_sum_scaled = bend_omega_sum * 0.04000000000000001;
-    const float64 P_turned_20 = D_0_times_odd_i_alpha_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_alpha_next_1 * odd_omega_next_1 + emf_step_times_bend_i_alpha_2 * odd_omega_next_2 -
-        emf_step_x_D_sind_theta_mid_3 * minus_odd_omega_next_3 +
-        0.00465427790226124 * (0.2 * (bend_i_alpha_0 * even_i_q_between_0 +
-        bend_i_alpha_1 * even_i_q_between_1 + bend_i_alpha_2 * even_i_q_between_2) -
-        bend_i_alpha_sum * bend_omega_sum_scaled);
-    const float64 P_turned_21 = D_0_times_odd_i_beta_next_0 * odd_omega_next_0 +
-        D_1_times_odd_i_beta_next_1 * odd_omega_next_1 - D_2_x_minus_odd_i_beta_next_2 * odd_omega_next_2 -
-        omega * (0.2 * (cosm1_theta_mid_0 * even_i_q_between_0 + cosm1_theta_mid_1 * even_i_q_between_1 +
-        cosm1_theta_mid_2 * even_i_q_between_2 + cosm1_theta_mid_3 * even_i_q_between_3) -
-        bend_omega_sum * bend_i_beta_sum_scaled) * 0.0009308555804522479;
+    const float64 mean_omega_by_n = curv_omega_sum * PAIR_WEIGHT_SQ;
+    const float64 P_turned_20 = D_odd_i_alpha_0 * odd_omega_next_0 + D_odd_i_alpha_1 * odd_omega_next_1 +
+        D_odd_i_alpha_2 * odd_omega_next_2 - D_odd_i_alpha_3 * minus_odd_omega_next_3 +
+        GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 * (PAIR_WEIGHT * (curv_i_alpha_0 * even_i_q_between_0 +
+        curv_i_alpha_1 * even_i_q_between_1 + curv_i_alpha_2 * even_i_q_between_2) -
+        curv_i_alpha_sum * mean_omega_by_n);
+    const float64 P_turned_21 = D_odd_i_beta_0 * odd_omega_next_0 + D_odd_i_beta_1 * odd_omega_next_1 -
+        minus_D_odd_i_beta_2 * odd_omega_next_2 -
+        omega * (PAIR_WEIGHT * (cosm1_theta_mid_0 * even_i_q_between_0 +
+        cosm1_theta_mid_1 * even_i_q_between_1 + cosm1_theta_mid_2 * even_i_q_between_2 +
+        cosm1_theta_mid_3 * even_i_q_between_3) -
+        curv_omega_sum * mean_i_beta_by_n) * GAIN_E_GAIN_OMEGA_GAIN_TQ_PP;
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
-    const float64 L_pred_20 = one_per_D_pred_0 * P_pred_20;
+    const float64 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
     const float64 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float64 one_per_D_pred_1 = 1.0 / D_pred_1;
-    const float64 L_pred_21 = LD_pred_21 * one_per_D_pred_1;
-    const float64 part_of_P_pred_22 = D_0 * odd_omega_next_0 * odd_omega_next_0 +
-        D_1 * odd_omega_next_1 * odd_omega_next_1 + D_2 * odd_omega_next_2 * odd_omega_next_2 +
-        (D_3 * part_of_P_turned_20 * part_of_P_turned_20 + D_4) * GAIN_OMEGA_SQ +
-        GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (0.2 * (even_i_q_between_0 * even_i_q_between_0 +
+    const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
+    const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float64 part_of_P_pred_22 = D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
+        D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
+        (D_theta * part_of_P_turned_20 * part_of_P_turned_20 + D_load_torque) * GAIN_OMEGA_SQ +
+        GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (PAIR_WEIGHT * (even_i_q_between_0 * even_i_q_between_0 +
         even_i_q_between_1 * even_i_q_between_1 + even_i_q_between_2 * even_i_q_between_2 +
-        even_i_q_between_3 * even_i_q_between_3) - bend_omega_sum * bend_omega_sum_scaled);
+        even_i_q_between_3 * even_i_q_between_3) - curv_omega_sum * mean_omega_by_n);
     const float64 P_pred_22 = part_of_P_pred_22 + Q_2;
-    const float64 D_pred_2 = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
+    const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 +
-        odd_theta_mid_0_times_D_0 * odd_i_alpha_next_0 + odd_theta_mid_1_times_D_1 * odd_i_alpha_next_1 +
-        odd_theta_mid_2 * emf_step_times_bend_i_alpha_2 + emf_step_x_D_sind_theta_mid_3;
+        odd_theta_mid_0_times_D_i_alpha * odd_i_alpha_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_i_alpha_next_1 + odd_theta_mid_2 * D_odd_i_alpha_2 +
+        D_odd_i_alpha_3;
     const float64 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 +
-        odd_theta_mid_0_times_D_0 * odd_i_beta_next_0 + odd_theta_mid_1_times_D_1 * odd_i_beta_next_1 -
-        D_2_times_odd_theta_mid_2 * minus_odd_i_beta_next_2;
+        odd_theta_mid_0_times_D_i_alpha * odd_i_beta_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_i_beta_next_1 -
+        D_omega_times_odd_theta_mid_2 * minus_odd_i_beta_next_2;
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
-    const float64 L_pred_30 = one_per_D_pred_0 * P_pred_30;
+    const float64 L_pred_30 = inv_D_pred_i_alpha * P_pred_30;
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
     const float64 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
-    const float64 L_pred_31 = one_per_D_pred_1 * LD_pred_31;
-    const float64 part_of_P_pred_32 = odd_theta_mid_0_times_D_0 * odd_omega_next_0 +
-        odd_theta_mid_1_times_D_1 * odd_omega_next_1 + D_2_times_odd_theta_mid_2 * odd_omega_next_2 -
-        D_3 * minus_odd_omega_next_3;
+    const float64 L_pred_31 = inv_D_pred_i_beta * LD_pred_31;
+    const float64 part_of_P_pred_32 = odd_theta_mid_0_times_D_i_alpha * odd_omega_next_0 +
+        odd_theta_mid_1_times_D_i_beta * odd_omega_next_1 + D_omega_times_odd_theta_mid_2 * odd_omega_next_2 -
+        D_theta * minus_odd_omega_next_3;
     const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-    const float64 one_per_D_pred_2 = 1.0 / D_pred_2;
-    const float64 L_pred_32 = LD_pred_32 * one_per_D_pred_2;
+    const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
+    const float64 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
-        odd_theta_mid_0 * odd_theta_mid_0_times_D_0 + odd_theta_mid_1 * odd_theta_mid_1_times_D_1 +
-        odd_theta_mid_2 * D_2_times_odd_theta_mid_2 + D_3 + Q_3;
-    const float64 D_pred_3 = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
+        odd_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha + odd_theta_mid_1 * odd_theta_mid_1_times_D_i_beta +
+        odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3;
+    const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_3);
-    const float64 P_turned_40 = D_0_times_odd_i_alpha_next_0 * L_40 + D_1_times_odd_i_alpha_next_1 * L_41 +
-        emf_step_times_bend_i_alpha_2 * L_42 + emf_step_x_D_sind_theta_mid_3 * L_43;
-    const float64 P_turned_41 = D_0_times_odd_i_beta_next_0 * L_40 + D_1_times_odd_i_beta_next_1 * L_41 -
-        D_2_x_minus_odd_i_beta_next_2 * L_42;
+    const float64 P_turned_40 = D_odd_i_alpha_0 * L_40 + D_odd_i_alpha_1 * L_41 + D_odd_i_alpha_2 * L_42 +
+        D_odd_i_alpha_3 * L_43;
+    const float64 P_turned_41 = D_odd_i_beta_0 * L_40 + D_odd_i_beta_1 * L_41 - minus_D_odd_i_beta_2 * L_42;
     const float64 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
-    const float64 L_pred_40 = one_per_D_pred_0 * P_pred_40;
+    const float64 L_pred_40 = inv_D_pred_i_alpha * P_pred_40;
     const float64 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
     const float64 LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
-    const float64 L_pred_41 = one_per_D_pred_1 * LD_pred_41;
-    const float64 D_0_times_L_40 = D_0 * L_40;
-    const float64 D_1_times_L_41 = D_1 * L_41;
-    const float64 D_2_times_L_42 = D_2 * L_42;
-    const float64 D_3_times_L_43 = D_3 * L_43;
-    const float64 P_pred_42 = D_0_times_L_40 * odd_omega_next_0 + D_1_times_L_41 * odd_omega_next_1 +
-        D_2_times_L_42 * odd_omega_next_2 - D_3_times_L_43 * minus_odd_omega_next_3 - GAIN_OMEGA * D_4;
+    const float64 L_pred_41 = inv_D_pred_i_beta * LD_pred_41;
+    const float64 D_odd_load_torque_0 = D_i_alpha * L_40;
+    const float64 D_odd_load_torque_1 = D_i_beta * L_41;
+    const float64 D_odd_load_torque_2 = D_omega * L_42;
+    const float64 D_odd_load_torque_3 = D_theta * L_43;
+    const float64 P_pred_42 = D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1
+        + D_odd_load_torque_2 * odd_omega_next_2 - D_odd_load_torque_3 * minus_odd_omega_next_3 -
+        GAIN_OMEGA * D_load_torque;
     const float64 LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41;
-    const float64 L_pred_42 = one_per_D_pred_2 * LD_pred_42;
-    const float64 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0_times_D_0 * L_40 +
-        odd_theta_mid_1_times_D_1 * L_41 + D_2_times_odd_theta_mid_2 * L_42 + D_3_times_L_43;
+    const float64 L_pred_42 = inv_D_pred_omega * LD_pred_42;
+    const float64 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0_times_D_i_alpha * L_40 +
+        odd_theta_mid_1_times_D_i_beta * L_41 + D_omega_times_odd_theta_mid_2 * L_42 + D_odd_load_torque_3;
     const float64 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
-    const float64 L_pred_43 = LD_pred_43 / D_pred_3;
-    const float64 P_pred_44 = L_40 * D_0_times_L_40 + L_41 * D_1_times_L_41 + L_42 * D_2_times_L_42 +
-        L_43 * D_3_times_L_43 + D_4 + Q_4;
-    const float64 D_pred_4 = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
+    const float64 L_pred_43 = LD_pred_43 / D_pred_theta;
+    const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
+        L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
+    const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * bend_omega_sum;
-    const float64 offset_theta = bend_omega_sum * 5.249934375820306e-07;
+    const float64 offset_omega = GAIN_OMEGA_GAIN_TORQUE_BY5 * curv_omega_sum;
+    const float64 offset_theta = curv_omega_sum * G_OM_G_TQ_HALF_T_PAIR_WEIGHT_PP;
     const float64 i_alpha_of_x = DECAY_I * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
-    const float64 minus_offset_i_beta = omega * GAIN_E_POLE_PAIRS_BY5 * bend_i_beta_sum;
+    const float64 minus_offset_i_beta = omega * GAIN_E_POLE_PAIRS_BY5 * curv_i_beta_sum;
     const float64 i_alpha_pred = i_alpha_of_x + cos_theta_mid * offset_i_alpha +
         sin_theta_mid * minus_offset_i_beta;
     const float64 i_beta_of_x = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
@@ -459,28 +468,28 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 
     /* --- sum of the pivots, for the guard */
-    const float64 check = D_pred_0 + D_pred_1 + D_pred_2 + D_pred_3 + D_pred_4;
+    const float64 check = D_pred_i_alpha + D_pred_i_beta + D_pred_omega + D_pred_theta + D_pred_load_torque;
 
     x_pred_out[0] = i_alpha_pred;
     x_pred_out[1] = i_beta_pred;
     x_pred_out[2] = omega_pred;
     x_pred_out[3] = theta_pred;
     x_pred_out[4] = load_torque;
-    LD_pred_out[0] = D_pred_0;
+    LD_pred_out[0] = D_pred_i_alpha;
     LD_pred_out[1] = L_pred_10;
-    LD_pred_out[2] = D_pred_1;
+    LD_pred_out[2] = D_pred_i_beta;
     LD_pred_out[3] = L_pred_20;
     LD_pred_out[4] = L_pred_21;
-    LD_pred_out[5] = D_pred_2;
+    LD_pred_out[5] = D_pred_omega;
     LD_pred_out[6] = L_pred_30;
     LD_pred_out[7] = L_pred_31;
     LD_pred_out[8] = L_pred_32;
-    LD_pred_out[9] = D_pred_3;
+    LD_pred_out[9] = D_pred_theta;
     LD_pred_out[10] = L_pred_40;
     LD_pred_out[11] = L_pred_41;
     LD_pred_out[12] = L_pred_42;
     LD_pred_out[13] = L_pred_43;
-    LD_pred_out[14] = D_pred_4;
+    LD_pred_out[14] = D_pred_load_torque;
     check_out[0] = check;
 }
 
@@ -493,21 +502,21 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
     const float64 load_torque_pred = x_pred[4];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 L_pred_40 = LD_pred[10];
     const float64 L_pred_41 = LD_pred[11];
     const float64 L_pred_42 = LD_pred[12];
     const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_4 = LD_pred[14];
+    const float64 D_pred_load_torque = LD_pred[14];
     const float64 R_0 = R[0];
     const float64 R_1 = R[1];
     const float64 i_alpha_meas = y[0];
@@ -515,65 +524,65 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
 
     /* --- eq. 31: y - y_pred; x^{j+1} */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
-    const float64 span_first = R_0 + D_pred_0;
-    const float64 one_per_span_first = 1.0 / span_first;
-    const float64 D_pred_0_per_span_first = D_pred_0 * one_per_span_first;
-    const float64 correction_first_0 = innovation_i_alpha * D_pred_0_per_span_first;
+    const float64 var_first = R_0 + D_pred_i_alpha;
+    const float64 one_per_var_first = 1.0 / var_first;
+    const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
+    const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
-    const float64 span_second_1 = R_1 + D_pred_1;
-    const float64 D_first_0 = R_0 * D_pred_0_per_span_first;
+    const float64 var_second_1 = R_1 + D_pred_i_beta;
+    const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 span_second = larger(span_second_1 + L_pred_10 * g_second_0, R_1);
-    const float64 one_per_span_second = 1.0 / span_second;
-    const float64 share_second = innovation_after_first * one_per_span_second;
-    const float64 correction_second_0 = correction_first_0 + g_second_0 * share_second;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
+    const float64 one_per_var_second = 1.0 / var_second;
+    const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
+    const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_after = correction_second_0 + i_alpha_pred;
-    const float64 i_beta_after = i_beta_meas - R_1 * share_second;
-    const float64 D_pred_1_times_share_second = D_pred_1 * share_second;
-    const float64 omega_after = correction_second_0 * L_pred_20 + D_pred_1_times_share_second * L_pred_21 +
+    const float64 i_beta_after = i_beta_meas - R_1 * nu_by_var_second;
+    const float64 part_of_omega_after = D_pred_i_beta * nu_by_var_second;
+    const float64 omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 +
         omega_pred;
-    const float64 theta_after = correction_second_0 * L_pred_30 + D_pred_1_times_share_second * L_pred_31 +
+    const float64 theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 +
         theta_pred;
-    const float64 load_torque_after = correction_second_0 * L_pred_40 +
-        D_pred_1_times_share_second * L_pred_41 + load_torque_pred;
+    const float64 load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 +
+        load_torque_pred;
 
     /* --- eq. 34: theta wrapped */
     const float64 theta_new = wrap_angle(theta_after);
 
     /* --- eq. 32: L D L^T = P_new */
-    const float64 D_new_0 = D_first_0 * span_second_1 * one_per_span_second;
-    const float64 D_pred_1_per_span_second_1 = D_pred_1 / span_second_1;
-    const float64 change_second_10 = L_pred_10 * D_pred_1_per_span_second_1;
+    const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
+    const float64 D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1;
+    const float64 change_second_10 = L_pred_10 * D_pred_i_beta_per_var_second_1;
     const float64 L_new_10 = L_pred_10 - change_second_10;
-    const float64 D_new_1 = R_1 * D_pred_1_per_span_second_1;
+    const float64 D_new_i_beta = R_1 * D_pred_i_beta_per_var_second_1;
     const float64 L_new_20 = L_pred_20 - L_pred_21 * change_second_10;
     const float64 L_new_30 = L_pred_30 - L_pred_31 * change_second_10;
     const float64 L_new_40 = L_pred_40 - L_pred_41 * change_second_10;
 
     /* --- normalised innovation squared */
-    const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_span_first +
-        innovation_after_first * share_second;
+    const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
+        innovation_after_first * nu_by_var_second;
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
     x_out[3] = theta_new;
     x_out[4] = load_torque_after;
-    LD_out[0] = D_new_0;
+    LD_out[0] = D_new_i_alpha;
     LD_out[1] = L_new_10;
-    LD_out[2] = D_new_1;
+    LD_out[2] = D_new_i_beta;
     LD_out[3] = L_new_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_new_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
     LD_out[10] = L_new_40;
     LD_out[11] = L_pred_41;
     LD_out[12] = L_pred_42;
     LD_out[13] = L_pred_43;
-    LD_out[14] = D_pred_4;
+    LD_out[14] = D_pred_load_torque;
     nis_out[0] = nis;
 }
 
@@ -585,42 +594,42 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     const float64 omega_pred = x_pred[2];
     const float64 theta_pred = x_pred[3];
     const float64 load_torque_pred = x_pred[4];
-    const float64 D_pred_0 = LD_pred[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_1 = LD_pred[2];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 L_pred_20 = LD_pred[3];
     const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_2 = LD_pred[5];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_3 = LD_pred[9];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 L_pred_40 = LD_pred[10];
     const float64 L_pred_41 = LD_pred[11];
     const float64 L_pred_42 = LD_pred[12];
     const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_4 = LD_pred[14];
+    const float64 D_pred_load_torque = LD_pred[14];
 
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
     x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
-    LD_out[0] = D_pred_0;
+    LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
-    LD_out[2] = D_pred_1;
+    LD_out[2] = D_pred_i_beta;
     LD_out[3] = L_pred_20;
     LD_out[4] = L_pred_21;
-    LD_out[5] = D_pred_2;
+    LD_out[5] = D_pred_omega;
     LD_out[6] = L_pred_30;
     LD_out[7] = L_pred_31;
     LD_out[8] = L_pred_32;
-    LD_out[9] = D_pred_3;
+    LD_out[9] = D_pred_theta;
     LD_out[10] = L_pred_40;
     LD_out[11] = L_pred_41;
     LD_out[12] = L_pred_42;
     LD_out[13] = L_pred_43;
-    LD_out[14] = D_pred_4;
+    LD_out[14] = D_pred_load_torque;
 }
 
 void spmsm_load_torque_ickf_f64_init(spmsm_load_torque_ickf_f64_t *f)

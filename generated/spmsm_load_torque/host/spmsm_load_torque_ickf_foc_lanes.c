@@ -12,12 +12,15 @@
 #define INLINE static
 #endif
 
+#define POLE_PAIRS 4.0f /* p */
 #define L_D 0.000835f /* L_d, H */
 #define L_Q 0.000835f /* L_q, H */
 #define PSI_M 0.175f /* magnet flux linkage, Wb */
-#define POLE_PAIRS 4.0f /* p */
 #define TORQUE_PER_A 1.05f /* 1.5 p psi_m, N m/A */
 #define A_PER_TORQUE 0.95238096f /* 1 / (1.5 p psi_m), A/(N m) */
+#define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
+#define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -138,7 +141,7 @@ static void clarke(const lanes *__restrict phase, lanes *__restrict i_out)
         const float32 i_b = phase[1].of[lane];
 
         i_out[0].of[lane] = i_a;
-        i_out[1].of[lane] = 0.57735026f * i_a + 1.1547005f * i_b;
+        i_out[1].of[lane] = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     }
 }
 
@@ -207,7 +210,7 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- voltage hexagon's inner circle */
         const float32 v_link = larger(v_dc, 1.0f);
-        const float32 v_max = 0.57735026f * v_link;
+        const float32 v_max = ONE_BY_SQRT_3 * v_link;
         const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
             v_max * v_max));
         const float32 v_d = shrink * v_d_wanted;
@@ -229,7 +232,7 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- dead-time compensation */
         const float32 minus_half_i_alpha = -0.5f * i_alpha;
-        const float32 cross_i_beta = 0.8660254f * i_beta;
+        const float32 cross_i_beta = SQRT_3_BY_2 * i_beta;
         const float32 i_b = minus_half_i_alpha + cross_i_beta;
         const float32 i_c = minus_half_i_alpha - cross_i_beta;
         const float32 sign_i_a = larger(-1.0f, smaller(1.0f, i_alpha / gain_dead_current));
@@ -238,7 +241,7 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- SVPWM */
         const float32 minus_half_v_alpha = -0.5f * v_alpha;
-        const float32 cross_v_beta = 0.8660254f * v_beta;
+        const float32 cross_v_beta = SQRT_3_BY_2 * v_beta;
         const float32 v_b = minus_half_v_alpha + cross_v_beta;
         const float32 v_c = minus_half_v_alpha - cross_v_beta;
         const float32 v_highest = larger(v_alpha, larger(v_b, v_c));
