@@ -200,7 +200,7 @@ def _chapter(**changes: Any) -> Chapter:
         "proof": proof(link(row(0.4), name="guard"), link(row(3.0, 5.0), name="D-E"), drive="paper_spmsm"),
         "evidence": evidence,
         "runs": [run("no_load"), run("load_step")],
-        "hard": [run("load_step", speed_error=8.0)],
+        "hard": [run("load_step", speed_error=np.where(np.arange(400) == 250, 9.0, 8.0))],
         "sweep": [
             SweepPoint(1e-4, "euler", False, {"start": 1.0, "angle": 9.876}),
             SweepPoint(1e-4, "exact", True, {"start": 2.0, "angle": 1.0}),
@@ -310,7 +310,10 @@ def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pyte
     ]
     broken = proof(*links, effects=effects, notes=["a note of the proof"], drive="paper_spmsm")
     checks = (check(figure="12 cycles", detail=("a remark",)), check("failed", name="another gate"))
-    runs = [run("no_load", "ckf", 3.0, 4.0), run("load_step", "ickf", -5.0, 90.0)]
+    runs = [
+        run("no_load", "ckf", 3.0, 4.0),
+        run("load_step", "ickf", np.where(np.arange(400) == 100, -6.0, -5.0), 90.0),
+    ]
     said = _page(tmp_path, _chapter(proof=broken, firmware=Gated("paper_spmsm", checks), runs=runs))
     manifest = find_folder("paper_spmsm").manifest["filters"]
     for words in (
@@ -331,8 +334,8 @@ def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pyte
         "cubature 0.25 sigma unexplained",
         "a note of the proof",
         "no_load ckf 3.00 3.000 4.000 locked",
-        "load_step ickf 5.00 5.00 5.000 90.000 LOST LOCK",
-        "load_step, PWM ckf 8.00 8.00 8.000 0.000 locked",
+        "load_step ickf 6.00 5.00 5.000 90.000 LOST LOCK",
+        "load_step, PWM ckf 8.00 9.00 8.000 0.000 locked",
         "100 us euler loses lock 9.88",
         "100 us exact 2.0 r/min 1.00",
         "literal 4321 71 0",
