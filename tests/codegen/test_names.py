@@ -69,7 +69,7 @@ POLYNOMIALS = re.compile(r"(sin_cos|wrap_angle|small_angle|_polynomial)")
 def nameless(source: str) -> set[float]:
     """Numbers without a name that the functions of a C or Python text calculate with, but small round ones."""
     functions = re.findall(
-        r"^(?:static |void )\w[^\n(]* \**(\w+)\([^{]*\n\{\n(.*?)^\}", source, re.MULTILINE | re.DOTALL
+        r"^(?:static |void |int )(?:\w+ )*\**(\w+)\([^{]*\n\{\n(.*?)^\}", source, re.MULTILINE | re.DOTALL
     )
     functions += re.findall(r"^def (\w+)\([^\n]*:\n(.*?)(?=^\S)", source, re.MULTILINE | re.DOTALL)
     assert functions
@@ -93,7 +93,7 @@ def test_a_literal_without_a_name_is_seen() -> None:
     for path in FILTERS:
         text = path.read_text()
         body = text[text.index("static void time_update(") :]
-        names = [name for name in re.findall(r"^#define (\w+) \S+f /\*", text, re.MULTILINE)]
+        names = re.findall(r"^#define (\w+) \S+f /\*", text, re.MULTILINE)
         names = [name for name in names if re.search(rf"\* {name}\b", body)]
         assert len(names) > 1, "constants that the filter multiplies with"
         for name in names:
