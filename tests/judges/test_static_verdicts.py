@@ -104,6 +104,7 @@ def test_misra_reads_the_example_in_both_its_ways(tmp_path: Path, monkeypatch: p
         (found,) = misra.misra_checks(folder)
         assert len(asked) == calls
         assert ["-DWHOLE_CONTROLLER=0" in one for one in asked] == [False, True][:calls]
+        assert [sum(word.endswith(".c") for word in one) for one in asked] == [len(names), 1][:calls]
         assert found.figure == f"0 required, {min(calls, 1)} advisory in {len(names)} files"
         assert found.state == ("passed" if names else "failed")
 

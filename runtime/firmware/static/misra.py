@@ -78,8 +78,9 @@ def _checks(folder: Path) -> list[Check]:
         return [absent]
     sources = firmware_sources(folder)
     findings = find(sources, f"-I{folder}") if sources else []
-    if any(map(is_example, sources)):
-        findings = list(dict.fromkeys([*findings, *find(sources, f"-I{folder}", f"-D{OTHER_EXAMPLE}")]))
+    examples = [source for source in sources if is_example(source)]
+    if examples:  # the other way of the example; no other file asks which it is
+        findings = list(dict.fromkeys([*findings, *find(examples, f"-I{folder}", f"-D{OTHER_EXAMPLE}")]))
     count = Counter(finding.rule for finding in findings if finding.rule)
     broken = [f for f in findings if not f.rule and f.severity in {"error", "warning"}]
     required = [f for f in findings if f.rule and category(f.rule) != "advisory"]
