@@ -72,7 +72,7 @@ def test_own_machine_goes_through_the_whole_chain(desk: Path) -> None:
     assert stated in (ROOT / "docs" / "own_machine" / "my_motor.toml").read_text()
     (lines,) = _blocks("own_machine.md", "sh")
     first, rest = lines.split("\n", 1)
-    lines = f"{first}\nsed -i 's/\"ckf\", //' my_motor.toml\n{rest}"  # the page's figures are the ICKF's
+    lines = f"{first}\nsed -i 's/, \"ickf\"//' my_motor.toml\n{rest}"  # one is proved here; simulate takes both kinds
     assert "verify" in lines
     assert "simulate" in lines
     done = subprocess.run(
