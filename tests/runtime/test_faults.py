@@ -72,7 +72,7 @@ def test_two_writers_at_once_leave_no_mixture(tmp_path: Path) -> None:
         for writer in writers:
             assert writer.stdout is not None
             writer.stdout.readline()
-        for _ in range(200):
+        for _ in range(60):
             for name in ("x", "y", "z"):
                 if (tmp_path / name).exists():
                     assert edited_files(tmp_path / name) == [], "files and manifest are one writer's"
@@ -107,20 +107,19 @@ def test_generate_killed_while_it_writes_two_drives(tmp_path: Path) -> None:
         assert call(*words, cwd=tmp_path)[0] == 0
         for name in drives:
             expected[name].append(contents(name))
-    for k in range(2):
-        state(values[k % 2])
-        process = start("-m", "runtime", *words, cwd=tmp_path)
-        assert process.stdout is not None
-        for line in process.stdout:
-            if "writing" in line:
-                break
-        time.sleep(chance.uniform(0.0, 0.02))
-        process.kill()
-        process.communicate()
-        for name in drives:
-            assert contents(name) in expected[name]
+    state(values[0])
+    process = start("-m", "runtime", *words, cwd=tmp_path)
+    assert process.stdout is not None
+    for line in process.stdout:
+        if "writing" in line:
+            break
+    time.sleep(chance.uniform(0.0, 0.02))
+    process.kill()
+    process.communicate()
+    for name in drives:
+        assert contents(name) in expected[name]
     assert call(*words, cwd=tmp_path)[0] == 0
-    assert call(*words, "--check", cwd=tmp_path)[0] == 0
+    assert [contents(name) for name in drives] == [expected[name][0] for name in drives]
 
 
 # --- interrupted ---
@@ -233,7 +232,7 @@ def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, 
     """A signal to the command alone, as a scheduler sends it: no worker goes on, nor what a worker has started."""
     mark = f"{tmp_path}"
     environment = {MARK: mark, "PMSM_ICKF_CACHE": str(tmp_path)}
-    process = start("-m", "runtime", "verify", "paper_spmsm", "ipmsm", cwd=tmp_path, environment=environment)
+    process = start("-m", "runtime", "verify", "paper_spmsm", "spmsm_load_torque", cwd=tmp_path, environment=environment)
     assert process.stdout is not None
     for line in process.stdout:
         if after in line:
