@@ -52,6 +52,16 @@ def _same(one: Constant, other: Constant) -> Constant:
 def united(*groups: Iterable[Constant]) -> list[Constant]:
     """Constants of several blocks that meet in one file, each once.
 
+    Parameters
+    ----------
+    *groups : iterable of Constant
+        The constants of one block each.
+
+    Returns
+    -------
+    list of Constant
+        In order of appearance.
+
     Raises
     ------
     ConstantError

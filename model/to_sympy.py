@@ -40,7 +40,20 @@ def to_sympy(expression: Any) -> sp.Matrix:
 
 
 def to_sympy_lines(named: dict[str, Any], rows: dict[str, Any]) -> list[tuple[sp.Symbol, sp.Expr]]:
-    """Scalars as a list of definitions: each of ``named`` once, and from then on by its name; then the ``rows``."""
+    """Scalars as a list of definitions: each of ``named`` once, and from then on by its name; then the ``rows``.
+
+    Parameters
+    ----------
+    named : dict of str to SX
+        Intermediates, in the order in which they build on one another.
+    rows : dict of str to SX
+        What is made of them.
+
+    Returns
+    -------
+    list of (Symbol, Expr)
+        The name and what it is, real symbols throughout.
+    """
     everything = {**named, **rows}
     values = [ca.SX(value) for value in everything.values()]
     function = _function(ca.symvar(ca.vertcat(*values)), values)

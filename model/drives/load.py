@@ -32,7 +32,18 @@ RETURN_LIMIT = 0.05
 
 
 def cautions(drive: Drive) -> list[str]:
-    """Warnings: entries that are allowed but likely a mistake, one line each."""
+    """Warnings: entries that are allowed but likely a mistake, one line each.
+
+    Parameters
+    ----------
+    drive : Drive
+        A drive that is valid: every number in its range.
+
+    Returns
+    -------
+    list of str
+        Empty where nothing looks wrong.
+    """
     m, model, lines = drive.motor, drive.model, []
     rates = {"T R / L": m.stator_resistance / min(m.inductance_d, m.inductance_q), "T D / J": m.friction / m.inertia}
     for word, rate in rates.items():
@@ -79,7 +90,15 @@ def drive_path(drive: str | Path) -> Path:
 
 
 def unknown_drive(word: str | Path, nor: str = "nor a TOML file") -> str:
-    """One line for a word that names no drive: neither a shipped one, ``nor`` what else it might be."""
+    """One line for a word that names no drive: neither a shipped one, ``nor`` what else it might be.
+
+    Parameters
+    ----------
+    word : str or Path
+        What was given as a drive.
+    nor : str, optional
+        What else the place takes, as the end of "neither a shipped one ...".
+    """
     close = difflib.get_close_matches(str(word), shipped_drives(), n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
     return f"no drive '{word}': neither a shipped one ({', '.join(shipped_drives())}) {nor}.{hint}"
@@ -115,7 +134,21 @@ def load_drive(drive: str | Path) -> Drive:
 def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text: str = "") -> Drive:
     """Validate the parsed TOML ``data``; ``where`` names the source in errors.
 
-    ``machine_text`` is the text of the machine file, if ``model.machine`` names one.
+    Parameters
+    ----------
+    data : dict
+        The tables of a drive file, as tomllib reads them.
+    where : str
+        Name of the source in errors; a drive file's name.
+    sha256 : str, optional
+        Hash of the drive file and its machine file, in hexadecimal digits.
+    machine_text : str, optional
+        Text of the machine file, if ``model.machine`` names one.
+
+    Raises
+    ------
+    DriveError
+        With one line naming source, key, unit and range.
     """
     for key in ("sha256", "machine_text"):
         if key in data:

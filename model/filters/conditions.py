@@ -91,5 +91,11 @@ ACCEPTED = Accepted()
 
 
 def total(*values: Value) -> Value:
-    """Their sum, from left to right."""
+    """Their sum, from left to right.
+
+    Parameters
+    ----------
+    *values : Value
+        One or more.
+    """
     return reduce(lambda left, right: Operation("+", left, right), values)

@@ -19,17 +19,39 @@ TWO_PI = 2 * math.pi
 
 
 def packed_names(name: str, n: int) -> list[str]:
-    """Names of a packed lower triangle, row by row: P_00, P_10, P_11, ..."""
+    """Names of a packed lower triangle, row by row: P_00, P_10, P_11, ...
+
+    Parameters
+    ----------
+    name : str
+        The matrix's, in front of the indices.
+    n : int
+        Rows of the matrix.
+    """
     return [f"{name}_{i}{j}" for i in range(n) for j in range(i + 1)]
 
 
 def unpack(packed: Vector, n: int) -> Matrix:
-    """Symmetric matrix from its packed lower triangle."""
+    """Symmetric matrix from its packed lower triangle.
+
+    Parameters
+    ----------
+    packed : list of n(n+1)/2 SX
+        Row by row, as :func:`pack` gives it.
+    n : int
+        Rows of the matrix.
+    """
     return [[packed[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(n)] for i in range(n)]
 
 
 def pack(matrix: Matrix) -> Vector:
-    """Lower triangle, row by row."""
+    """Lower triangle, row by row.
+
+    Parameters
+    ----------
+    matrix : list of lists, (n, n)
+        What is above the diagonal is not read.
+    """
     return [matrix[i][j] for i in range(len(matrix)) for j in range(i + 1)]
 
 
@@ -45,7 +67,13 @@ class Rule:
     kappa: float = 0.0
 
     def equation(self, number: str) -> str:
-        """The paper's number where the rule is the paper's, else the filter's name."""
+        """The paper's number where the rule is the paper's, else the filter's name.
+
+        Parameters
+        ----------
+        number : str
+            The equation's number in the paper.
+        """
         return self.kind.upper() if self.kappa else number
 
     @property
@@ -54,11 +82,23 @@ class Rule:
         return "sqrt(n + kappa)" if self.kappa else "sqrt(n)"
 
     def reach(self, n: int) -> float:
-        """How far the points lie from the centre, in columns of S."""
+        """How far the points lie from the centre, in columns of S.
+
+        Parameters
+        ----------
+        n : int
+            Number of states.
+        """
         return math.sqrt(n + self.kappa)
 
     def weights(self, n: int) -> tuple[float, float]:
-        """Of the centre, and of each other point."""
+        """Of the centre, and of each other point; all 2n points and the centre together weigh 1.
+
+        Parameters
+        ----------
+        n : int
+            Number of states.
+        """
         return self.kappa / (n + self.kappa), 0.5 / (n + self.kappa)
 
 
@@ -106,17 +146,13 @@ def points(
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     rule : Rule
-        How points are spread and weighted.
     equation : str
-        Number of the paper's equation.
     S : list of lists
         Square root of P.
     centre : list of Expr
         Mean of the points.
     model : StateSpaceModel
-        The symbolic state space model.
     tag : str
         Appended to names.
     """
@@ -140,15 +176,11 @@ def record_points(
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     name : str
-        The name.
     equation : str
-        Number of the paper's equation.
     meaning : str
     pts : list of Vector
     names : list of str
-        Names, in order.
     kind : str
         Filter kind, such as "ickf".
     """
@@ -165,14 +197,10 @@ def mean(b: BlockBuilder, rule: Rule, equation: str, pts: list[Vector], names: l
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     rule : Rule
-        How points are spread and weighted.
     equation : str
-        Number of the paper's equation.
     pts : list of Vector
     names : list of str
-        Names, in order.
     """
     _, weight = rule.weights(len(pts) // 2)
     first = pts[0]
@@ -192,6 +220,19 @@ def spread(rule: Rule, a: list[Vector], b: list[Vector]) -> Matrix:
     """Weighted mean of a_i b_i^T over deviations: the centred form of eq. 17, 22, 23.
 
     As printed, sum XX^T/m - x x^T, these equations cancel in float32 once theta or a current is large.
+
+    Parameters
+    ----------
+    rule : Rule
+        Says how the points are weighed.
+    a, b : list of Vector
+        Deviations from the mean, one vector a point: (points, n) and (points, m). The centre, if the rule has one, is
+        the first.
+
+    Returns
+    -------
+    list of lists, (n, m)
+        The covariance, before any noise is added to it.
     """
     centre, weight = rule.weights(len(a) // 2)
 
@@ -208,14 +249,11 @@ def deviations(b: BlockBuilder, equation: str, pts: list[Vector], centre: Vector
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     equation : str
-        Number of the paper's equation.
     pts : list of Vector
     centre : list of Expr
         Mean of the points.
     names : list of str
-        Names, in order.
     """
     dev = [[value - m for value, m in zip(point, centre, strict=True)] for point in pts]
     for side, point in zip(sides(len(pts)), dev, strict=True):
@@ -225,7 +263,18 @@ def deviations(b: BlockBuilder, equation: str, pts: list[Vector], centre: Vector
 
 
 def coast(model: StateSpaceModel) -> Block:
-    """A rejected measurement: the prediction becomes the estimate."""
+    """A rejected measurement: the prediction becomes the estimate.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Its n states are those of ``x_pred`` (n) and ``P_pred`` (n(n+1)/2, packed).
+
+    Returns
+    -------
+    Block
+        ``x_pred``, ``P_pred`` -> ``x`` with theta wrapped, ``P``.
+    """
     states = [state.name for state in model.states]
     n = len(states)
     b = BlockBuilder("coast", "No measurement: the prediction is the estimate")
@@ -244,7 +293,6 @@ def wrapped(x: Vector, model: StateSpaceModel) -> Vector:
     x : list of Expr
         State, in the model's order.
     model : StateSpaceModel
-        The symbolic state space model.
     """
     return [ca.remainder(value, TWO_PI) if i == model.angle else value for i, value in enumerate(x)]
 
@@ -257,11 +305,8 @@ def measured_points(
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     model : StateSpaceModel
-        The symbolic state space model.
     equation : str
-        Number of the paper's equation.
     pts : list of Vector
     tag : str
         Appended to names.
@@ -280,9 +325,7 @@ def gain(b: BlockBuilder, equation: str, Pxy: Matrix, Pyy: Matrix) -> Matrix:
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     equation : str
-        Number of the paper's equation.
     Pxy : list of lists
         Covariance of state and measurement.
     Pyy : list of lists
@@ -311,14 +354,11 @@ def corrected(
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     model : StateSpaceModel
-        The symbolic state space model.
     equations : tuple[str, str]
         Numbers of the paper's equations.
     prior : tuple[Vector, Matrix]
     K : list of lists
-        Gain.
     Pyy : list of lists
         Covariance of the measurement.
     innovation : list of Expr
@@ -343,13 +383,10 @@ def reduced(b: BlockBuilder, equation: str, P_pred: Matrix, K: Matrix, Pyy: Matr
     Parameters
     ----------
     b : BlockBuilder
-        Collects the block's inputs, stages and outputs.
     equation : str
-        Number of the paper's equation.
     P_pred : list of lists
         Predicted covariance.
     K : list of lists
-        Gain.
     Pyy : list of lists
         Covariance of the measurement.
     """

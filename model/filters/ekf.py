@@ -28,7 +28,18 @@ def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
 
 
 def time_update(model: StateSpaceModel) -> Block:
-    """x_pred = f(x, u), P_pred = F P F^T + Q."""
+    """x_pred = f(x, u), P_pred = F P F^T + Q.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Gives f and F = df/dx, both at the estimate.
+
+    Returns
+    -------
+    Block
+        ``x`` (n), ``P`` (n(n+1)/2, packed), ``Q`` (n, the diagonal), ``u`` (2, V) -> ``x_pred``, ``P_pred``.
+    """
     states = [state.name for state in model.states]
     n = len(states)
     b = BlockBuilder("ekf_time_update", "Time update of the EKF")
@@ -52,7 +63,18 @@ def time_update(model: StateSpaceModel) -> Block:
 
 
 def measurement_update(model: StateSpaceModel) -> Block:
-    """The Kalman update with H at the prediction."""
+    """The Kalman update with H at the prediction.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Gives h and H = dh/dx, both at the prediction.
+
+    Returns
+    -------
+    Block
+        ``x_pred`` (n), ``P_pred`` (n(n+1)/2, packed), ``R`` (2, the diagonal, A^2), ``y`` (2, A) -> ``x``, ``P``.
+    """
     states = [state.name for state in model.states]
     n = len(states)
     b = BlockBuilder("ekf_measurement_update", "Measurement update of the EKF")

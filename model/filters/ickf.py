@@ -61,6 +61,13 @@ def idle_iteration_proof(model: StateSpaceModel, iterate: Block) -> str | None:
 
     Symbolic, entry by entry: the derivative with respect to x^j of all that makes x^{j+1} (the corrected
     innovation, Pyy^j, Pxy^j) must be the constant zero.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Its H may depend on the state; then there is no proof.
+    iterate : Block
+        One iterate, eq. 28-31, with an input ``x_j`` and stages ``innovation``, ``Pyy`` and ``Pxy``.
     """
     x_j = ca.vertcat(*next(port for port in iterate.inputs if port.name == "x_j").entries)
     if ca.depends_on(model.H, model.x):

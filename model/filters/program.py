@@ -246,7 +246,22 @@ class BlockBuilder:
     ) -> list[Any]:
         """Record ``entries`` under the equation's number and give them names; returns the entries.
 
-        ``columns`` entries make a row, so row-major order is expected; see :class:`Stage` for ``scale``.
+        Parameters
+        ----------
+        name : str
+            Name of the stage, such as "Pyy".
+        equation : str
+            Number of the paper's equation; empty if it is not the paper's.
+        meaning : str
+            The equation in words or letters; empty for a working quantity.
+        entries : list of SX
+            Row by row.
+        names : list of str
+            One an entry; it becomes a variable's name in the generated code.
+        scale : str, optional
+            What the proof judges an error on; see :class:`Stage`.
+        columns : int, optional
+            How many entries make a row.
         """
         rows = tuple(index // columns for index in range(len(entries)))
         self._stages.append(Stage(name, equation, meaning, tuple(entries), tuple(names), rows, scale))
@@ -255,7 +270,26 @@ class BlockBuilder:
     def lower(
         self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row"
     ) -> list[list[Any]]:
-        """Record the lower triangle of a matrix, its entries named ``name_ij``."""
+        """Record the lower triangle of a matrix, its entries named ``name_ij``.
+
+        Parameters
+        ----------
+        name : str
+            Name of the stage, and the beginning of its entries'.
+        equation : str
+            Number of the paper's equation.
+        meaning : str
+            The equation in words or letters.
+        matrix : list of lists, (n, n)
+            What is above the diagonal is not read.
+        scale : str, optional
+            What the proof judges an error on; see :class:`Stage`.
+
+        Returns
+        -------
+        list of lists, (n, n)
+            The matrix, unchanged.
+        """
         index = [(i, j) for i in range(len(matrix)) for j in range(i + 1)]
         entries = tuple(matrix[i][j] for i, j in index)
         names = tuple(f"{name}_{i}{j}" for i, j in index)
@@ -265,7 +299,25 @@ class BlockBuilder:
     def matrix(
         self, name: str, equation: str, meaning: str, matrix: list[list[Any]], scale: str = "row"
     ) -> list[list[Any]]:
-        """Record a full matrix, its entries named ``name_ij``."""
+        """Record a full matrix, its entries named ``name_ij``.
+
+        Parameters
+        ----------
+        name : str
+            Name of the stage, and the beginning of its entries'.
+        equation : str
+            Number of the paper's equation.
+        meaning : str
+            The equation in words or letters.
+        matrix : list of lists, (rows, columns)
+        scale : str, optional
+            What the proof judges an error on; see :class:`Stage`.
+
+        Returns
+        -------
+        list of lists, (rows, columns)
+            The matrix, unchanged.
+        """
         width = len(matrix[0])
         entries = [entry for row in matrix for entry in row]
         names = [f"{name}_{i}{j}" for i in range(len(matrix)) for j in range(width)]
@@ -290,7 +342,14 @@ class BlockBuilder:
         self._stages.append(stage)
 
     def output(self, name: str, entries: list[Any]) -> None:
-        """Declare an output array."""
+        """Declare an output array.
+
+        Parameters
+        ----------
+        name : str
+            The array's; entry k is called ``name_k``.
+        entries : list of SX
+        """
         self._outputs.append(Port(name, tuple(entries), tuple(f"{name}_{k}" for k in range(len(entries)))))
 
     def build(self) -> Block:

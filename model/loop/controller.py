@@ -89,17 +89,50 @@ def design(drive: Drive, delay: int = 0) -> Gains:
 
 
 def command_limits(drive: Drive) -> tuple[float, float]:
-    """Speed reference (rad/s) and DC link (V) beyond which a command is an error: twice what the drive is made for."""
+    """Speed reference (rad/s) and DC link (V) beyond which a command is an error: twice what the drive is made for.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its operating box gives the speed (mechanical rad/s), its control section the DC link (V).
+
+    Returns
+    -------
+    tuple of two floats
+        Of the speed reference's size, rad/s, and of the DC link, V.
+    """
     return 2.0 * drive.operating_box.speed, 2.0 * drive.control.dc_link
 
 
 def first_command(drive: Drive) -> tuple[float, float]:
-    """The command in force until one is accepted: standstill, and the DC link of the drive file."""
+    """The command in force until one is accepted: standstill, and the DC link of the drive file.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its control section gives the DC link.
+
+    Returns
+    -------
+    tuple of two floats
+        Speed reference, rad/s, and DC link, V.
+    """
     return 0.0, drive.control.dc_link
 
 
 def believed_block(model: StateSpaceModel) -> Block:
-    """h at the state: the currents a filter believes in, for a sample whose measured ones it rejected."""
+    """h at the state: the currents a filter believes in, for a sample whose measured ones it rejected.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Gives h, eq. 5.
+
+    Returns
+    -------
+    Block
+        ``x`` (n) -> ``i`` (2, A).
+    """
     b = BlockBuilder("believed_currents", "h, eq. 5: i_alpha, i_beta in A as the filter believes them")
     x = b.input("x", [state.name for state in model.states])
     i, named = model.measure(x)
@@ -119,10 +152,15 @@ def clarke_block() -> Block:
 def control_block(drive: Drive, constants: Constants) -> Block:
     """The regulators and the modulator.
 
-    Inputs: ``i`` measured alpha-beta currents (A); ``rotor`` speed (mechanical rad/s) and electrical angle (rad),
-    estimated or sensed; ``command`` speed reference (rad/s) and DC link (V); ``gain`` see :class:`Gains`;
-    ``integrator`` speed (N m), d and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` the alpha-beta
-    voltage they stand for (V); ``integrator``.
+    Inputs: ``i`` alpha-beta currents (A); ``rotor`` speed (mechanical rad/s) and electrical angle (rad), estimated or
+    sensed; ``command`` speed reference (rad/s), DC link (V); ``gain`` as :class:`Gains`; ``integrator`` speed (N m), d
+    and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` their alpha-beta voltage (V); ``integrator``.
+
+    Parameters
+    ----------
+    drive : Drive
+    constants : Constants
+        Collects the motor's numbers that keep a name in the generated code.
     """
     b = BlockBuilder("control", "Field-oriented control")
     i = b.input("i", ["i_alpha", "i_beta"])

@@ -42,7 +42,21 @@ def _slope(machine: Machine, par: Parameters, s: list[Any], v: list[Any], load: 
 
 
 def plant_block(drive: Drive) -> Block:
-    """One classical Runge-Kutta step of width h (s): s, motor, v, load, h -> s."""
+    """One classical Runge-Kutta step of width h (s): s, motor, v, load, h -> s.
+
+    Of eq. 1, continuous in time. The electrical states are the machine's (A or Wb).
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine and pole pairs; the other motor data are an input.
+
+    Returns
+    -------
+    Block
+        ``s`` (6, see :data:`STATES`), ``motor`` (6, see :data:`MOTOR`), ``v`` (2, V), ``load`` (1, N m), ``width``
+        (1, s) -> ``s``.
+    """
     b = BlockBuilder("plant_substep", "One Runge-Kutta step (RK4) of the motor, eq. 1")
     s = b.input("s", list(STATES))
     machine, par = _motor(b, drive)
@@ -72,7 +86,18 @@ def plant_block(drive: Drive) -> Block:
 
 
 def outputs_block(drive: Drive) -> Block:
-    """Outputs for sensors and plots: s, motor -> i_alpha, i_beta (A) and the electromagnetic torque (N m)."""
+    """Outputs for sensors and plots: s, motor -> i_alpha, i_beta (A) and the electromagnetic torque (N m).
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine and pole pairs.
+
+    Returns
+    -------
+    Block
+        ``s`` (6), ``motor`` (6) -> ``i`` (2, A), ``torque`` (1, N m).
+    """
     b = BlockBuilder("plant_outputs", "Currents and torque of the motor")
     s = b.input("s", list(STATES))
     machine, _ = _motor(b, drive)
@@ -86,7 +111,18 @@ def outputs_block(drive: Drive) -> Block:
 
 
 def rest_block(drive: Drive) -> Block:
-    """Standstill without current: motor, electrical angle (rad) -> s."""
+    """Standstill without current: motor, electrical angle (rad) -> s.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine.
+
+    Returns
+    -------
+    Block
+        ``motor`` (6), ``angle`` (1, rad) -> ``s`` (6).
+    """
     b = BlockBuilder("plant_at_rest", "Standstill without current at an electrical angle")
     machine, _ = _motor(b, drive)
     (theta,) = b.input("angle", ["theta"])

@@ -24,6 +24,11 @@ MACHINES: dict[str, type[Machine]] = {
 def find_machine(drive: Drive) -> type[Machine]:
     """The class with a drive's equations.
 
+    Parameters
+    ----------
+    drive : Drive
+        Its ``model.machine`` is a shipped word or ``FILE.py:CLASS``, with the file's text in ``machine_text``.
+
     Raises
     ------
     MachineError
@@ -41,7 +46,13 @@ def find_machine(drive: Drive) -> type[Machine]:
 
 
 def unknown_word(word: str) -> str:
-    """The error message for a word that names no machine."""
+    """The error message for a word that names no machine.
+
+    Parameters
+    ----------
+    word : str
+        What stands in ``model.machine``.
+    """
     if word.endswith(".py"):
         return f"model.machine = '{word}' names no class. Did you mean '{word}:MyMachine', with its name?"
     close = difflib.get_close_matches(word, MACHINES, n=1)

@@ -37,7 +37,13 @@ class Adaptive:
         return tuple(ADAPTIVE[word][0] for word in self.words)
 
     def parameters(self, values: list[Any]) -> Parameters:
-        """The motor's data with the adaptive ones replaced by state values."""
+        """The motor's data with the adaptive ones replaced by state values.
+
+        Parameters
+        ----------
+        values : list of SX
+            One a word, in the drive file's order: Wb or ohm.
+        """
         names = [ADAPTIVE[word][1] for word in self.words]
         return replace(self.motor, **dict(zip(names, values, strict=True)))
 
@@ -46,6 +52,11 @@ class Adaptive:
 
         ``rate`` is a power of two (:attr:`model.schema.Model.return_rate`): float32 holds 1 - rate exactly, so that the
         point of rest is the motor's value. 1e-4 rounded moves it by 3e-4 of itself.
+
+        Parameters
+        ----------
+        values : list of SX
+            One a word, in the drive file's order: Wb or ohm.
         """
         after = []
         for word, value in zip(self.words, values, strict=True):

@@ -33,7 +33,13 @@ class Parameters:
 
     @classmethod
     def numeric(cls, drive: Drive) -> Parameters:
-        """The drive's own numbers."""
+        """The drive's own numbers.
+
+        Parameters
+        ----------
+        drive : Drive
+            Its motor's data (ohm, H, Wb, kg m^2, N m s/rad) and sample time (s).
+        """
         m = drive.motor
         return cls(
             R=ca.SX(m.stator_resistance),
@@ -250,6 +256,11 @@ def share_lost(z: Any) -> Any:
     """1 - exp(-z), of a decay over z time constants.
 
     Of a small z the difference would keep no digit. Elsewhere it is as good, and the shipped drives keep their bits.
+
+    Parameters
+    ----------
+    z : SX
+        Time over the time constant, such as T R / L.
     """
     if ca.SX(z).is_constant() and float(z) < 0.25:
         return ca.SX(-math.expm1(-float(z)))
@@ -257,5 +268,11 @@ def share_lost(z: Any) -> Any:
 
 
 def midpoint(a: Pair, b: Pair) -> Pair:
-    """Half way between two pairs."""
+    """Half way between two pairs.
+
+    Parameters
+    ----------
+    a, b : Pair
+        In one unit and on the same axes.
+    """
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])

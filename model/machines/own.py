@@ -47,6 +47,11 @@ class Word:
 def read_word(word: str) -> Word | None:
     """The parts of ``FILE.py:CLASS``; None for any other word.
 
+    Parameters
+    ----------
+    word : str
+        What stands in ``model.machine``.
+
     Raises
     ------
     MachineError
@@ -133,6 +138,17 @@ def load_class(word: Word, text: str) -> type[Machine]:
 def running(word: Word, doing: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function of a machine file.
 
+    Parameters
+    ----------
+    word : Word
+        File and class of a machine of one's own.
+    doing : str
+        What is called, for the error: "MyMachine.torque".
+    function : callable
+        A method of the class.
+    *arguments : object
+        What it is called with.
+
     Raises
     ------
     MachineError
@@ -156,7 +172,18 @@ def kept_as(word: Word) -> str:
 
 
 def title(machine: type[Machine]) -> str:
-    """The title of an own machine in headers and reports: its docstring up to the first full stop or semicolon."""
+    """The title of an own machine in headers and reports: its docstring up to the first full stop or semicolon.
+
+    Parameters
+    ----------
+    machine : type of Machine
+        A class of one's own.
+
+    Returns
+    -------
+    str
+        The class's name where the docstring has no such part or holds what C comments cannot.
+    """
     lines = (inspect.getdoc(machine) or "").splitlines() if machine.__doc__ else []
     first = re.split(r"[.;:](?:\s|$)", lines[0])[0].strip() if lines else ""
     if not first or not _PLAIN.fullmatch(first):
@@ -166,6 +193,13 @@ def title(machine: type[Machine]) -> str:
 
 def try_out(drive: Drive, machine: type[Machine]) -> None:
     """Call everything the class says, with the drive's numbers.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its numbers are put in; its ``model.machine`` is a ``FILE.py:CLASS``.
+    machine : type of Machine
+        That class.
 
     Raises
     ------

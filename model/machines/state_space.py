@@ -195,6 +195,16 @@ def default_initial_state(drive: Drive) -> list[float]:
     """Standstill, angle 0, no current (flux states then hold the magnet's flux), the motor's data for adaptive states.
 
     Unless the drive file says otherwise.
+
+    Parameters
+    ----------
+    drive : Drive
+        If it has a ``filter.initial_state``, that is the answer.
+
+    Returns
+    -------
+    list of n floats
+        In the order and units of the model's states.
     """
     if drive.filter.initial_state is not None:
         return list(drive.filter.initial_state)
