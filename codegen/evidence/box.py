@@ -77,7 +77,21 @@ def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def electrical_states(drive: Drive, i: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """The two electrical states (2, B), in the machine's unit, at currents i (2, B) in A and angles theta (B,)."""
+    """The two electrical states at given currents and angles.
+
+    Parameters
+    ----------
+    drive : Drive
+    i : ndarray, (2, B)
+        Stator currents i_alpha, i_beta, A.
+    theta : ndarray, (B,)
+        Electrical angle, rad.
+
+    Returns
+    -------
+    ndarray, (2, B)
+        In the machine's unit, A or Wb.
+    """
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
     current, angle = ca.SX.sym("i", 2), ca.SX.sym("theta")
     z = machine.electrical_state((current[0], current[1]), Rotor.at(angle))

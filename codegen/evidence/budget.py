@@ -29,6 +29,15 @@ class BudgetError(RuntimeError):
 def cycles(operations: Mapping[str, int], k: float) -> int:
     """Cycles of one step on the C28x with FPU32.
 
+    Prices: the formula at the head of this module.
+
+    Parameters
+    ----------
+    operations : mapping of str to int
+        Counts by the names of :data:`codegen.evidence.ledger.OPERATIONS`; a name that is missing counts 0.
+    k : float
+        Cycles an addition or multiplication is priced at.
+
     >>> cycles({"add": 10, "mul": 10, "div": 1, "sqrt": 1, "sincos": 1}, k=2.5)
     208
     """
@@ -55,7 +64,22 @@ class Account:
         return self.program.ledger(f"{self.name}_foc_step", f"{self.name}_foc_t", self.max_iterations)
 
     def most_iterations(self, function: str, budget: int, k: float) -> int | None:
-        """Largest N_max below the drive's whose cycles fit, if there is one."""
+        """Largest N_max below the drive's whose cycles fit, if there is one.
+
+        Parameters
+        ----------
+        function : str
+            End of the function's C name: "_step" or "_foc_step".
+        budget : int
+            Cycles a step.
+        k : float
+            Cycles an addition or multiplication is priced at.
+
+        Returns
+        -------
+        int or None
+            From 1 to the drive's less one; None if none of them fits.
+        """
         fitting = [n for n in range(1, self.max_iterations) if self.at(function, n, k) <= budget]
         return max(fitting, default=None)
 
@@ -65,7 +89,7 @@ class Account:
         Parameters
         ----------
         function : str
-            C name.
+            End of the function's C name: "_step" or "_foc_step".
         max_iterations : int
             N_max.
         k : float

@@ -64,6 +64,11 @@ def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
         Filter kind in the module's STEPS.
     box : BoxSamples
         Values that float32 holds exactly, so that only the arithmetic differs.
+
+    Raises
+    ------
+    FloatingPointError
+        No sample stays a number.
     """
     return _compare(module, one_step(module, kind, box, "float32"), one_step(module, kind, box, "float64"))
 
@@ -74,11 +79,16 @@ def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipMode
     Parameters
     ----------
     module : dict
-        The generated Python module.
+        Namespace of the generated Python module.
     kind : str
         Filter kind, such as "ickf".
     box : BoxSamples
-        Where the state and the inputs may lie.
+        B samples.
+
+    Raises
+    ------
+    FloatingPointError
+        No sample stays a number.
     """
     host = one_step(module, kind, box, "float32")
     with np.errstate(all="ignore"):  # Newton steps of lanes whose divisor is zero
@@ -112,7 +122,15 @@ def _compare(
 
 
 def full_matrices(packed: np.ndarray, n: int) -> np.ndarray:
-    """Packed lower triangles (n(n+1)/2, B) -> (n, n, B), symmetric."""
+    """Packed lower triangles (n(n+1)/2, B) -> (n, n, B), symmetric.
+
+    Parameters
+    ----------
+    packed : ndarray, (n(n+1)/2, B)
+        Row by row.
+    n : int
+        Rows of a matrix.
+    """
     full = np.empty((n, n, packed.shape[1]))
     rows, columns = np.tril_indices(n)
     full[rows, columns] = full[columns, rows] = packed
@@ -124,20 +142,18 @@ def one_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """x (n, B) and P (B, n, n) after one step from every sample, as float64 arrays.
 
-    ``number`` wraps every quantity of the step, to run it on a modelled arithmetic.
-
     Parameters
     ----------
     module : dict
-        The generated Python module.
+        Namespace of the generated Python module.
     kind : str
         Filter kind, such as "ickf".
     box : BoxSamples
-        Where the state and the inputs may lie.
+        B samples.
     dtype : str
         "float32" or "float64".
     number : callable, optional
-        The number.
+        Makes a quantity of the modelled arithmetic from one of NumPy.
     """
     math = module["MATH"][dtype]
     state = module["new_filter"](lambda value: number(math.dtype(value)))

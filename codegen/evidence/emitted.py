@@ -36,6 +36,11 @@ class EmittedError(ValueError):
 def code_of(text: str) -> str:
     """The text without comments, blank lines and trailing blanks: what a compiler's output depends on.
 
+    Parameters
+    ----------
+    text : str
+        C, a whole file or a part of it.
+
     >>> code_of("int a; /* state */")
     'int a;'
     """

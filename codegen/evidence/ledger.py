@@ -65,13 +65,31 @@ class Program:
         self.units = [Unit(*parse_emitted(files, name), name) for name in sources]
 
     def ledger(self, function: str, struct: str, max_iterations: int) -> Ledger:
-        """Counts of ``function`` and the size of the typedef ``struct``."""
+        """Counts of ``function`` and the size of the typedef ``struct``.
+
+        Parameters
+        ----------
+        function : str
+            C name.
+        struct : str
+            C name of a typedef in the function's file.
+        max_iterations : int
+            N_max.
+        """
         called, expanded = (self.count(function, max_iterations, expand) for expand in (False, True))
         unit, _ = self.find(function)
         return Ledger(_table(called), _table(expanded), unit.words(struct))
 
     def count(self, function: str, max_iterations: int, expand_sin_cos: bool = False) -> Count:
-        """Operations of one call, every loop over N_max taken ``max_iterations`` times."""
+        """Operations of one call, every loop over N_max taken ``max_iterations`` times.
+
+        Parameters
+        ----------
+        function : str
+        max_iterations : int
+        expand_sin_cos : bool, optional
+            Count the arithmetic of ``sin_cos``, not its call.
+        """
         unit, definition = self.find(function)
         return _Counting(self, max_iterations, expand_sin_cos).function(unit, definition, {})
 
@@ -81,7 +99,6 @@ class Program:
         Parameters
         ----------
         function : str
-            Name of the function.
         caller : Unit, optional
         """
         for unit in self.units:
@@ -91,7 +108,13 @@ class Program:
         raise EmittedError(f"no cost known for a call of '{function}'")
 
     def callees(self, unit: Unit, definition: c_ast.FuncDef) -> Iterator[tuple[Unit, c_ast.FuncDef]]:
-        """Functions that ``definition`` calls, library functions left out."""
+        """Functions that ``definition`` calls, library functions left out.
+
+        Parameters
+        ----------
+        unit : Unit
+        definition : FuncDef
+        """
         for name in sorted({node.name.name for node in _walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
             if name not in _LIBRARY:
                 yield self.find(name, unit)
@@ -111,7 +134,12 @@ class Unit:
         } | {name: item.decl.type.type for name, item in self.functions.items()}
 
     def kind(self, type_node: Any) -> Kind:
-        """The scalar type behind a type: arrays and pointers stand for their elements."""
+        """The scalar type behind a type: arrays and pointers stand for their elements.
+
+        Parameters
+        ----------
+        type_node : pycparser node
+        """
         while isinstance(type_node, c_ast.ArrayDecl | c_ast.PtrDecl):
             type_node = type_node.type
         names = type_node.type.names if isinstance(type_node.type, c_ast.IdentifierType) else []
@@ -123,14 +151,24 @@ class Unit:
         return "float" if {"float", "double"} & set(names) else "int"
 
     def field(self, struct: Kind, name: str) -> Any:
-        """Type of a field of a typedef'd struct."""
+        """Type of a field of a typedef'd struct.
+
+        Parameters
+        ----------
+        struct, name : str
+        """
         for field in self.typedefs[struct].type.decls:
             if field.name == name:
                 return field.type
         raise EmittedError(f"{self.name}: struct {struct} has no field {name}")
 
     def words(self, struct: str) -> int:
-        """16-bit words of a typedef'd type on the C28x, padding included (32-bit fields lie on even addresses)."""
+        """16-bit words of a typedef'd type on the C28x, padding included (32-bit fields lie on even addresses).
+
+        Parameters
+        ----------
+        struct : str
+        """
         return self._layout(self.typedefs[struct])[0]
 
     def _layout(self, type_node: Any) -> tuple[int, int]:

@@ -33,7 +33,13 @@ Record = dict[str, Any]
 
 
 def kept_records(folder: Path) -> dict[str, Record]:
-    """Measurements a generated folder holds, by name of the function; none if there is no such folder."""
+    """Measurements a generated folder holds, by name of the function; none if there is no such folder.
+
+    Parameters
+    ----------
+    folder : Path
+        A generated folder.
+    """
     try:
         records: dict[str, Record] = read_manifest(folder).get("measured", {})
     except FolderError:

@@ -129,7 +129,25 @@ def record_control(module: str, kind: str, run: ControlRun, gains: tuple[float, 
 
 
 def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: int) -> tuple[Array, Array, Array]:
-    """status, iterations (N, lanes) and words (N, n + n(n+1)/2, lanes) over all segments, one after another."""
+    """status, iterations (N, lanes) and words (N, n + n(n+1)/2, lanes) over all segments, one after another.
+
+    Parameters
+    ----------
+    module : dict
+        Namespace of the generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    runs : list of Segment
+        N steps in all.
+    lanes : int
+        Copies side by side; they differ where the module's arithmetic does.
+
+    Returns
+    -------
+    status, iterations : ndarray, (N, lanes)
+    words : ndarray, (N, n + n(n+1)/2, lanes)
+        State in the model's units, then the covariance as the filter carries it; float32.
+    """
     status, iterations, words = [], [], []
     for run in runs:
         state = _in_lanes(module, module["new_filter"](np.float32, x_0=tuple(run.x_0), P_0=tuple(run.P_0)), lanes)
@@ -145,7 +163,27 @@ def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: in
 def run_control(
     module: dict[str, Any], kind: str, run: ControlRun, gains: tuple[float, ...], lanes: int
 ) -> tuple[Array, Array]:
-    """status (N, lanes) and words (N, 6, lanes): duty cycles, integrators."""
+    """status (N, lanes) and words (N, 6, lanes): duty cycles, integrators.
+
+    Parameters
+    ----------
+    module : dict
+        Namespace of the generated Python module.
+    kind : str
+        Filter kind, such as "ickf".
+    run : ControlRun
+        N samples.
+    gains : tuple of float
+        The controller's gains, in the order of the struct.
+    lanes : int
+        Copies side by side; they differ where the module's arithmetic does.
+
+    Returns
+    -------
+    status : ndarray, (N, lanes)
+    words : ndarray, (N, 6, lanes)
+        Duty cycles of phases a, b, c; integrators of speed (N m), d and q current (V); float32.
+    """
     c = module["new_controller"](np.float32, gains, delay=run.delay)
     _in_lanes(module, c.filter, lanes)
     for name in ("integrator", "command_held", "v_acting", "v_queued"):
@@ -168,9 +206,15 @@ def allowed_exponents(words: Array, blurred: Array) -> Array:
 
     Parameters
     ----------
-    words : ndarray
-        Words of the struct.
-    blurred : ndarray
+    words : ndarray, (N, m)
+        Words of the struct, float32.
+    blurred : ndarray, (N, m, draws)
+        The same with random errors in quotients and roots.
+
+    Raises
+    ------
+    FloatingPointError
+        A word is no number.
     """
     if not np.all(np.isfinite(words)):
         raise FloatingPointError("the self-test's own trajectory does not stay a number")

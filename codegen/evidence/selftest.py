@@ -62,6 +62,12 @@ class ControlRun:
 def coarse(values: NDArray[np.float64] | list[float] | float, digits: int = 12) -> Array:
     """Rounded to ``digits`` binary digits.
 
+    Parameters
+    ----------
+    values : array_like
+    digits : int, optional
+        Of the mantissa.
+
     >>> float(coarse(3.14159265))
     3.1416015625
     """
@@ -74,7 +80,15 @@ def _single(values: list[float]) -> Array:
 
 
 def segments(drive: Drive, model: StateSpaceModel) -> list[Segment]:
-    """The start, then one segment a corner."""
+    """The start, then one segment a corner.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its operating box has the corners.
+    model : StateSpaceModel
+        Made of the same drive.
+    """
     initial = _single(drive.filter.initial_covariance)
     variances = {"initial": initial, "process": 4 * _single(drive.filter.process_noise)}
     start = coarse(default_initial_state(drive))
@@ -90,7 +104,13 @@ def segments(drive: Drive, model: StateSpaceModel) -> list[Segment]:
 
 
 def control_run(drive: Drive) -> ControlRun:
-    """Currents that turn, a speed reference that ends out of reach, and the drive's DC link."""
+    """Currents that turn, a speed reference that ends out of reach, and the drive's DC link.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its operating box gives the speed, its control section the current and the DC link.
+    """
     phase = 0.3 * drive.control.max_current * _turning(CONTROL_STEPS, 0.4)
     speed = np.where(np.arange(CONTROL_STEPS) < CONTROL_STEPS - 2, 0.1, 1.0) * drive.operating_box.speed
     link = np.full(CONTROL_STEPS, drive.control.dc_link)
