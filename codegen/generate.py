@@ -1,5 +1,8 @@
 """The pipeline, five stages: build the filters, lay them out, print them, certify and count the print, assemble it.
 
+Between the stages ``steps``, ``figures`` and ``accounts`` go by filter kind, ``listings`` by block, ``tests`` by C name;
+``files`` and ``bodies`` are texts by path relative to the folder.
+
 >>> from model.drives.load import load_drive
 >>> package = generate(load_drive("paper_spmsm"))
 >>> sorted(name for name in package.files if name.startswith("paper_spmsm_ckf."))
@@ -101,6 +104,11 @@ def generate_bare(drive: Drive, form: str = "fast") -> Package:
     """All that computes and nothing that tells of it: a variant to be proved and thrown away.
 
     No certificate, cost, self-test or report; the manifest holds what it takes to load the folder.
+
+    Parameters
+    ----------
+    drive : Drive
+    form : {"fast", "literal"}
     """
     made = draft(drive, form)
     files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
@@ -121,14 +129,26 @@ class Draft:
     module: str
 
     def load(self, name: str) -> ModuleType:
-        """The Python module, executed."""
+        """The Python module, executed.
+
+        Parameters
+        ----------
+        name : str
+            What the module is called from then on.
+        """
         module = ModuleType(name)
         exec(compile(self.module, f"{name}.py", "exec"), module.__dict__)
         return module
 
 
 def draft(drive: Drive, form: str = "fast") -> Draft:
-    """Stages 1 and 2, and of stage 3 the Python module: no C is printed, nothing is certified or counted."""
+    """Stages 1 and 2, and of stage 3 the Python module: no C is printed, nothing is certified or counted.
+
+    Parameters
+    ----------
+    drive : Drive
+    form : {"fast", "literal"}
+    """
     model, steps = build_steps(drive, form)
     listings = lay_out_steps(model, steps)
     about = Description(drive, model, tuple(default_initial_state(drive)))
@@ -142,6 +162,10 @@ def within_numbers(drive: Drive) -> Iterator[None]:
     """DriveError where a drive, each number in its range, cannot be computed with: they do not fit each other.
 
     Single samples that do not stay numbers are counted in the certificate; NumPy need not warn of them as well.
+
+    Parameters
+    ----------
+    drive : Drive
     """
     try:
         with np.errstate(all="ignore"):
@@ -154,13 +178,25 @@ def within_numbers(drive: Drive) -> Iterator[None]:
 
 
 def build_steps(drive: Drive, form: str = "fast") -> tuple[StateSpaceModel, dict[str, FilterStep]]:
-    """Stage 1: drive -> symbolic model -> one symbolic step a filter kind."""
+    """Stage 1: drive -> symbolic model -> one symbolic step a filter kind.
+
+    Parameters
+    ----------
+    drive : Drive
+    form : {"fast", "literal"}
+    """
     model = build(drive)
     return model, {kind: FORMS[form](model, kind, drive.filter.gain) for kind in dict.fromkeys(drive.filter.kinds)}
 
 
 def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Listing]:
-    """Stage 2: each block's tape, named and ordered; blocks that kinds share are laid out once."""
+    """Stage 2: each block's tape, named and ordered; blocks that kinds share are laid out once.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    steps : dict of str to FilterStep
+    """
     constants = model.constants
     blocks = {block.name: block for step in steps.values() for block in step.blocks}
     return {name: lay_out(optimise(block), constants) for name, block in blocks.items()}
@@ -169,14 +205,33 @@ def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[
 def certify_module(
     drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str, samples: int
 ) -> dict[str, Figures]:
-    """Stage 4: execute the printed module over the operating box, in both precisions and on the chip's model."""
+    """Stage 4: execute the printed module over the operating box, in both precisions and on the chip's model.
+
+    Parameters
+    ----------
+    drive : Drive
+    model : StateSpaceModel
+    steps : dict of str to FilterStep
+    module : str
+        Text of the Python module.
+    samples : int
+        Draws from the operating box.
+    """
     namespace = execute(module, f"generated_{drive.name}")
     box = sample_box(drive, model, samples)
     return {kind: Figures(certify(namespace, kind, box), certify_chip(namespace, kind, box)) for kind in steps}
 
 
 def record_selftests(about: Description, steps: dict[str, FilterStep], module: str) -> dict[str, SelfTest]:
-    """Stage 4, too: what the firmware must compute on a few recorded steps; by C name without the drive's."""
+    """Stage 4, too: what the firmware must compute on a few recorded steps; by C name without the drive's.
+
+    Parameters
+    ----------
+    about : Description
+    steps : dict of str to FilterStep
+    module : str
+        Text of the Python module.
+    """
     runs, control = segments(about.drive, about.model), control_run(about.drive)
     gain = gains(about.drive, control.delay).values
     tests: dict[str, SelfTest] = {}
@@ -201,7 +256,14 @@ OPEN_HEAD = "(notes)"
 
 
 def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> dict[str, str]:
-    """Stage 3: C for every kind and target. The heads are open: :func:`with_heads` closes them."""
+    """Stage 3: C for every kind and target. The heads are open: :func:`with_heads` closes them.
+
+    Parameters
+    ----------
+    about : Description
+    steps : dict of str to FilterStep
+    listings : dict of str to Listing
+    """
     name = about.drive.name
     files = {"pmsm_port.h": render_port()}
     for kind, step in steps.items():
@@ -249,7 +311,13 @@ def _with_notes(text: str, notes: list[str]) -> str:
 
 
 def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
-    """Read the emitted C back and open an account for each filter."""
+    """Read the emitted C back and open an account for each filter.
+
+    Parameters
+    ----------
+    drive : Drive
+    files : dict of str to str
+    """
     accounts: dict[str, Account] = {}
     for kind in dict.fromkeys(drive.filter.kinds):
         name = f"{drive.name}_{kind}"
@@ -258,7 +326,15 @@ def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
 
 
 def measure(accounts: dict[str, Account], files: dict[str, str], measurer: Measurer) -> dict[str, Record]:
-    """Stack and code size of each step, by the function's name."""
+    """Stack and code size of each step, by the function's name.
+
+    Parameters
+    ----------
+    accounts : dict of str to Account
+    files : dict of str to str
+    measurer : Measurer
+        Takes what was kept for the same code, else measures.
+    """
     functions = [(account, f"{account.name}{end}") for account in accounts.values() for end in ("_step", "_foc_step")]
     return {function: measurer(files, account.program, function) for account, function in functions}
 
