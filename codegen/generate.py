@@ -1,7 +1,7 @@
 """The pipeline, five stages: build the filters, lay them out, print them, certify and count the print, assemble it.
 
-Between the stages ``steps``, ``figures`` and ``accounts`` go by filter kind, ``listings`` by block, ``tests`` by C name;
-``files`` and ``bodies`` are texts by path relative to the folder.
+Between the stages ``steps``, ``figures`` and ``accounts`` go by filter kind, ``listings`` by block, ``tests`` by C
+name; ``files`` and ``bodies`` are texts by path relative to the folder.
 
 >>> from model.drives.load import load_drive
 >>> package = generate(load_drive("paper_spmsm"))

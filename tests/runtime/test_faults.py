@@ -232,7 +232,9 @@ def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, 
     """A signal to the command alone, as a scheduler sends it: no worker goes on, nor what a worker has started."""
     mark = f"{tmp_path}"
     environment = {MARK: mark, "PMSM_ICKF_CACHE": str(tmp_path)}
-    process = start("-m", "runtime", "verify", "paper_spmsm", "spmsm_load_torque", cwd=tmp_path, environment=environment)
+    process = start(
+        "-m", "runtime", "verify", "paper_spmsm", "spmsm_load_torque", cwd=tmp_path, environment=environment
+    )
     assert process.stdout is not None
     for line in process.stdout:
         if after in line:
