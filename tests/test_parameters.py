@@ -11,7 +11,14 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 #: The packages in which every public function with an argument has the section.
-COMPLETE = ("model", "codegen/evidence", "runtime/estimator", "runtime/replay")
+COMPLETE = (
+    "model",
+    "codegen/evidence",
+    "codegen/ir",
+    "codegen/passes",
+    "runtime/estimator",
+    "runtime/replay",
+)
 
 
 def undescribed(source: str) -> Iterator[str]:

@@ -40,7 +40,15 @@ class Folded:
 
 
 def folded(graph: Graph, constants: list[int]) -> Folded:
-    """Constants of a graph as one number, named after them."""
+    """Constants of a graph as one number, named after them.
+
+    Parameters
+    ----------
+    graph : Graph
+        Keeps in ``folds`` what the number was made of.
+    constants : list of int
+        Nodes that are constants, one or more.
+    """
     constants = sorted(constants, key=lambda k: (graph[k].name, graph[k].value))
     value = math.prod(graph[index].value for index in constants)
     graph.folds.setdefault(value, ("mul", tuple(graph[index] for index in constants)))
@@ -55,7 +63,21 @@ def folded(graph: Graph, constants: list[int]) -> Folded:
 
 
 def product_name(names: Counter[str], plain: float) -> str:
-    """``A_B`` for A times B, ``A_SQ`` for A times A, ``A_X4`` for 4 A, ``A_BY4`` for A / 4; else nothing."""
+    """``A_B`` for A times B, ``A_SQ`` for A times A, ``A_X4`` for 4 A, ``A_BY4`` for A / 4; else nothing.
+
+    Parameters
+    ----------
+    names : Counter of str
+        Named constants, and how often each is a factor.
+    plain : float
+        The number beside them.
+
+    Returns
+    -------
+    str
+        Empty where a name is held more than twice, the number is neither whole nor one over a whole number, or the name
+        is longer than :data:`codegen.ir.graph.SIGNIFICANT`.
+    """
     by = 0.0 < plain < 1.0
     number = 1.0 / plain if by else plain
     if not names or number != int(number) or any(count > 2 for count in names.values()):
@@ -66,7 +88,13 @@ def product_name(names: Counter[str], plain: float) -> str:
 
 
 def taken_apart(node: Node) -> tuple[Counter[str], float]:
-    """The names a constant was multiplied together from, and the number beside them."""
+    """The names a constant was multiplied together from, and the number beside them.
+
+    Parameters
+    ----------
+    node : Node
+        A constant.
+    """
     if not node.name:
         return Counter(), node.value
     tokens = node.formula.split(" * ")
@@ -78,7 +106,12 @@ def taken_apart(node: Node) -> tuple[Counter[str], float]:
 
 
 def is_round(value: float) -> bool:
-    """Whether a number is one that formulas hold by themselves: small, and a whole number of 1 / ROUND."""
+    """Whether a number is one that formulas hold by themselves: small, and a whole number of 1 / ROUND.
+
+    Parameters
+    ----------
+    value : float
+    """
     return abs(value) <= LARGEST and (ROUND * value).is_integer()
 
 
@@ -91,7 +124,14 @@ class Monomial:
     formulas: dict[str, str]
 
     def times(self, other: Monomial, power: int = 1) -> Monomial:
-        """The product with another one, or with its reciprocal."""
+        """The product with another one, or with its reciprocal.
+
+        Parameters
+        ----------
+        other : Monomial
+        power : {1, -1}, optional
+            -1 for the reciprocal.
+        """
         powers = Counter(self.powers)
         for name, count in other.powers.items():
             powers[name] += power * count
@@ -140,7 +180,13 @@ class Monomial:
 
 
 def with_names(graph: Graph) -> Graph:
-    """The graph, its numbers that were folded from named constants named after them; no value changes."""
+    """The graph, its numbers that were folded from named constants named after them; no value changes.
+
+    Parameters
+    ----------
+    graph : Graph
+        Its ``folds`` and ``told`` say what numbers were made of.
+    """
     nameless = dict.fromkeys(n.value for n in graph.nodes if n.op == "const" and not n.name and not is_round(n.value))
     found = {value: _origin(Node("const", value=value), graph) for value in nameless}
     named = {value: (made.name, made.formula) for value, made in found.items() if made.powers and made.name}

@@ -38,7 +38,15 @@ class Expr:
         return other if isinstance(other, Expr) else Expr(self.graph, self.graph.const(float(other)))
 
     def apply(self, op: str, *others: Expr) -> Expr:
-        """An operation as it stands, without simplification."""
+        """An operation as it stands, without simplification.
+
+        Parameters
+        ----------
+        op : str
+            Such as "add"; see :class:`codegen.ir.graph.Node`.
+        *others : Expr
+            The operands behind this one, of the same graph.
+        """
         return Expr(self.graph, self.graph.op(op, self.node, *(other.node for other in others)))
 
     def __add__(self, other: Expr | float) -> Expr:
@@ -93,7 +101,13 @@ class Expr:
 
 
 def sum_of(terms: list[Expr]) -> Expr:
-    """Left to right."""
+    """Left to right.
+
+    Parameters
+    ----------
+    terms : list of Expr
+        One or more.
+    """
     total = terms[0]
     for term in terms[1:]:
         total = total + term
@@ -101,7 +115,13 @@ def sum_of(terms: list[Expr]) -> Expr:
 
 
 def dot(a: list[Expr], b: list[Expr]) -> Expr:
-    """a^T b."""
+    """a^T b.
+
+    Parameters
+    ----------
+    a, b : list of Expr
+        Of one length, at least 1.
+    """
     return sum_of([p * q for p, q in zip(a, b, strict=True)])
 
 
@@ -140,28 +160,65 @@ class GraphBuilder(BlockBuilder):
         self._hints: list[tuple[str, Expr]] = []
 
     def const(self, value: float, name: str = "", formula: str = "") -> Expr:
-        """A number; one with a name keeps it in print."""
+        """A number; one with a name keeps it in print.
+
+        Parameters
+        ----------
+        value : float
+        name : str, optional
+            Identifier in the generated code.
+        formula : str, optional
+            What the number is made of, for the comment beside it.
+        """
         return Expr(self.graph, self.graph.const(value, name, formula))
 
     def input(self, name: str, names: list[str]) -> list[Any]:
-        """Declare an input array; returns its scalars."""
+        """Declare an input array; returns its scalars.
+
+        Parameters
+        ----------
+        name : str
+            The array's.
+        names : list of str
+            Its entries', in order.
+        """
         entries = tuple(Expr(self.graph, self.graph.input(scalar)) for scalar in names)
         self._inputs.append(Port(name, entries, tuple(names)))
         return list(entries)
 
     def suggest(self, equation: str, named: dict[str, Expr]) -> None:
-        """Names for whatever of these survives the passes as a value of its own."""
+        """Names for whatever of these survives the passes as a value of its own.
+
+        Parameters
+        ----------
+        equation : str
+            Number of the paper's equation.
+        named : dict of str to Expr
+            Constants among them are left out.
+        """
         kept = {name: value for name, value in named.items() if value.value is None}
         rows = (0,) * len(kept)
         label = f"working_{equation}_{len(self._stages)}"
         self._stages.append(Stage(label, equation, "", tuple(kept.values()), tuple(kept), rows, "none"))
 
     def hint(self, named: dict[str, Expr]) -> None:
-        """Names for whatever of these is used more than once; unlike a stage they order no statement."""
+        """Names for whatever of these is used more than once; unlike a stage they order no statement.
+
+        Parameters
+        ----------
+        named : dict of str to Expr
+            Constants among them are left out.
+        """
         self._hints += [(name, value) for name, value in named.items() if value.value is None]
 
     def build(self, last: tuple[str, ...] = ()) -> GraphBlock:
-        """The block, without input arrays that no output depends on; ``last`` as :class:`GraphBlock` says."""
+        """The block, without input arrays that no output depends on; ``last`` as :class:`GraphBlock` says.
+
+        Parameters
+        ----------
+        last : tuple of str, optional
+            Names of stages.
+        """
         block = super().build()
         roots = [entry.node for port in block.outputs for entry in port.entries]
         needed = {self.graph[index].name for index in self.graph.reachable(roots)}

@@ -72,17 +72,55 @@ class Graph:
         return index
 
     def input(self, name: str) -> int:
-        """A scalar that enters the block."""
+        """A scalar that enters the block.
+
+        Parameters
+        ----------
+        name : str
+            One name is one node.
+
+        Returns
+        -------
+        int
+            The node.
+        """
         return self._add(("input", name), "input", (), name)
 
     def const(self, value: float, name: str = "", formula: str = "") -> int:
-        """A number; one with a name keeps it in print, ``formula`` beside it."""
+        """A number; one with a name keeps it in print, ``formula`` beside it.
+
+        Parameters
+        ----------
+        value : float
+        name : str, optional
+            Identifier in the generated code.
+        formula : str, optional
+            What the number is made of.
+
+        Returns
+        -------
+        int
+            The node.
+        """
         index = self._add(("const", name, repr(value)), "const", (), name, value, formula)
         self._constants[index] = value
         return index
 
     def op(self, op: str, *args: int) -> int:
-        """An operation; the few rewrites here change no bit of its result, and constants are folded in double."""
+        """An operation; the few rewrites here change no bit of its result, and constants are folded in double.
+
+        Parameters
+        ----------
+        op : str
+            Such as "add".
+        *args : int
+            The operands' nodes.
+
+        Returns
+        -------
+        int
+            The node.
+        """
         constants = self._constants
         for arg in args:
             if arg in constants:
@@ -94,7 +132,13 @@ class Graph:
         return self._add(key, op, args)
 
     def named(self, known: dict[float, tuple[str, str]]) -> Graph:
-        """A graph of the same nodes in which these numbers have a name and a formula, if they had none."""
+        """A graph of the same nodes in which these numbers have a name and a formula, if they had none.
+
+        Parameters
+        ----------
+        known : dict of float to (str, str)
+            Name and formula by number.
+        """
         new = Graph()
         new.told = self.told
         new.folds, new._index, new._constants = self.folds, dict(self._index), dict(self._constants)
@@ -105,7 +149,19 @@ class Graph:
         return new
 
     def adopt(self, node: Node, args: list[int]) -> int:
-        """A node of another graph, its arguments given in this one."""
+        """A node of another graph, its arguments given in this one.
+
+        Parameters
+        ----------
+        node : Node
+        args : list of int
+            Its operands' nodes in this graph.
+
+        Returns
+        -------
+        int
+            The node in this graph.
+        """
         if node.op == "input":
             return self.input(node.name)
         return self.const(node.value, node.name, node.formula) if node.op == "const" else self.op(node.op, *args)
@@ -123,11 +179,23 @@ class Graph:
         return None
 
     def is_two_pi(self, value: int) -> bool:
-        """See :class:`Algebra`."""
+        """See :class:`Algebra`.
+
+        Parameters
+        ----------
+        value : int
+            A node.
+        """
         return self.nodes[value].op == "const" and abs(self.nodes[value].value - 2 * math.pi) < 1e-12
 
     def reachable(self, roots: Iterable[int]) -> list[int]:
-        """All nodes the roots depend on, arguments before users."""
+        """All nodes the roots depend on, arguments before users.
+
+        Parameters
+        ----------
+        roots : iterable of int
+            Nodes.
+        """
         nodes, seen = self.nodes, dict[int, None]()
         stack = list(roots)[::-1]
         while stack:
@@ -167,13 +235,31 @@ class Algebra(Protocol[Value]):
     """An algebra to replay a tape in: a :class:`Graph`, or the even/odd numbers of :mod:`codegen.fast.split`."""
 
     def const(self, value: float) -> Value:
-        """A number."""
+        """A number.
+
+        Parameters
+        ----------
+        value : float
+        """
 
     def op(self, op: str, *args: Value) -> Value:
-        """An operation."""
+        """An operation.
+
+        Parameters
+        ----------
+        op : str
+            Such as "add"; the names that a :class:`Graph` has.
+        *args : Value
+            The operands.
+        """
 
     def is_two_pi(self, value: Value) -> bool:
-        """Whether a value is the constant 2 pi: the one remainder that means wrapping an angle."""
+        """Whether a value is the constant 2 pi: the one remainder that means wrapping an angle.
+
+        Parameters
+        ----------
+        value : Value
+        """
 
 
 def read_tape(graph: Algebra[Value], function: Any, inputs: list[list[Value]]) -> list[list[Value]]:
@@ -191,6 +277,11 @@ def read_tape(graph: Algebra[Value], function: Any, inputs: list[list[Value]]) -
     -------
     list of list
         For each output, the value of each nonzero.
+
+    Raises
+    ------
+    UnsupportedOperationError
+        The tape holds an operation that no printer knows.
     """
     work: dict[int, Value] = {}
     zero = graph.const(0.0)

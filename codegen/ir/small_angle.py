@@ -43,7 +43,15 @@ COSM1_COEFFICIENTS = (-0.49999990418937185, 0.041663211079514505, -0.00137041203
 
 
 def coefficients(precision: Precision, n: float = 1.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Of sinc and cosm1 in z = d^2 / n, lowest power first."""
+    """Of sinc and cosm1 in z = d^2 / n, lowest power first.
+
+    Parameters
+    ----------
+    precision : Precision
+        float32: minimax; float64: nine terms of the series.
+    n : float, optional
+        d^2 over z.
+    """
     sinc, cosm1 = SINC_COEFFICIENTS, COSM1_COEFFICIENTS
     if precision.bits != 24:
         terms = range(1, 10)  # the tenth term is below LIMIT^9 / 21! = 4e-23 of the first
@@ -54,7 +62,14 @@ def coefficients(precision: Precision, n: float = 1.0) -> tuple[tuple[float, ...
 
 @cache
 def small_angle_listing(precision: Precision, n: float) -> Listing:
-    """The polynomials, for n z <= LIMIT."""
+    """The polynomials, for n z <= LIMIT.
+
+    Parameters
+    ----------
+    precision : Precision
+    n : float
+        d^2 over z.
+    """
     g = Graph()
     z = g.input("z")
     sinc, cosm1 = _values(g, z, precision, n)
@@ -80,7 +95,13 @@ class SmallAngleBound:
 
 @cache
 def small_angle_bound(n: float = 1.0) -> SmallAngleBound:
-    """Approximation (against float64 at 20 001 points) + rounding of the operations printed, over 256 pieces."""
+    """Approximation (against float64 at 20 001 points) + rounding of the operations printed, over 256 pieces.
+
+    Parameters
+    ----------
+    n : float, optional
+        d^2 over z.
+    """
     u = 2.0**-24
     g = Graph()
     z = g.input("z")

@@ -55,7 +55,13 @@ _PI_TAIL = 1.2246467991473532e-16
 
 
 def split_pi(precision: Precision) -> tuple[float, ...]:
-    """Pi in two parts, the first so short that k times it is exact (Cody and Waite)."""
+    """Pi in two parts, the first so short that k times it is exact (Cody and Waite).
+
+    Parameters
+    ----------
+    precision : Precision
+        Each part is a number of this format.
+    """
     if precision.bits == 24:
         first = round(math.pi * 2**10) / 2**10
         return first, float(np.float32(math.pi - first + _PI_TAIL))
@@ -74,7 +80,21 @@ def _reduce(g: Graph, x: int, parts: tuple[float, ...], per_period: float, preci
 
 
 def polynomial(g: Graph, z: int, coefficients: tuple[float, ...]) -> int:
-    """Horner's rule in z."""
+    """Horner's rule in z.
+
+    Parameters
+    ----------
+    g : Graph
+    z : int
+        Node of the variable.
+    coefficients : tuple of float
+        Lowest power first.
+
+    Returns
+    -------
+    int
+        Node of the value.
+    """
     value = g.const(coefficients[-1])
     for c in reversed(coefficients[:-1]):
         value = g.op("add", g.op("mul", value, z), g.const(c))
@@ -96,6 +116,11 @@ def sin_cos_listing(precision: Precision = SINGLE) -> Listing:
     """Sine and cosine of one angle: reduce to |r| <= pi/2, two polynomials, one common sign.
 
     The float64 one serves the simulated motor, so that a run has the same bits on every machine.
+
+    Parameters
+    ----------
+    precision : Precision, optional
+        float32: minimax polynomials; float64: ten terms of the series.
     """
     g = Graph()
     x = g.input("x")
@@ -127,7 +152,12 @@ def _sine_cosine(g: Graph, r: int, precision: Precision = SINGLE) -> tuple[int, 
 
 @cache
 def wrap_listing(precision: Precision) -> Listing:
-    """The angle in [-pi, pi): subtract the nearest whole number of turns."""
+    """The angle in [-pi, pi): subtract the nearest whole number of turns.
+
+    Parameters
+    ----------
+    precision : Precision
+    """
     g = Graph()
     x = g.input("x")
     two_pi = tuple(2 * part for part in split_pi(precision))
@@ -152,7 +182,21 @@ def wrap_listing(precision: Precision) -> Listing:
 def helper_listing(
     name: str, g: Graph, names: dict[int, str], sections: list[Section], outputs: dict[str, list[int]]
 ) -> Listing:
-    """A helper of one scalar, ready to print."""
+    """A helper of one scalar, ready to print.
+
+    Parameters
+    ----------
+    name : str
+        The function's.
+    g : Graph
+        Has one input.
+    names : dict of int to str
+        Names of nodes.
+    sections : list of Section
+        The statements, in order.
+    outputs : dict of str to list of int
+        Nodes of the results.
+    """
     ports = tuple(Port(key, (), (key,)) for key in outputs)
     (argument,) = (node.name for node in g.nodes if node.op == "input")
     block = Block(name, "", (Port(argument, (), (argument,)),), ports, ())
@@ -216,7 +260,18 @@ def _scan() -> tuple[float, int]:
 
 
 def evaluate_sin_cos(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Execute the float32 graph on an array, operation by operation."""
+    """Execute the float32 graph on an array, operation by operation.
+
+    Parameters
+    ----------
+    x : ndarray
+        Angles, rad; rounded to float32.
+
+    Returns
+    -------
+    sine, cosine : ndarray of float32
+        Of the shape of x.
+    """
     listing = sin_cos_listing()
     values: dict[int, np.ndarray] = {}
     for index in listing.graph.reachable(n for nodes in listing.outputs.values() for n in nodes):

@@ -47,7 +47,13 @@ PIPELINES: Pipelines = (
 
 
 def without(*passes: Pass) -> Pipelines:
-    """The ways that do without some passes, whatever options these take: to see what a pass earns."""
+    """The ways that do without some passes, whatever options these take: to see what a pass earns.
+
+    Parameters
+    ----------
+    *passes : Pass
+        Such as :func:`collect`.
+    """
     return tuple(ways for ways in PIPELINES if not {getattr(step, "func", step) for step in ways} & set(passes))
 
 
@@ -56,12 +62,29 @@ WEIGHTS = {"input": 0, "const": 0, "div": 10, "sqrt": 12, "sin": 18, "cos": 0, "
 
 
 def weight(graph: Graph, roots: Iterable[int]) -> int:
-    """Cost of computing the roots, in additions."""
+    """Cost of computing the roots, in additions.
+
+    Parameters
+    ----------
+    graph : Graph
+    roots : iterable of int
+        Nodes; what only others need costs nothing.
+    """
     return sum(WEIGHTS.get(graph[index].op, 1) for index in graph.reachable(roots))
 
 
 def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELINES) -> tuple[Graph, dict[int, int]]:
-    """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes."""
+    """The cheapest pipeline's graph, and the map from this graph's nodes to its nodes.
+
+    Parameters
+    ----------
+    graph : Graph
+        Keeps the result, for it is asked more than once.
+    roots : iterable of int
+        Nodes that must survive as values.
+    pipelines : tuple of tuples of Pass, optional
+        The ways to try; of equally cheap ones the first is taken.
+    """
     roots = list(dict.fromkeys(roots))
     key = (tuple(roots), pipelines)
     if key not in graph.rewritten:
@@ -89,6 +112,12 @@ def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:
     """The same block over the cheapest pipeline's graph; a block that is still a tape stays as it is.
 
     What a stage merely suggests a name for may be gone afterwards: the stage loses that entry.
+
+    Parameters
+    ----------
+    block : Block
+    pipelines : tuple of tuples of Pass, optional
+        The ways to try.
     """
     if not isinstance(block, GraphBlock):
         return block

@@ -17,6 +17,17 @@ Term = tuple[bool, list[int]]
 def collect(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """Multiply out, then collect, every sum.
 
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
+
     >>> g = Graph()
     >>> a, b, x, y = (g.input(name) for name in "abxy")
     >>> sums = [g.op("add", g.op("mul", a, x), g.op("mul", b, x)), g.op("add", g.op("mul", a, y), g.op("mul", b, y))]

@@ -10,6 +10,17 @@ from codegen.ir.graph import Graph
 def distribute(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """Products of a sum are multiplied out if every term finds its product with the other factor done already.
 
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
+
     >>> g = Graph()
     >>> k, a, b, x = (g.input(name) for name in "kabx")
     >>> known = [g.op("mul", k, a), g.op("mul", k, b)]

@@ -33,7 +33,14 @@ _SAMPLE: dict[str, Callable[..., float]] = {
 
 
 def carried(hints: Hints, new: Graph) -> Hints:
-    """The hints of a graph for a graph it was rewritten to; the name of a value that is gone is dropped."""
+    """The hints of a graph for a graph it was rewritten to; the name of a value that is gone is dropped.
+
+    Parameters
+    ----------
+    hints : tuple of (str, Expr)
+        All of one graph.
+    new : Graph
+    """
     if not hints:
         return ()
     old = _fingerprints(hints[0][1].graph)

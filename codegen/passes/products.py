@@ -22,8 +22,20 @@ def share_products(
 ) -> tuple[Graph, dict[int, int]]:
     """Regroup products; sums and functions stay as they are.
 
-    ``whole``: inner products are taken apart even where several products share them already; else those stay.
-    ``squares``: beside a square, that of a known constant counts as the constant twice: K^2 x^2 = (K x) (K x).
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+    whole : bool, optional
+        Inner products are taken apart even where several products share them already; else those stay.
+    squares : bool, optional
+        Beside a square, that of a known constant counts as the constant twice: K^2 x^2 = (K x) (K x).
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
 
     >>> g = Graph()
     >>> a, b, c, d = (g.input(name) for name in "abcd")

@@ -10,6 +10,17 @@ from codegen.ir.graph import Graph
 def share_reciprocals(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """One division a divisor, wherever a divisor is used more than once.
 
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
+
     >>> g = Graph()
     >>> a, b, c = g.input("a"), g.input("b"), g.input("c")
     >>> new, moved = share_reciprocals(g, [g.op("div", a, c), g.op("div", b, c)])
@@ -31,6 +42,17 @@ def share_reciprocals(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, 
 
 def spend_reciprocals(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """a (1 / c) = a / c where 1 / c serves nothing else: one multiplication less.
+
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
 
     >>> g = Graph()
     >>> a, c = g.input("a"), g.input("c")

@@ -17,6 +17,17 @@ Key = frozenset[tuple[int, int]]
 def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """A product becomes that of two others which are needed anyway, where its own inner products then go.
 
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
+
     >>> g = Graph()
     >>> x, y, k, m = g.input("x"), g.input("y"), g.const(3.0), g.const(0.25)
     >>> known = [g.op("mul", k, x), g.op("mul", m, y)]

@@ -10,6 +10,17 @@ def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
 
     Bits are those of the original but for the sign of zeros.
 
+    Parameters
+    ----------
+    graph : Graph
+    roots : list of int
+        Nodes that must survive as values.
+
+    Returns
+    -------
+    tuple of Graph and dict of int to int
+        The new graph, and its nodes by the old ones'.
+
     >>> g = Graph()
     >>> a, b, c = g.input("a"), g.input("b"), g.input("c")
     >>> new, moved = pull_signs(g, [g.op("add", g.op("mul", g.op("neg", a), b), c)])
