@@ -35,7 +35,15 @@ class Sigmas:
 
 
 def entries_of(stage: Stage, values: Array) -> Array:
-    """Reference arrays (N, rows[, columns]) -> (N, entries) in the stage's order."""
+    """Reference arrays (N, rows[, columns]) -> (N, entries) in the stage's order.
+
+    Parameters
+    ----------
+    stage : Stage
+        A stage with as many entries as a lower triangle has takes that of a square matrix.
+    values : ndarray, (N, rows[, columns])
+        The reference's.
+    """
     n = values.shape[1]
     if values.ndim == 3 and len(stage.entries) == n * (n + 1) // 2 and values.shape[2] == n:
         rows, columns = np.tril_indices(n)
@@ -44,7 +52,17 @@ def entries_of(stage: Stage, values: Array) -> Array:
 
 
 def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
-    """(N, entries): for each entry its row's largest magnitude, or the row's natural size if that is larger."""
+    """(N, entries): for each entry its row's largest magnitude, or the row's natural size if that is larger.
+
+    Parameters
+    ----------
+    stage : Stage
+        Tells rows and scale.
+    values : ndarray, (N, rows[, columns])
+        The reference's, in the stage's unit.
+    sigmas : Sigmas
+        Of the same N steps.
+    """
     full = np.abs(values.reshape(*values.shape[:2], -1)).max(axis=2)
     low, high = sigmas.innovation.min(axis=1, keepdims=True), sigmas.innovation.max(axis=1, keepdims=True)
     natural = {

@@ -123,7 +123,23 @@ class Second:
 def second_statement(
     machine: str, discretization: str, mechanics: str, adaptive: Sequence[str] = (), return_rate: float = 0.0
 ) -> tuple[sp.Matrix, sp.Matrix, sp.Matrix]:
-    """States, f and h."""
+    """States, f and h.
+
+    Parameters
+    ----------
+    machine : {"surface", "salient", "salient_flux"}
+    discretization : {"euler", "exact"}
+    mechanics : {"constant_speed", "load_torque"}
+    adaptive : sequence of str, optional
+        Motor data that are states: "magnet_flux", "stator_resistance".
+    return_rate : float, optional
+        Share of the way back to the motor's datum that such a state goes in a sample.
+
+    Returns
+    -------
+    tuple of three Matrix
+        Columns of n, n and 2 entries: eq. 7 for f, eq. 5 for h.
+    """
     exact = discretization == "exact"
     letter = "psi" if machine == "salient_flux" else "i"
     a, b = sp.symbols(f"{letter}_alpha {letter}_beta", real=True)
@@ -166,7 +182,13 @@ def _parts(z: sp.Expr) -> list[sp.Expr]:
 
 
 def compare_derivations(drive: Drive) -> Link:
-    """Entry by entry, the two derivations must be the same function."""
+    """Entry by entry, the two derivations must be the same function.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine is a shipped one.
+    """
     x, f, h = second_statement(
         drive.model.machine,
         drive.model.discretization,

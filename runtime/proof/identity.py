@@ -28,6 +28,11 @@ def identical(a: sp.Expr, b: sp.Expr) -> bool:
 
     Related exponentials, exp(x) and exp(x / 2) say, count as unrelated: a True is never wrong for that.
 
+    Parameters
+    ----------
+    a, b : Expr
+        Rational numbers and decimal fractions are taken exactly.
+
     Raises
     ------
     ValueError
@@ -38,6 +43,13 @@ def identical(a: sp.Expr, b: sp.Expr) -> bool:
 
 def is_derivative(slope: sp.Expr, f: sp.Expr, letter: sp.Symbol) -> bool:
     """Whether ``slope`` is df/d(letter), by the chain rule at the same points: no formula of the derivative is made.
+
+    Parameters
+    ----------
+    slope : Expr
+        The derivative to be judged.
+    f : Expr
+    letter : Symbol
 
     >>> x, y = sp.symbols("x y")
     >>> is_derivative(y * sp.cos(x * y), sp.sin(x * y), x), is_derivative(y * sp.cos(x * y), sp.sin(x * y), y)

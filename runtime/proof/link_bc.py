@@ -38,7 +38,19 @@ class _Taken:
 
 
 def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str, situations: Situations) -> Link:
-    """One step of either form from every situation; x_pred, P_pred, every iterate, x and P compared."""
+    """One step of either form from every situation; x_pred, P_pred, every iterate, x and P compared.
+
+    Parameters
+    ----------
+    literal, fast : module
+        The generated Python of either form.
+    step : FilterStep
+        Tells kind and gain, for the table.
+    drive : str
+        The drive's name, for the table.
+    situations : Situations
+        N of them.
+    """
     b, c = (_take(module, step.kind, situations) for module in (literal, fast))
     pairs = [
         ("16", "x_pred", _state_error(b.x_pred, c.x_pred, b.P_pred, fast.ANGLE)),

@@ -54,7 +54,19 @@ class Envelope:
 
 
 def envelope(values: Array, slices: int = 600) -> tuple[Array, Array]:
-    """The largest of values (N, ...) in each of at most so many slices, and the step, from 1, at which each ends."""
+    """The largest of values (N, ...) in each of at most so many slices, and the step, from 1, at which each ends.
+
+    Parameters
+    ----------
+    values : ndarray, (N, ...)
+        What is left after the last whole slice is not looked at.
+    slices : int, optional
+
+    Returns
+    -------
+    ends : ndarray of int, (M,)
+    largest : ndarray, (M, ...)
+    """
     width = max(1, len(values) // slices)
     count = len(values) // width
     cut = values[: count * width].reshape(count, width, *values.shape[1:])
@@ -108,7 +120,16 @@ def link_cd(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array, s
 
 
 def drift_rows(estimator: Estimator, result: Drift, settled: int) -> tuple[Row, ...]:
-    """Worst deviation from step ``settled`` on, a row a state and one for P; allowed: a share of that step's sigma."""
+    """Worst deviation from step ``settled`` on, a row a state and one for P; allowed: a share of that step's sigma.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Gives the states' names and units.
+    result : Drift
+    settled : int
+        Steps at the beginning that are not judged.
+    """
     tail, steps = slice(settled, None), len(result.P) - settled
     share = ALLOWED_ADAPTIVE if set(estimator.state_names) & set(ADAPTIVE) else ALLOWED
     sigma = np.sqrt(np.einsum("kii->ki", result.exact.P[tail]))

@@ -26,7 +26,13 @@ OPTIMISATIONS: tuple[tuple[str, ...], ...] = (("-O0",), ("-O2",), ("-O3", "-marc
 
 
 def same_bits(a: Array, b: Array) -> Array:
-    """Entry by entry: identical bit patterns (so NaN equals the same NaN, and 0 differs from -0)."""
+    """Entry by entry: identical bit patterns (so NaN equals the same NaN, and 0 differs from -0).
+
+    Parameters
+    ----------
+    a, b : ndarray of float32
+        Of one shape.
+    """
     return np.asarray(np.ascontiguousarray(a).view(np.uint32) == np.ascontiguousarray(b).view(np.uint32))
 
 
@@ -46,7 +52,13 @@ class Bits:
         self.expected = [self._run(NumpyBackend(module, step.kind, "float32"), start) for start in self.starts]
 
     def link(self, optimisation: tuple[str, ...]) -> Link:
-        """Compare one compilation, along the trajectory and from every start; the plain one, inside the step too."""
+        """Compare one compilation, along the trajectory and from every start; the plain one, inside the step too.
+
+        Parameters
+        ----------
+        optimisation : tuple of str
+            The compiler's flags, such as ("-O2",).
+        """
         backend = CBackend(self.folder, self.step.kind, "float32", optimisation, lanes=False)
         backend.reset(self.x0.copy(), self.words0.copy())
         trace = backend.run(self.u, self.y)

@@ -31,10 +31,9 @@ class Plant(Protocol):
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
-        u : ndarray
-            Voltages, V, (N, 2).
+        x : ndarray, (n, ...)
+        u : ndarray, (2, ...)
+            Voltages, V.
         """
 
     def h(self, x: Array) -> Array:
@@ -42,8 +41,7 @@ class Plant(Protocol):
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
 
     def H(self, x: Array) -> Array:
@@ -51,8 +49,7 @@ class Plant(Protocol):
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
 
 
@@ -81,8 +78,7 @@ class MotorData:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         name : str
             The name.
         """
@@ -93,8 +89,7 @@ class MotorData:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         T_e : object
         """
         w, th = x[2], x[3]
@@ -114,8 +109,7 @@ class MotorData:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
         first = 4 + self.loaded
         own = [getattr(self, name) for name in self.slow]
@@ -133,10 +127,9 @@ class SurfaceMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
-        u : ndarray
-            Voltages, V, (N, 2).
+        x : ndarray, (n, ...)
+        u : ndarray, (2, ...)
+            Voltages, V.
         """
         d = self.data
         i_alpha, i_beta, w, th = x[:4]
@@ -176,8 +169,7 @@ class SurfaceMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
         return x[:2].copy()  # (5)
 
@@ -186,8 +178,7 @@ class SurfaceMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
         return np.eye(2, len(x))
 
@@ -203,10 +194,9 @@ class SalientMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
-        u : ndarray
-            Voltages, V, (N, 2).
+        x : ndarray, (n, ...)
+        u : ndarray, (2, ...)
+            Voltages, V.
         """
         d = self.data
         i, w, th = x[:2], x[2], x[3]
@@ -260,8 +250,7 @@ class SalientMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
+        x : ndarray, (n, ...)
         """
         return np.eye(2, len(x))
 
@@ -277,10 +266,9 @@ class SalientFluxMotor:
 
         Parameters
         ----------
-        x : ndarray
-            State, in the model's order.
-        u : ndarray
-            Voltages, V, (N, 2).
+        x : ndarray, (n, ...)
+        u : ndarray, (2, ...)
+            Voltages, V.
         """
         d = self.data
         th, w_e = x[3], d.p * x[2]
@@ -343,7 +331,13 @@ class SalientFluxMotor:
 
 
 def not_yet_relaxed(z: float) -> float:
-    """(1 + exp(-z)) (1 - tanh(z / 2) / (z / 2)), by Lambert's continued fraction of tanh, where nothing cancels."""
+    """(1 + exp(-z)) (1 - tanh(z / 2) / (z / 2)), by Lambert's continued fraction of tanh, where nothing cancels.
+
+    Parameters
+    ----------
+    z : float
+        Time over the time constant.
+    """
     y, inner = z / 2, 0.0
     for odd in range(101, 1, -2):
         inner = y * y / (odd + inner)
@@ -361,7 +355,13 @@ def product(a: Array, b: Array) -> Array:
 
 
 def rotation(angle: Any) -> Array:
-    """d-q to alpha-beta."""
+    """d-q to alpha-beta.
+
+    Parameters
+    ----------
+    angle : float or ndarray
+        Electrical, rad.
+    """
     s, c = np.sin(angle), np.cos(angle)
     return np.array([[c, -s], [s, c]])
 

@@ -124,7 +124,22 @@ def c_entries(folder: GeneratedFolder, kind: str, start: Start) -> Entries:
 
 
 def parted(expected: Entries, found: Entries) -> Iterator[tuple[tuple[str, str], Array, int]]:
-    """Entry by entry, in the order of the C: in which lanes it has other bits, and how many lanes were compared."""
+    """Entry by entry, in the order of the C: in which lanes it has other bits, and how many lanes were compared.
+
+    Parameters
+    ----------
+    expected : Entries
+        NumPy's; an entry that is missing here is passed over.
+    found : Entries
+        The C's.
+
+    Yields
+    ------
+    key : (str, str)
+        Function and name.
+    other : ndarray of bool, (lanes,)
+    compared : int
+    """
     for key, value in found.items():
         passed = value.view(np.uint32) != UNTOUCHED
         if key in expected:
@@ -157,7 +172,17 @@ def first_parted(
 
 
 def locate(folder: GeneratedFolder, step: FilterStep, start: Start, number: int) -> Divergence | None:
-    """The first entry in which C and NumPy part in one step from ``start``, or None if no named entry does."""
+    """The first entry in which C and NumPy part in one step from ``start``, or None if no named entry does.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    step : FilterStep
+        The stages the filter is made of: they have the equations' numbers.
+    start : Start
+    number : int
+        Number of the step, for the report.
+    """
     try:
         found = c_entries(folder, step.kind, start)
     except UserError:

@@ -221,12 +221,27 @@ class Reference:
 
 
 def transposed(matrix: Array) -> Array:
-    """Of each filter's matrix."""
+    """Of each filter's matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray, (..., m, n)
+    """
     return np.swapaxes(matrix, -1, -2)
 
 
 def times(matrix: Array, vector: Array) -> Array:
-    """Each filter's matrix (..., m, n) times its vector (..., n)."""
+    """Each filter's matrix (..., m, n) times its vector (..., n).
+
+    Parameters
+    ----------
+    matrix : ndarray, (..., m, n)
+    vector : ndarray, (..., n)
+
+    Returns
+    -------
+    ndarray, (..., m)
+    """
     return np.asarray(matrix @ vector[..., None])[..., 0]
 
 
@@ -245,7 +260,18 @@ def jacobian(function: Callable[[Array], Array], x: Array) -> Array:
 
 
 def covariance(a: Array, a_mean: Array, b: Array, b_mean: Array) -> Array:
-    """(17), (22), (23), centred: mean of (a_i - a_mean)(b_i - b_mean)^T over the columns."""
+    """(17), (22), (23), centred: mean of (a_i - a_mean)(b_i - b_mean)^T over the columns.
+
+    Parameters
+    ----------
+    a, b : ndarray, (..., m, points) and (..., k, points)
+        The points are the columns.
+    a_mean, b_mean : ndarray, (..., m) and (..., k)
+
+    Returns
+    -------
+    ndarray, (..., m, k)
+    """
     total = np.zeros((*a.shape[:-1], b.shape[-2]))
     for i in range(a.shape[-1]):
         total += (a[..., i] - a_mean)[..., :, None] * (b[..., i] - b_mean)[..., None, :]

@@ -38,6 +38,11 @@ CLAIM = "CasADi = the machine file's own reference, float64"
 def second_motor(drive: Drive) -> Plant:
     """The model that the reference filters with.
 
+    Parameters
+    ----------
+    drive : Drive
+        Its machine is a shipped one or one's own.
+
     Raises
     ------
     UserError
@@ -51,6 +56,11 @@ def second_motor(drive: Drive) -> Plant:
 
 def compare_statements(drive: Drive) -> Link | None:
     """How CasADi's equations and the second statement compare; None if there is no second one.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its machine is a shipped one or one's own.
 
     Raises
     ------
@@ -212,7 +222,17 @@ def _stated(drive: Drive, states: int) -> StatedMotor | None:
 
 
 def compare_numbers(drive: Drive, model: StateSpaceModel, stated: StatedMotor) -> Link:
-    """f, h, F, H at random points of the operating box; the reference's F and H by complex steps, and its own H."""
+    """f, h, F, H at random points of the operating box; the reference's F and H by complex steps, and its own H.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its operating box gives the points.
+    model : StateSpaceModel
+        CasADi's.
+    stated : StatedMotor
+        The second statement.
+    """
     ours = CasadiMotor(model)
     box = sample_box(drive, model, POINTS, seed=2)
     pairs: dict[str, list[tuple[Array, Array]]] = {}

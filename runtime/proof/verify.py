@@ -102,7 +102,23 @@ def verify(
 
 
 def prove(named: NamedDrive, effort: Effort, progress: Progress, current: bool = False) -> tuple[Proof, Evidence]:
-    """All links for the gain the drive ships, and again for the other gain of the ICKF."""
+    """All links for the gain the drive ships, and again for the other gain of the ICKF.
+
+    Parameters
+    ----------
+    named : NamedDrive
+        A drive and its generated folder.
+    effort : Effort
+    progress : callable
+        Is told in words what is done next.
+    current : bool, optional
+        The folder is known to be what the drive generates: that is not tried again.
+
+    Raises
+    ------
+    UserError
+        The folder is missing, edited by hand or stale.
+    """
     progress("generating")
     drive, path = named.drive, named.path
     package = Package(drive, *build_steps(drive), files={}) if current else current_package(named)
@@ -158,7 +174,12 @@ class Literal:
 
 
 def literal_package(drive: Drive) -> Literal:
-    """The paper's shape of a drive's filters, in Python alone."""
+    """The paper's shape of a drive's filters, in Python alone.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
     made = draft(drive, "literal")
     return Literal(made.steps, made.load(f"literal_{drive.name}"))
 

@@ -30,7 +30,12 @@ class Call:
     # --- statements
 
     def statements(self, items: list[Any]) -> Value:
-        """Carry out statements; the value that they return, if any."""
+        """Carry out statements; the value that they return, if any.
+
+        Parameters
+        ----------
+        items : list of pycparser node
+        """
         for k, item in enumerate(items):
             rest = items[k + 1 :]
             if isinstance(item, c_ast.Return):
@@ -202,7 +207,13 @@ class Call:
         self.text.write(array, place, value)
 
     def place(self, node: Any) -> tuple[Array, int]:
-        """Array and place that an expression names."""
+        """Array and place that an expression names.
+
+        Parameters
+        ----------
+        node : pycparser node
+            An expression; of one that names no cell the place is in an array of which nothing is known.
+        """
         match node:
             case c_ast.ArrayRef(name=c_ast.StructRef(name=cell, field=c_ast.ID(name="of")), subscript=c_ast.ID(name=n)):
                 if self.scope.get(n) == LANE:
@@ -227,14 +238,24 @@ class Call:
         return isinstance(node, c_ast.ID) and self.scope.get(node.name) == LANE
 
     def value_of_field(self, node: Any) -> Any:
-        """Return a field of a struct."""
+        """Return a field of a struct.
+
+        Parameters
+        ----------
+        node : StructRef
+        """
         owner = self.value_of_field(node.name) if isinstance(node.name, c_ast.StructRef) else self.value(node.name)
         return owner.get(node.field.name) if isinstance(owner, dict) else None
 
     # --- values
 
     def value(self, node: Any) -> Value:
-        """Return the value of an expression."""
+        """Return the value of an expression.
+
+        Parameters
+        ----------
+        node : pycparser node
+        """
         match node:
             case c_ast.Constant(type="int", value=digits):
                 return self.terms.integer(int(digits, 0))
@@ -257,7 +278,12 @@ class Call:
         return self._computed(node)
 
     def argument(self, node: Any) -> Value:
-        """Return an argument of a call: a value, or a pointer to where it lives."""
+        """Return an argument of a call: a value, or a pointer to where it lives.
+
+        Parameters
+        ----------
+        node : pycparser node
+        """
         return cast(Any, LANE) if self._is_lane(node) else self.value(node)
 
     def _named(self, name: str) -> Value:
@@ -294,7 +320,12 @@ class Call:
         return self.terms.unknown(f"an expression: {type(node).__name__}")
 
     def truth(self, node: Any) -> Term | OverLanes:
-        """A condition, 0 or 1."""
+        """A condition, 0 or 1.
+
+        Parameters
+        ----------
+        node : pycparser node
+        """
         match node:
             case c_ast.UnaryOp(op="!", expr=operand):
                 value = self.truth(operand)

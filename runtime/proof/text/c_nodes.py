@@ -50,10 +50,27 @@ class Unit(Protocol):
     numbers: dict[str, int]
 
     def read(self, array: Array, place: int) -> Term | OverLanes:
-        """Return a cell."""
+        """Return a cell.
+
+        Parameters
+        ----------
+        array : Array
+        place : int
+            From 0.
+        """
 
     def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None:
-        """Write a cell."""
+        """Write a cell.
+
+        Parameters
+        ----------
+        array : Array
+        place : int
+            From 0.
+        value : Value
+        adds : bool, optional
+            ``|=``: true where it was already, or the value is.
+        """
 
     def call(self, name: str, arguments: list[Value]) -> Value:
         """Carry out a function.
@@ -67,7 +84,16 @@ class Unit(Protocol):
         """
 
     def new_array(self, name: str, size: int | None, kind: str) -> Array:
-        """Make cells of memory."""
+        """Make cells of memory.
+
+        Parameters
+        ----------
+        name : str
+        size : int or None
+            None: a variable, one cell.
+        kind : str
+            "int", "float32", or "lanes" where a cell has one value a lane.
+        """
 
 
 def items(statement: Any) -> list[Any]:
@@ -84,12 +110,24 @@ def items(statement: Any) -> list[Any]:
 
 
 def returns(node: Any) -> bool:
-    """Whether a statement returns, or one within it."""
+    """Whether a statement returns, or one within it.
+
+    Parameters
+    ----------
+    node : pycparser node
+        A statement.
+    """
     return isinstance(node, c_ast.Return) or any(returns(child) for _, child in node.children())
 
 
 def enumerators(declaration: Any) -> Iterator[tuple[str, int]]:
-    """Names and values of an enumeration; every value is told or one more than the last."""
+    """Names and values of an enumeration; every value is told or one more than the last.
+
+    Parameters
+    ----------
+    declaration : pycparser node
+        Of anything else than an enumeration nothing is told.
+    """
     kind = getattr(declaration, "type", None)
     if isinstance(kind, c_ast.Enum) and kind.values is not None:
         following = 0
@@ -100,7 +138,13 @@ def enumerators(declaration: Any) -> Iterator[tuple[str, int]]:
 
 
 def length(node: Any) -> int:
-    """Of an array: a number, or a product of numbers; 0 where none is told."""
+    """Of an array: a number, or a product of numbers; 0 where none is told.
+
+    Parameters
+    ----------
+    node : pycparser node or None
+        What stands in the brackets.
+    """
     if isinstance(node, c_ast.BinaryOp) and node.op == "*":
         return length(node.left) * length(node.right)
     return int(node.value) if isinstance(node, c_ast.Constant) else 0

@@ -47,7 +47,16 @@ class CText:
     # --- memory
 
     def new_array(self, name: str, size: int | None, kind: str) -> Array:
-        """Make cells of memory."""
+        """Make cells of memory.
+
+        Parameters
+        ----------
+        name : str
+        size : int or None
+            None: a variable, one cell.
+        kind : str
+            "int", "float32", or "lanes" where a cell has one value a lane.
+        """
         array = Array(name, size, kind, self.lanes)
         self.arrays[array.id] = array
         return array
@@ -75,20 +84,46 @@ class CText:
         return fields
 
     def new_input(self, name: str, size: int, kind: str) -> Pointer:
-        """Make an array whose cells are symbols, and a pointer to it."""
+        """Make an array whose cells are symbols, and a pointer to it.
+
+        Parameters
+        ----------
+        name : str
+            The symbols', too.
+        size : int
+        kind : str
+            "int", "float32", or "lanes" where a cell has one value a lane.
+        """
         array = self.new_array(name, size, kind)
         for k in range(size):
             self.memory[array.id, k] = self.terms.symbol(name, k)
         return Pointer(array)
 
     def read(self, array: Array, place: int) -> Term | OverLanes:
-        """Return a cell."""
+        """Return a cell.
+
+        Parameters
+        ----------
+        array : Array
+        place : int
+            From 0.
+        """
         if (array.id, place) not in self.memory:
             return self.terms.unknown(f"{array.name}[{place}]")
         return self.memory[array.id, place]
 
     def write(self, array: Array, place: int, value: Value, adds: bool = False) -> None:
-        """Write a cell."""
+        """Write a cell.
+
+        Parameters
+        ----------
+        array : Array
+        place : int
+            From 0.
+        value : Value
+        adds : bool, optional
+            ``|=``: true where it was already, or the value is.
+        """
         if not isinstance(value, Term | OverLanes) or not 0 <= place < array.size:
             value = self.terms.unknown(f"what is written to {array.name}[{place}]")
         if self.lanes and not (array.of_lanes or array.private):
@@ -148,7 +183,13 @@ class CText:
         return None
 
     def cells(self, pointer: Value) -> Term:
-        """All cells from a pointer on, as one term."""
+        """All cells from a pointer on, as one term.
+
+        Parameters
+        ----------
+        pointer : Value
+            Anything but a pointer becomes a term that equals nothing.
+        """
         if not isinstance(pointer, Pointer):
             return self.terms.unknown("a block's argument")
         found = [self.read(pointer.array, k) for k in range(pointer.offset, pointer.array.size)]

@@ -34,7 +34,12 @@ class Function:
         return tuple(ports.count(port) for port in range(max(ports, default=-1) + 1))
 
     def differences(self, other: Function) -> Iterator[tuple[str, bool]]:
-        """Each entry and output of either, in order, and whether the two state it differently."""
+        """Each entry and output of either, in order, and whether the two state it differently.
+
+        Parameters
+        ----------
+        other : Function
+        """
         for name in dict.fromkeys([*self.entries, *other.entries]):
             yield name, self.entries.get(name) != other.entries.get(name)
         for place in dict.fromkeys([*self.outputs, *other.outputs]):
@@ -58,7 +63,15 @@ def _operation(sign: str, left: Tree, right: Tree) -> Tree:
 
 
 def python_functions(module: ModuleType, tree: ast.Module) -> dict[str, Function]:
-    """Every function of the generated module that is a straight line; those of float32 under C's names."""
+    """Every function of the generated module that is a straight line; those of float32 under C's names.
+
+    Parameters
+    ----------
+    module : module
+        The generated module, executed: its constants are taken from it.
+    tree : ast.Module
+        The same, parsed.
+    """
     constants = {k: _number(v) for k, v in vars(module).items() if isinstance(v, float)}
     called = {function: name for name, function in aliases(tree, "Float32").items()}
     read: dict[str, Function] = {}
@@ -146,7 +159,13 @@ def _is_docstring(statement: ast.stmt) -> bool:
 
 
 def c_functions(tree: Any) -> dict[str, Function]:
-    """Every function of an emitted file that is a straight line, or one in a loop over lanes."""
+    """Every function of an emitted file that is a straight line, or one in a loop over lanes.
+
+    Parameters
+    ----------
+    tree : FileAST
+        An emitted file.
+    """
     readers = {d.decl.name: _CReader(d) for d in tree.ext if isinstance(d, c_ast.FuncDef)}
     return {name: reader.function for name, reader in readers.items() if reader.straight and reader.function.outputs}
 

@@ -15,14 +15,32 @@ Cells = dict[Key, Term]
 
 
 def filter_in_c(text: CText, prefix: str, lanes: bool) -> Cells:
-    """Every field of the filter's struct after a step, and the status."""
+    """Every field of the filter's struct after a step, and the status.
+
+    Parameters
+    ----------
+    text : CText
+    prefix : str
+        Beginning of the file's names, such as "paper_spmsm_ckf".
+    lanes : bool
+        It is the lane form, whose step returns no status.
+    """
     f, kind = text.new_struct(f"{prefix}_t"), "lanes" if lanes else "float32"
     status = text.call(f"{prefix}_step", [f, text.new_input("u", 2, kind), text.new_input("y", 2, kind)])
     return _struct_cells(text, f) | ({} if lanes else {("status", 0): _term(text.terms, status)})
 
 
 def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
-    """The same of the module's step; ``fields``: those of the C struct, as symbols."""
+    """The same of the module's step; ``fields``: those of the C struct, as symbols.
+
+    Parameters
+    ----------
+    text : PythonText
+    name : str
+        The step's function in the module.
+    fields : Record
+        Those of the C struct, as symbols; the step changes them.
+    """
     inputs = [tuple(text.terms.symbol(port, k) for k in range(2)) for port in ("u", "y")]
     status = text.call(name, [fields, *inputs, None])
     return dict(_record_cells(text.terms, fields)) | {("status", 0): _term(text.terms, status)}
@@ -31,7 +49,17 @@ def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
 def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, written: Mapping[str, int]) -> Cells:
     """Every field of the controller's struct after a step, duty cycles and status; the filter's step is one call.
 
-    ``written``: the fields that the filter's step writes, and their lengths.
+    Parameters
+    ----------
+    text : CText
+    prefix : str
+        Beginning of the controller's names, such as "paper_spmsm_ckf_foc".
+    filter_prefix : str
+        That of the filter's, such as "paper_spmsm_ckf".
+    lanes : bool
+        It is the lane form, whose step returns no status.
+    written : mapping of str to int
+        The fields that the filter's step writes, and their lengths.
     """
     c, kind = text.new_struct(f"{prefix}_t"), "lanes" if lanes else "float32"
     text.elsewhere[f"{filter_prefix}_step"] = lambda t, arguments: _filter_called_in_c(t, arguments, written, lanes)
@@ -44,7 +72,16 @@ def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, w
 
 
 def controller_in_python(text: PythonText, fields: Record, written: Mapping[str, int]) -> Cells:
-    """The same of the module's ``foc_step``."""
+    """The same of the module's ``foc_step``.
+
+    Parameters
+    ----------
+    text : PythonText
+    fields : Record
+        Those of the C struct, as symbols; the step changes them.
+    written : mapping of str to int
+        The fields that the filter's step writes, and their lengths.
+    """
     text.elsewhere["filter_step"] = lambda arguments: _filter_called_in_python(text, arguments, written)
     inputs = [tuple(text.terms.symbol(port, k) for k in range(2)) for port in ("phase", "command")]
     step = text.terms.symbol("filter_step")
@@ -55,7 +92,14 @@ def controller_in_python(text: PythonText, fields: Record, written: Mapping[str,
 
 
 def record_of(text: CText, struct: Struct) -> Record:
-    """The fields of a C struct as the module's objects have them."""
+    """The fields of a C struct as the module's objects have them.
+
+    Parameters
+    ----------
+    text : CText
+        Holds the cells.
+    struct : Struct
+    """
 
     def field(value: Any) -> Any:
         if isinstance(value, dict):
@@ -67,7 +111,13 @@ def record_of(text: CText, struct: Struct) -> Record:
 
 
 def written_fields(before: Record, after: Cells) -> dict[str, int]:
-    """Fields that a step changes, and how many cells they have."""
+    """Fields that a step changes, and how many cells they have.
+
+    Parameters
+    ----------
+    before : Record
+    after : Cells
+    """
     return {
         name: len(value) if isinstance(value, tuple) else 1
         for name, value in before.items()

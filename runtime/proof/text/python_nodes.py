@@ -22,7 +22,14 @@ class Scope(dict[str, Any]):
 
 
 def aliases(tree: ast.Module, arithmetic: str) -> dict[str, str]:
-    """Attribute -> function, of a class that names functions of the module."""
+    """Attribute -> function, of a class that names functions of the module.
+
+    Parameters
+    ----------
+    tree : ast.Module
+    arithmetic : str
+        The class, such as "Float32".
+    """
     found: dict[str, str] = {}
     for definition in tree.body:
         if isinstance(definition, ast.ClassDef) and definition.name == arithmetic:
@@ -50,14 +57,24 @@ def keeps_stages(statement: ast.stmt) -> bool:
 
 
 def copied(value: Any) -> Any:
-    """Return a copy of a scope or record, lists and records in it copied too."""
+    """Return a copy of a scope or record, lists and records in it copied too.
+
+    Parameters
+    ----------
+    value : object
+    """
     if isinstance(value, Record | Scope):
         return type(value)({name: copied(entry) for name, entry in value.items()})
     return [copied(entry) for entry in value] if isinstance(value, list) else value
 
 
 def leaves(scope: Any) -> dict[Any, Term]:
-    """Every value below, by variable (of a record: with its attribute) and place."""
+    """Every value below, by variable (of a record: with its attribute) and place.
+
+    Parameters
+    ----------
+    scope : Scope or Record
+    """
     found: dict[Any, Term] = {}
     for name, value in scope.items():
         if isinstance(value, Record):
@@ -70,7 +87,14 @@ def leaves(scope: Any) -> dict[Any, Term]:
 
 
 def replaced(scope: Any, values: Mapping[Any, Term]) -> Any:
-    """The same scope or record with other values, by variable and place as :func:`leaves` tells them."""
+    """The same scope or record with other values, by variable and place as :func:`leaves` tells them.
+
+    Parameters
+    ----------
+    scope : Scope or Record
+    values : mapping of (str, int) to Term
+        What is missing here stays.
+    """
 
     def entry_of(name: str, value: Any) -> Any:
         if isinstance(value, Record):
