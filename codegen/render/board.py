@@ -18,6 +18,17 @@ FRAME_MAX = 250
 def identity(drive: str, kind: str, sha: str, source: str) -> str:
     """The identity that a board sends when asked for it.
 
+    Parameters
+    ----------
+    drive : str
+        The drive's name.
+    kind : str
+        Filter kind, such as "ickf".
+    sha : str
+        Hash of the drive file, in hexadecimal digits; 16 of them are sent.
+    source : str
+        Text of the filter's C for the chip.
+
     >>> identity("d", "ckf", "0123456789abcdef" * 4, "text").split()[:3]
     ['d', 'ckf', '0123456789abcdef']
     """

@@ -42,7 +42,12 @@ from model.schema import Drive, DriveError
 
 
 def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
-    """The controller's block, laid out, and its named constants."""
+    """The controller's block, laid out, and its named constants.
+
+    Parameters
+    ----------
+    about : Description
+    """
     constants = Constants(named=True)
     block = control_block(about.drive, constants)
     found = list(constants.items.values())
@@ -50,7 +55,14 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
 
 
 def control_constants(about: Description, constants: list[Constant]) -> list[Constant]:
-    """The controller's constants and the model's, which share a file; DriveError where they share a name."""
+    """The controller's constants and the model's, which share a file; DriveError where they share a name.
+
+    Parameters
+    ----------
+    about : Description
+    constants : list of Constant
+        The controller's.
+    """
     try:
         return united(constants, about.model.constants, TRANSFORM)
     except ConstantError as error:
@@ -58,12 +70,24 @@ def control_constants(about: Description, constants: list[Constant]) -> list[Con
 
 
 def believed_listing(about: Description) -> Listing:
-    """The currents at the filter's state, laid out."""
+    """The currents at the filter's state, laid out.
+
+    Parameters
+    ----------
+    about : Description
+    """
     return lay_out(believed_block(about.model), about.model.constants)
 
 
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
-    """Template context of the controller that both languages share."""
+    """Template context of the controller that both languages share.
+
+    Parameters
+    ----------
+    about : Description
+    printer : CPrinter or PythonPrinter
+        Of the language.
+    """
     listing, constants = control_listing(about)
     names = [state.name for state in about.model.states]
     return {
@@ -84,7 +108,16 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
 
 
 def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, Any]:
-    """Template context of the controller's scalar and lane form, float32."""
+    """Template context of the controller's scalar and lane form, float32.
+
+    Parameters
+    ----------
+    about : Description
+    kind : str
+        Filter kind, such as "ickf".
+    printer : CPrinter
+        Of the scalar or the lane form.
+    """
     context = controller_context(about, printer)
     p = f"{about.drive.name}_{kind}"
     return {
@@ -106,7 +139,16 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
 
 
 def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str, str]:
-    """Header and source of the controller around one filter, float32 for the chip."""
+    """Header and source of the controller around one filter, float32 for the chip.
+
+    Parameters
+    ----------
+    about : Description
+    kind : str
+        Filter kind, such as "ickf".
+    notes : sequence of str
+        Lines of the source's head.
+    """
     context = foc_context(about, kind, CPrinter(F28335))
     source = render("foc.c.j2", **context, control=about.drive.control, notes=notes)
     return render("foc.h.j2", **context), with_ramfuncs(source, cold={f"{context['p']}_foc_init"})
@@ -131,7 +173,13 @@ HELD = 1e-3
 
 
 def default_kind(kinds: Iterable[str]) -> str:
-    """The filter that is meant where none is named: ickf where there is one."""
+    """The filter that is meant where none is named: ickf where there is one.
+
+    Parameters
+    ----------
+    kinds : iterable of str
+        One or more; without ickf the first is meant.
+    """
     kinds = list(kinds)
     return "ickf" if "ickf" in kinds else kinds[0]
 
@@ -197,7 +245,12 @@ def render_example(about: Description, step: FilterStep) -> str:
 
 
 def plant_listings(drive: Drive) -> dict[str, Listing]:
-    """The motor's blocks, laid out, by what the templates call them."""
+    """The motor's blocks, laid out, by what the templates call them.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
     blocks = {
         "rest": rest_block(drive),
         "phasor": phasor_block(),
@@ -208,13 +261,30 @@ def plant_listings(drive: Drive) -> dict[str, Listing]:
 
 
 def plant_data(drive: Drive) -> list[str]:
-    """Which of the motor's data its equations read: a surface machine has one inductance."""
+    """Which of the motor's data its equations read: a surface machine has one inductance.
+
+    Parameters
+    ----------
+    drive : Drive
+
+    Returns
+    -------
+    list of str
+        Those of :data:`model.loop.plant.MOTOR` that are read, in its order.
+    """
     found = {name for listing in plant_listings(drive).values() for _, name in listing.used_inputs.get("motor", [])}
     return [name for name in MOTOR if name in found]
 
 
 def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
-    """Template context of the motor's scalar and lane form, float64."""
+    """Template context of the motor's scalar and lane form, float64.
+
+    Parameters
+    ----------
+    about : Description
+    printer : CPrinter
+        Of the scalar or the lane form.
+    """
     listings = plant_listings(about.drive)
     return {
         "drive": about.drive.name,
@@ -233,6 +303,11 @@ def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
 
 
 def render_plant(about: Description) -> tuple[str, str]:
-    """Header and source of the motor for simulation, float64."""
+    """Header and source of the motor for simulation, float64.
+
+    Parameters
+    ----------
+    about : Description
+    """
     context = plant_context(about, CPrinter(HOST64))
     return render("plant.h.j2", **context), render("plant.c.j2", **context)

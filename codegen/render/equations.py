@@ -27,7 +27,13 @@ class Equations:
 
 
 def equations(drive: Drive) -> Equations:
-    """Derive a drive's discrete model with letters for its motor data."""
+    """Derive a drive's discrete model with letters for its motor data.
+
+    Parameters
+    ----------
+    drive : Drive
+        Which machine, mechanics and discretisation.
+    """
     model = build(drive, Parameters.symbolic())
     return Equations(*(to_sympy(expression) for expression in (model.f, model.h, model.F, model.H)))
 
@@ -46,13 +52,23 @@ class Readable:
     symbols: dict[sp.Symbol, str]
 
     def latex(self, expression: Any) -> str:
-        """Spell an expression in LaTeX."""
+        """Spell an expression in LaTeX.
+
+        Parameters
+        ----------
+        expression : sympy object
+        """
         text: str = sp.latex(expression, symbol_names=self.symbols, mat_delim="[")
         return text
 
 
 def readable(drive: Drive) -> Readable:
-    """f and h line by line through their named intermediates; H in terms of those of h."""
+    """f and h line by line through their named intermediates; H in terms of those of h.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
     model = build(drive)
     f = _lines(model.propagate, model, [f"{state.name}_next" for state in model.states], with_input=True)
     h = _lines(model.measure, model, [f"y_{quantity.name}" for quantity in OUTPUTS], with_input=False)
@@ -87,5 +103,15 @@ def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
 
 
 def sparsity(model: StateSpaceModel) -> dict[str, str]:
-    """Structural non-zeros of F and H, as 'k of n'."""
+    """Structural non-zeros of F and H, as 'k of n'.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+
+    Returns
+    -------
+    dict of str to str
+        By "F" and "H".
+    """
     return {name: f"{matrix.nnz()} of {matrix.numel()}" for name, matrix in (("F", model.F), ("H", model.H))}

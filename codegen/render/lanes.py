@@ -89,7 +89,14 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
 
 
 def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
-    """Header and source of the controller around one filter, float32."""
+    """Header and source of the controller around one filter, float32.
+
+    Parameters
+    ----------
+    about : Description
+    step : FilterStep
+        That filter's.
+    """
     n = len(about.model.states)
     context = foc_context(about, step.kind, LanesPrinter(F28335, n))
     context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
@@ -98,7 +105,12 @@ def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
 
 
 def render_plant_lanes(about: Description) -> tuple[str, str]:
-    """Header and source of the motor, float64."""
+    """Header and source of the motor, float64.
+
+    Parameters
+    ----------
+    about : Description
+    """
     context = plant_context(about, LanesPrinter(HOST64, len(about.model.states)))
     context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
     return render("plant_lanes.h.j2", **context), render("plant_lanes.c.j2", **context)

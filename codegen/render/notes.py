@@ -23,7 +23,21 @@ def filter_notes(
     certificate: Certificate,
     chip: ChipModel,
 ) -> list[str]:
-    """Lines of a filter's head; ``account`` is None while the text is still to be counted, and for the host."""
+    """Lines of a filter's head; ``account`` is None while the text is still to be counted, and for the host.
+
+    Parameters
+    ----------
+    step : FilterStep
+    target : Target
+    states : sequence of Quantity
+        Their names and units.
+    account : Account or None
+        What the text costs.
+    certificate : Certificate
+        Float32 against float64 on the host.
+    chip : ChipModel
+        What the chip is expected to add.
+    """
     notes = [f"For {target.purpose}."]
     if account is not None:
         notes += cost_notes(account.filter)
@@ -48,7 +62,14 @@ def filter_notes(
 
 
 def cost_notes(ledger: Ledger, title: str = "Cost at most") -> list[str]:
-    """Operations, cycles and RAM, worst case."""
+    """Operations, cycles and RAM, worst case.
+
+    Parameters
+    ----------
+    ledger : Ledger
+    title : str, optional
+        How the first line begins.
+    """
     ops = ledger.calls
     return [
         f"{title}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",

@@ -23,7 +23,20 @@ def render_report(
     figures: dict[str, Figures],
     tests: dict[str, SelfTest],
 ) -> str:
-    """The readable side of the manifest."""
+    """The readable side of the manifest.
+
+    Parameters
+    ----------
+    about : Description
+    steps : dict of str to FilterStep
+        By filter kind, as accounts and figures.
+    accounts : dict of str to Account
+    measured : dict of str to Record
+        By the function's C name.
+    figures : dict of str to Figures
+    tests : dict of str to SelfTest
+        By the C name's end, such as "ickf_foc".
+    """
     drive, model = about.drive, about.model
     eq = readable(drive)
     return render(

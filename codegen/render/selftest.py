@@ -35,7 +35,20 @@ class SelfTest:
 def render_filter_selftest(
     about: Description, kind: str, module: str, runs: list[Segment], recording: Recording
 ) -> SelfTest:
-    """Self-test of one filter."""
+    """Self-test of one filter.
+
+    Parameters
+    ----------
+    about : Description
+    kind : str
+        Filter kind, such as "ickf".
+    module : str
+        Text of the generated Python module.
+    runs : list of Segment
+        The inputs, N vectors in all.
+    recording : Recording
+        What comes out, of N vectors.
+    """
     covariance = execute(module, "named")["COVARIANCE"]
     n, outputs = len(about.model.states), recording.words.shape[1]
     vectors = len(recording.words)
@@ -74,7 +87,18 @@ def render_filter_selftest(
 
 
 def render_control_selftest(about: Description, kind: str, run: ControlRun, recording: Recording) -> SelfTest:
-    """Self-test of the controller around one filter."""
+    """Self-test of the controller around one filter.
+
+    Parameters
+    ----------
+    about : Description
+    kind : str
+        Filter kind, such as "ickf".
+    run : ControlRun
+        The inputs, N samples.
+    recording : Recording
+        What comes out, of N samples.
+    """
     vectors, outputs = recording.words.shape
     words = vectors * _even(8 + 1 + 3 * outputs)
     p = f"{about.drive.name}_{kind}_foc"
@@ -107,6 +131,11 @@ def _even(words: int) -> int:
 
 def word(value: Any) -> str:
     """The bits of a float32 as a C literal.
+
+    Parameters
+    ----------
+    value : float
+        Rounded to float32.
 
     >>> word(1.0)
     '0x3F800000UL'

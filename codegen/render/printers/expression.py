@@ -20,27 +20,65 @@ class ExpressionPrinter:
     """Infix text of a node; a language says how it writes literals, square roots, wrapping and selection."""
 
     def format_literal(self, value: float) -> str:
-        """Spell a number so that it reads back to the same bits."""
+        """Spell a number so that it reads back to the same bits.
+
+        Parameters
+        ----------
+        value : float
+        """
         raise NotImplementedError
 
     def format_sqrt(self, argument: str) -> str:
-        """Spell a square root."""
+        """Spell a square root.
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression.
+        """
         raise NotImplementedError
 
     def format_wrap(self, argument: str) -> str:
-        """Spell an angle wrapped into [-pi, pi)."""
+        """Spell an angle wrapped into [-pi, pi).
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression, rad.
+        """
         raise NotImplementedError
 
     def format_extreme(self, op: str, left: str, right: str) -> str:
-        """The smaller (``min``) or larger (``max``) of two; the second one where they do not compare."""
+        """The smaller (``min``) or larger (``max``) of two; the second one where they do not compare.
+
+        Parameters
+        ----------
+        op : {"min", "max"}
+        left, right : str
+            Text of two expressions.
+        """
         raise NotImplementedError
 
     def reference(self, listing: Listing, node: int) -> str:
-        """The node's name if it has one, else its expression."""
+        """The node's name if it has one, else its expression.
+
+        Parameters
+        ----------
+        listing : Listing
+            The block that the node is of.
+        node : int
+        """
         return listing.names[node] if node in listing.names else self.expression(listing, node)
 
     def expression(self, listing: Listing, node: int) -> str:
-        """The operation of ``node``, its unnamed arguments written out."""
+        """The operation of ``node``, its unnamed arguments written out.
+
+        Parameters
+        ----------
+        listing : Listing
+            The block that the node is of.
+        node : int
+        """
         return self._format(listing, node, expand=True)[0]
 
     def _format(self, listing: Listing, index: int, expand: bool = False) -> tuple[str, int]:
@@ -78,12 +116,27 @@ def _parenthesised(operand: tuple[str, int], least: int) -> str:
 
 
 def unbroken(text: str) -> str:
-    """Text that :func:`wrap_line` keeps on one line."""
+    """Text that :func:`wrap_line` keeps on one line.
+
+    Parameters
+    ----------
+    text : str
+    """
     return text.replace(" ", "\0")
 
 
 def wrap_line(text: str, indent: str, hanging: str) -> str:
-    """Break a long statement at blanks, but not around * and / nor inside short parentheses; continuations hang."""
+    """Break a long statement at blanks, but not around * and / nor inside short parentheses; continuations hang.
+
+    Parameters
+    ----------
+    text : str
+        A statement, on one line.
+    indent : str
+        Blanks before its first line.
+    hanging : str
+        Blanks that the others have more.
+    """
     glued = re.sub(r"(?<!\0)\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
     glued = glued.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
     lines = textwrap.wrap(

@@ -31,11 +31,21 @@ class FlowPrinter(ExpressionPrinter):
     ACCEPTED = "accepted != 0"
 
     def format_entry(self, entry: Entry) -> str:
-        """Spell an entry of an array, or a field."""
+        """Spell an entry of an array, or a field.
+
+        Parameters
+        ----------
+        entry : Entry
+        """
         raise NotImplementedError
 
     def format_value(self, value: Value) -> str:
-        """Spell a number of the flow."""
+        """Spell a number of the flow.
+
+        Parameters
+        ----------
+        value : Value
+        """
         if isinstance(value, Entry):
             return self.format_entry(value)
         if isinstance(value, Name):
@@ -50,7 +60,12 @@ class FlowPrinter(ExpressionPrinter):
         return f"{left} {value.sign} {right}"
 
     def format_condition(self, condition: Condition) -> str:
-        """Spell a truth; more than one comparison stand in parentheses."""
+        """Spell a truth; more than one comparison stand in parentheses.
+
+        Parameters
+        ----------
+        condition : Condition
+        """
         if isinstance(condition, Accepted):
             return self.ACCEPTED
         if isinstance(condition, Compare):
@@ -68,7 +83,13 @@ class FlowPrinter(ExpressionPrinter):
         return text if isinstance(condition, Not) else f"({text})"
 
     def format_bits(self, bits: tuple[str, ...]) -> str:
-        """Spell a mask of status bits."""
+        """Spell a mask of status bits.
+
+        Parameters
+        ----------
+        bits : tuple of str
+            Their names without what they all begin with.
+        """
         text = " | ".join(self.BIT + bit for bit in bits)
         return f"({text})" if len(bits) > 1 else text
 

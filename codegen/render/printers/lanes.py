@@ -52,7 +52,12 @@ class LanesPrinter(CPrinter):
     # --- functions
 
     def format_block(self, listing: Listing) -> str:
-        """A block as a loop over lanes; its arrays must differ, which ``__restrict`` tells the compiler."""
+        """A block as a loop over lanes; its arrays must differ, which ``__restrict`` tells the compiler.
+
+        Parameters
+        ----------
+        listing : Listing
+        """
         read, written = ({port.name for port in ports} for ports in (listing.block.inputs, listing.block.outputs))
         assert not written & read or written & COPIED, "what is read and written needs two arrays from its caller"
         body = [
@@ -87,7 +92,15 @@ class LanesPrinter(CPrinter):
         )
 
     def format_small_angle(self, names: tuple[str, str], argument: str) -> list[str]:
-        """The polynomials for all lanes; those that are wide are mended afterwards."""
+        """The polynomials for all lanes; those that are wide are mended afterwards.
+
+        Parameters
+        ----------
+        names : tuple of two str
+            What sinc and cosm1 are called.
+        argument : str
+            Text of z.
+        """
         return [
             self._declaration(name, self.format_turn(prefix, argument))
             for name, prefix in zip(names, ("SINC", "COSM1"), strict=True)
@@ -103,7 +116,12 @@ class LanesPrinter(CPrinter):
     # --- the step
 
     def format_step(self, step: FilterStep) -> list[str]:
-        """The calls of a step; what is between them is printed as functions, loops over lanes (:attr:`functions`)."""
+        """The calls of a step; what is between them is printed as functions, loops over lanes (:attr:`functions`).
+
+        Parameters
+        ----------
+        step : FilterStep
+        """
         self.skips = any(
             isinstance(node, Turns) for branch in step.nodes if isinstance(branch, If) for node in branch.then
         )
@@ -217,17 +235,34 @@ class LanesPrinter(CPrinter):
         return []
 
     def format_word(self, array: str) -> str:
-        """Spell entry k of an array of the struct."""
+        """Spell entry k of an array of the struct.
+
+        Parameters
+        ----------
+        array : str
+            The array's name in the step.
+        """
         return f"{STRUCT_FIELDS[array]}[k].of[lane]"
 
     def format_entry(self, entry: Entry) -> str:
-        """Spell a lane's number: of an array on the stack or in the struct, or of a field."""
+        """Spell a lane's number: of an array on the stack or in the struct, or of a field.
+
+        Parameters
+        ----------
+        entry : Entry
+        """
         if entry.place is None:
             return f"f->{entry.name}[0].of[lane]"
         return self.own.get(entry.name) or f"{STRUCT_FIELDS.get(entry.name, entry.name)}[{entry.place}].of[lane]"
 
     def format_counter(self, counter: str) -> str:
-        """Spell a lane's counter."""
+        """Spell a lane's counter.
+
+        Parameters
+        ----------
+        counter : str
+            Name of the field.
+        """
         return f"f->{counter}[lane]"
 
     def format_status(self) -> str:
@@ -303,7 +338,13 @@ def _arrays(nodes: list[Node]) -> list[str]:
 
 
 def lane_arrays(body: tuple[Node, ...]) -> dict[str, int]:
-    """Arrays of the step that do not live in the struct, and their lengths."""
+    """Arrays of the step that do not live in the struct, and their lengths.
+
+    Parameters
+    ----------
+    body : tuple of Node
+        The step's; what lies within its nodes counts too.
+    """
     sizes: dict[str, int] = {}
     for node in body:
         if isinstance(node, Call):

@@ -25,25 +25,56 @@ class PythonPrinter(FlowPrinter):
     AND, OR, NOT, BIT, ACCEPTED = "&", "|", "~", "", "accepted"
 
     def format_literal(self, value: float) -> str:
-        """Spell a number so that it reads back to the same bits."""
+        """Spell a number so that it reads back to the same bits.
+
+        Parameters
+        ----------
+        value : float
+        """
         return repr(float(value))
 
     def format_sqrt(self, argument: str) -> str:
-        """Spell a square root."""
+        """Spell a square root.
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression.
+        """
         return f"np.sqrt({argument})"
 
     def format_wrap(self, argument: str) -> str:
-        """Spell an angle wrapped into [-pi, pi)."""
+        """Spell an angle wrapped into [-pi, pi).
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression, rad.
+        """
         return f"math.wrap({argument})"
 
     def format_extreme(self, op: str, left: str, right: str) -> str:
-        """Spell the smaller or the larger of two values."""
+        """Spell the smaller or the larger of two values.
+
+        Parameters
+        ----------
+        op : {"min", "max"}
+        left, right : str
+            Text of two expressions.
+        """
         return f"_{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
     # --- statements
 
     def format_statement(self, listing: Listing, statement: Statement) -> str:
-        """Spell one assignment."""
+        """Spell one assignment.
+
+        Parameters
+        ----------
+        listing : Listing
+            The block that it is of.
+        statement : Statement
+        """
         if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
@@ -51,7 +82,12 @@ class PythonPrinter(FlowPrinter):
         return f"{INDENT}{names} = math.{name}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
-        """Spell the sections of a block with their headings."""
+        """Spell the sections of a block with their headings.
+
+        Parameters
+        ----------
+        listing : Listing
+        """
         lines: list[str] = []
         for section in listing.sections:
             if section.heading:
@@ -62,7 +98,12 @@ class PythonPrinter(FlowPrinter):
     # --- functions
 
     def format_block(self, listing: Listing) -> str:
-        """A block as a function of sequences of scalars (or of arrays, one lane each)."""
+        """A block as a function of sequences of scalars (or of arrays, one lane each).
+
+        Parameters
+        ----------
+        listing : Listing
+        """
         block = listing.block
         arguments = ", ".join([*(port.name for port in block.inputs), "math", "stages=None"])
         lines = [f"def {block.name}({arguments}):", f'{INDENT}"""{block.title}."""']
@@ -106,7 +147,14 @@ class PythonPrinter(FlowPrinter):
         return f"math.dtype({text})" if listing.graph[node].op == "const" else text
 
     def format_helper(self, listing: Listing, suffix: str) -> str:
-        """sin_cos or wrap_angle for one precision."""
+        """sin_cos or wrap_angle for one precision.
+
+        Parameters
+        ----------
+        listing : Listing
+        suffix : str
+            End of the function's name: "f32" or "f64".
+        """
         results = ", ".join(self.reference(listing, nodes[0]) for nodes in listing.outputs.values())
         constants = [node for node in listing.graph.nodes if node.op == "const" and node.name]
         (argument,) = (port.name for port in listing.block.inputs)
@@ -119,7 +167,12 @@ class PythonPrinter(FlowPrinter):
     # --- the step
 
     def format_step(self, step: FilterStep) -> list[str]:
-        """The control flow of a step, masks in place of branches."""
+        """The control flow of a step, masks in place of branches.
+
+        Parameters
+        ----------
+        step : FilterStep
+        """
         self.loops, self.covariance = step.has(Repeat), step.covariance
         return self.format_program(step.body)
 
@@ -135,7 +188,12 @@ class PythonPrinter(FlowPrinter):
         return [line for node in body for line in self._format_node(node, where)]
 
     def format_seldom(self, node: Seldom) -> list[str]:
-        """The body of the function that sees to the lanes in which something seldom happened."""
+        """The body of the function that sees to the lanes in which something seldom happened.
+
+        Parameters
+        ----------
+        node : Seldom
+        """
         first, *others = (self.format_entry(entry) for entry in node.size.entries)
         adds = f"{node.size.target} = {node.size.target} + size * size"
         return [
@@ -161,7 +219,12 @@ class PythonPrinter(FlowPrinter):
         return f"(status & {self.format_bits(condition.bits)}) == 0"
 
     def format_entry(self, entry: Entry) -> str:
-        """Spell an entry of an array, or a field."""
+        """Spell an entry of an array, or a field.
+
+        Parameters
+        ----------
+        entry : Entry
+        """
         if entry.place is None:
             return f"f.{entry.name}"
         return f"{_ARGUMENTS.get(entry.name, entry.name)}[{entry.place}]"
