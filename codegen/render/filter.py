@@ -79,7 +79,13 @@ class Description:
         return f"T = {self.drive.model.sample_time * 1e6:g} us"
 
     def title(self, kind: str) -> str:
-        """Return a filter's title: kind, machine, number of states, sample time."""
+        """Return a filter's title: kind, machine, number of states, sample time.
+
+        Parameters
+        ----------
+        kind : str
+            Filter kind, such as "ickf".
+        """
         return f"{FILTER_TITLES[kind]}, {self.machine}, {len(self.model.states)} states, {self.sample_time}"
 
 
@@ -210,6 +216,13 @@ def with_ramfuncs(source: str, cold: set[str]) -> str:
     """Pragmas that place every function of the file but the ``cold`` ones in RAM.
 
     They stand before the first include: a pragma that follows a declaration may be ignored (SPRU514).
+
+    Parameters
+    ----------
+    source : str
+        Text of a C file.
+    cold : set of str
+        Functions that stay in flash.
     """
     functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
     head, include, tail = source.partition("#include")
@@ -229,7 +242,14 @@ def trig_note(target: Target) -> list[str]:
 
 
 def library_calls(listings: Sequence[Listing], target: Target) -> str:
-    """The functions of libm that the step calls, in words."""
+    """The functions of libm that the step calls, in words.
+
+    Parameters
+    ----------
+    listings : sequence of Listing
+        The step's blocks.
+    target : Target
+    """
     count = sum((listing.operations() for listing in listings), Counter())
     names = [target.libm] if count["sqrt"] else []
     names += ["sin", "cos"] if count["sincos"] and not target.generated_trig else []
@@ -237,14 +257,27 @@ def library_calls(listings: Sequence[Listing], target: Target) -> str:
 
 
 def common_spread(listings: Iterable[Listing]) -> float | None:
-    """The n of all small angles z = d^2 / n of a filter; None where it has none."""
+    """The n of all small angles z = d^2 / n of a filter; None where it has none.
+
+    Parameters
+    ----------
+    listings : iterable of Listing
+        The filter's blocks.
+    """
     spreads = set().union(*(listing.spreads for listing in listings))
     assert len(spreads) <= 1, "one filter, one rule, one n"
     return next(iter(spreads), None)
 
 
 def small_angle_note(target: Target, n: float) -> list[str]:
-    """The comment on sinc and cosm1: their definition and error."""
+    """The comment on sinc and cosm1: their definition and error.
+
+    Parameters
+    ----------
+    target : Target
+    n : float
+        d^2 over z.
+    """
     lines = [
         f"How far a column of L turns an angle, from z = d^2 / {n:g}: sin(d) / d = 1 + SINC_1 z + ..., "
         "cos(d) - 1 = COSM1_1 z + ...",
@@ -304,7 +337,14 @@ def filter_constants(
 
 
 def named_constants(about: Description, listings: list[Listing]) -> list[tuple[str, float, str]]:
-    """Name, value and formula of the constants that blocks use: the model's in its order, then products of them."""
+    """Name, value and formula of the constants that blocks use: the model's in its order, then products of them.
+
+    Parameters
+    ----------
+    about : Description
+    listings : list of Listing
+        The blocks.
+    """
     found: dict[str, tuple[str, float, str]] = {}
     for listing in listings:
         for node in (listing.graph[index] for index in sorted(listing.live)):

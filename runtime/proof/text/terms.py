@@ -94,7 +94,17 @@ class Terms:
         return self.make("number", repr(float(np.float32(value))))  # as text, so that 0 is not -0
 
     def symbol(self, name: str, place: int = 0, whole: bool = False) -> Term:
-        """Return an input's cell."""
+        """Return an input's cell.
+
+        Parameters
+        ----------
+        name : str
+            Of the input.
+        place : int, optional
+            From 0.
+        whole : bool, optional
+            It is an integer.
+        """
         return self.make("symbol", name, place, whole=whole)
 
     def unknown(self, why: str) -> Term:
@@ -150,7 +160,14 @@ class Terms:
     # --- truths
 
     def compare(self, relation: str, left: Term, right: Term) -> Term:
-        """1 where the relation holds, else 0; with NaN none holds, so ``a <= b`` is not the opposite of ``a > b``."""
+        """1 where the relation holds, else 0; with NaN none holds, so ``a <= b`` is not the opposite of ``a > b``.
+
+        Parameters
+        ----------
+        relation : {"<", "<=", ">", ">=", "==", "!="}
+        left, right : Term
+            Both integers, or both float32.
+        """
         return self._once(self._compare, relation, left, right)
 
     def _compare(self, relation: str, left: Term, right: Term) -> Term:
@@ -227,7 +244,15 @@ class Terms:
         return self.make("choice", atom, then, otherwise, whole=then.whole and otherwise.whole)
 
     def assume(self, term: Term, atom: Term, holds: bool) -> Term:
-        """The term where it is known whether a comparison holds, wherever in it that is asked."""
+        """The term where it is known whether a comparison holds, wherever in it that is asked.
+
+        Parameters
+        ----------
+        term : Term
+        atom : Term
+            The comparison.
+        holds : bool
+        """
         if not term.chooses or term.order[0] <= atom.order[0]:  # too shallow to ask
             return term
         return self._once(self._assume, term, atom, holds)
@@ -256,6 +281,12 @@ class Terms:
 
         Where the condition is about all lanes, a lane may come through either branch on behalf of others: then it must
         find the same in both.
+
+        Parameters
+        ----------
+        condition : Term or OverLanes
+        then, otherwise : Term
+            What either branch leaves in the cell.
         """
         if isinstance(condition, Term):
             chosen = self.select(condition, then, otherwise)
@@ -281,7 +312,15 @@ class Terms:
         )
 
     def phi(self, key: Key, truth: bool, whole: bool) -> Term:
-        """The value of a cell at the beginning of a pass through a loop."""
+        """The value of a cell at the beginning of a pass through a loop.
+
+        Parameters
+        ----------
+        key : Key
+            Name and place of the cell.
+        truth, whole : bool
+            It holds a truth; an integer.
+        """
         value = self.make("phi", *key, whole=whole)
         return self.truth(value) if truth else value
 
@@ -291,6 +330,15 @@ class Terms:
         """The values of cells after ``do ... while (again)``; ``start``: their phi, and what they held before.
 
         A loop that goes on for lanes together freezes the lanes that are done: then it is each lane's own loop.
+
+        Parameters
+        ----------
+        start : mapping of Key to (Term, Term)
+            By cell: its phi, and what it held before the loop.
+        after : mapping of Key to Term
+            By cell: what one pass leaves in it.
+        again : Term or OverLanes
+            What the loop asks after a pass.
         """
         once = self.one
         live = dict(after)
