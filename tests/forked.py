@@ -12,7 +12,6 @@ from __future__ import annotations
 import atexit
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -24,24 +23,19 @@ from typing import IO, Any
 ROOT = Path(__file__).parents[1]
 
 
-def call(
-    *arguments: str, cwd: Path, environment: Mapping[str, str] | None = None, file_size: int | None = None
-) -> subprocess.CompletedProcess[str]:
+def call(*arguments: str, cwd: Path, environment: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     """Run ``pmsm-ickf`` with some arguments.
 
     Parameters
     ----------
     environment : mapping of str to str, optional
         Variables that differ from this process's.
-    file_size : int, optional
-        Bytes that a file may have at most.
     """
     with tempfile.TemporaryFile("w+", encoding="utf-8") as out, tempfile.TemporaryFile("w+", encoding="utf-8") as err:
         request = {
             "arguments": arguments,
             "cwd": str(cwd),
             "environment": {**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
-            "file_size": file_size,
             "streams": [f"/proc/{os.getpid()}/fd/{stream.fileno()}" for stream in (out, err)],
         }
         code = _ask(request)
@@ -102,8 +96,6 @@ def _become(request: dict[str, Any]) -> None:
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["cwd"])
-    if request["file_size"] is not None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (request["file_size"],) * 2)
     sys.argv[1:] = request["arguments"]
 
 

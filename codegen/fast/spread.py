@@ -157,7 +157,7 @@ class SigmaPoints:
         """Keep the name of a number that no constant of the model makes."""
         if self.rule is not None:
             of = f"1 / {self.n + self.rule.kappa:g}: weight of the two points of a column of S"
-            b.graph.told[weight] = "PAIR_WEIGHT", of
+            b.graph.told[weight] = "PAIR_WEIGHT" if self.is_paper else f"{self.kind.upper()}_PAIR_WEIGHT", of
 
     def _name_bends(
         self, b: GraphBuilder, equation: str, names: list[str], even: Sequence[Vector], totals: Vector, mean: Vector

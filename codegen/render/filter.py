@@ -336,7 +336,7 @@ def filter_constants(
     return [{"name": name, "text": printer.format_literal(value), "formula": formula} for name, value, formula in used]
 
 
-def named_constants(about: Description, listings: list[Listing]) -> list[tuple[str, float, str]]:
+def named_constants(about: Description, listings: list[Listing], staged: bool = False) -> list[tuple[str, float, str]]:
     """Name, value and formula of the constants that blocks use: the model's in its order, then products of them.
 
     Parameters
@@ -344,10 +344,13 @@ def named_constants(about: Description, listings: list[Listing]) -> list[tuple[s
     about : Description
     listings : list of Listing
         The blocks.
+    staged : bool, optional
+        The text tells its stages too, some of which are constants that no output needs.
     """
     found: dict[str, tuple[str, float, str]] = {}
     for listing in listings:
-        for node in (listing.graph[index] for index in sorted(listing.live)):
+        told = {entry for entries in listing.stages.values() for entry in entries} if staged else set[int]()
+        for node in (listing.graph[index] for index in sorted(listing.live | told)):
             if node.op == "const" and node.name:
                 known = found.setdefault(node.name, (node.name, node.value, node.formula))
                 assert math.isclose(known[1], node.value, rel_tol=1e-14), f"two constants named {node.name}"

@@ -53,7 +53,7 @@ def render_module(
             for name, value, formula in {
                 c[0]: c
                 for c in (
-                    *named_constants(about, [*listings.values(), *controller["control_listings"]]),
+                    *named_constants(about, [*listings.values(), *controller["control_listings"]], staged=True),
                     *((c.name, c.value, c.formula) for c in controller["control_constants"]),
                 )
             }.values()

@@ -297,8 +297,8 @@ def test_one_chapter_of_two_decides_what_the_page_begins_with(
     assert said == [flags, flags]
 
 
-def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept) -> None:
-    monkeypatch.setattr("runtime.report.cost_figures.svg_text", kept)
+def _broken_page(tmp_path: Path) -> str:
+    """A chapter whose proof is broken and of which one gate fails."""
     effects = [IterationEffect("d", "cubature", 0.25, {}, True, "unexplained")]
     links = [
         link(row(2.5e-11, 1e-10, "P_pred")),
@@ -314,7 +314,12 @@ def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pyte
         run("no_load", "ckf", 3.0, 4.0),
         run("load_step", "ickf", np.where(np.arange(400) == 100, -6.0, -5.0), 90.0),
     ]
-    said = _page(tmp_path, _chapter(proof=broken, firmware=Gated("paper_spmsm", checks), runs=runs))
+    return _page(tmp_path, _chapter(proof=broken, firmware=Gated("paper_spmsm", checks), runs=runs))
+
+
+def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept) -> None:
+    monkeypatch.setattr("runtime.report.cost_figures.svg_text", kept)
+    said = _broken_page(tmp_path)
     manifest = find_folder("paper_spmsm").manifest["filters"]
     for words in (
         f"pmsm-ickf {__version__}",

@@ -302,13 +302,19 @@ def test_a_read_only_disk_is_one_line(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def limited(size: int) -> Callable[[], None]:
+    """No file may be larger, in bytes."""
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
 @pytest.mark.parametrize("limit", [0, 1000, 30_000])
 def test_a_file_size_limit_leaves_the_old_folder(tmp_path: Path, limit: int) -> None:
     shutil.copytree(GENERATED / "paper_spmsm", tmp_path / "out" / "mine")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
-    words = ("generate", "mine.toml", "--out", "out", "--force")
-    line = refused(call(*words, cwd=tmp_path, file_size=limit, environment={"PATH": "/nowhere"}))
+    words = ("-m", "runtime", "generate", "mine.toml", "--out", "out", "--force")
+    process = start(*words, cwd=tmp_path, preexec_fn=limited(limit), environment={"PATH": "/nowhere"})
+    line = refused(finish(process))
     assert line == "pmsm-ickf: cannot write 'out/mine': File too large; it is left as it was."
     (tmp_path / "mine.toml").unlink()
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
@@ -319,8 +325,8 @@ def test_results_that_do_not_fit_leave_the_old_file(tmp_path: Path) -> None:
     (tmp_path / "f.npz").write_bytes(b"old")
     (tmp_path / "f.json").write_bytes(b"old")
     for option, name in (("--out", "f.npz"), ("--json", "f.json")):
-        words = ("replay", "spmsm_load_torque", data, "--backend", "numpy", option, name)
-        line = refused(call(*words, cwd=tmp_path, file_size=200))
+        words = ("-m", "runtime", "replay", "spmsm_load_torque", data, "--backend", "numpy", option, name)
+        line = refused(finish(start(*words, cwd=tmp_path, preexec_fn=limited(200))))
         assert line == f"pmsm-ickf: cannot write '{name}': File too large."
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"f.npz": b"old", "f.json": b"old"}
 
