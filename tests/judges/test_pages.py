@@ -380,3 +380,27 @@ def test_the_page_shows_what_the_chapters_hold(tmp_path: Path, monkeypatch: pyte
     assert ["claim", "theirs", "ours", "why"] in heads_of(tmp_path / "report" / "index.html")
     missing = Gated("paper_spmsm", (check("not run"),))
     assert "Chain of proof: all links that could be run here hold ." in _page(tmp_path, _chapter(firmware=missing))
+
+
+#: Name of a chapter -> was its proof made by an earlier run, were its firmware checks (None: it has none), is it told.
+MADE_BEFORE: dict[str, tuple[bool, bool | None, bool]] = {
+    "nothing": (False, False, False),
+    "proof": (True, False, True),
+    "firmware": (False, True, True),
+    "both": (True, True, True),
+    "proof alone": (True, None, True),
+    "nothing alone": (False, None, False),
+}
+
+
+def test_the_page_says_of_each_chapter_whether_an_earlier_run_made_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: Kept
+) -> None:
+    monkeypatch.setattr("runtime.report.cost_figures.svg_text", kept)
+    chapters = []
+    for old_proof, old_firmware, _ in MADE_BEFORE.values():
+        made = None if old_firmware is None else Gated("paper_spmsm", (check(),), kept=old_firmware)
+        chapters.append(_chapter(proof=proof(link(), drive="paper_spmsm", kept=old_proof), firmware=made))
+    parts = _page(tmp_path, *chapters).split("paper_spmsm surface machine,")[1:]
+    told = {name: "were kept from an earlier run" in part for name, part in zip(MADE_BEFORE, parts, strict=True)}
+    assert told == {name: wanted for name, (*_, wanted) in MADE_BEFORE.items()}

@@ -362,4 +362,12 @@ def overlaid(folder: Any, name: str, text: str) -> Any:
     return Overlaid(folder.path, checked=False)
 
 
-__all__ = ["Bench", "bits_of", "copy", "first_failure", "overlaid", "verdict"]
+def forms_of(file: str) -> tuple[str, ...]:
+    """Of link text's forms those that a file of a generated folder is part of; of the module, the scalar ones."""
+    if file.endswith(".py"):
+        return ("C", "controller")
+    scalar, lanes = ("controller", "controller's lanes") if "_foc" in file else ("C", "lanes")
+    return (lanes if "_lanes" in file else scalar,)
+
+
+__all__ = ["Bench", "bits_of", "copy", "first_failure", "forms_of", "overlaid", "verdict"]

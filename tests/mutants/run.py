@@ -18,7 +18,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
-from tests.mutants.checks import Bench, bits_of, copy, first_failure, overlaid, rewritten, run_pytest, verdict
+from tests.mutants.checks import Bench, bits_of, copy, first_failure, forms_of, overlaid, rewritten, run_pytest, verdict
 from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutated_source, overlay
 
 #: Seconds of processor time after which a mutant is taken to hang, and of the clock, whatever else the machine does.
@@ -136,7 +136,7 @@ class EmittedBench:
 
 
 class StepJudge:
-    """Link text on a shipped folder in which one text of the step is another."""
+    """Link text on a shipped folder in which one text of the step is another, in the forms that the text is part of."""
 
     def __init__(self, drive: str) -> None:
         from runtime.estimator.folder import find_folder
@@ -146,8 +146,8 @@ class StepJudge:
     def __call__(self, mutant: Mutant) -> Verdict:
         from runtime.proof.link_text import link_text
 
-        folder = overlaid(self.folder, mutant.file.split("/", 1)[1], mutant.text)
-        link = link_text(folder, mutant.checks[0].split()[2], "as shipped")
+        file, kind = mutant.file.split("/", 1)[1], mutant.checks[0].split()[2]
+        link = link_text(overlaid(self.folder, file, mutant.text), kind, "as shipped", forms_of(file))
         return None if link.passed else verdict(link)
 
 

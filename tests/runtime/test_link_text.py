@@ -9,7 +9,7 @@ import pytest
 
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.link_text import link_text
-from tests.mutants.checks import overlaid
+from tests.mutants.checks import forms_of, overlaid
 
 SHIPPED = sorted(path.name for path in GENERATED.iterdir() if (path / "manifest.json").exists())
 
@@ -113,14 +113,6 @@ def test_what_is_stated_otherwise_is_told(change: str) -> None:
     link = link_text(overlaid(folder, file, text), kind, "jacobian", forms_of(file))
     assert not link.passed
     assert any(row.stage.startswith(told) for row in link.rows if not row.passed)
-
-
-def forms_of(file: str) -> tuple[str, ...]:
-    """The forms that a file is part of; of the module, the scalar ones."""
-    if file.endswith(".py"):
-        return ("C", "controller")
-    scalar, lanes = ("controller", "controller's lanes") if "_foc" in file else ("C", "lanes")
-    return (lanes if "_lanes" in file else scalar,)
 
 
 C, LANES, MODULE = "ipmsm_flux_ickf.c", "host/ipmsm_flux_ickf_lanes.c", "ipmsm_flux.py"
