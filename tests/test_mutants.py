@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
@@ -39,6 +40,20 @@ def test_no_mutant_is_stale() -> None:
             compile(mutated_source(mutant), mutant.file, "exec")
     with pytest.raises(StaleMutantError, match="0 times"):
         mutated_source(replace(SOURCES[0], old="no such text"))
+
+
+def test_every_test_that_must_notice_exists() -> None:
+    """Those that a check names; where ``-k`` chooses none, the run itself ends with an error."""
+    named = {word for m in SOURCES for check in m.checks for word in check.split() if ".py" in word}
+    defined = {file: _functions(ROOT / file) for file in {word.partition("::")[0] for word in named}}
+    wanted = {tuple(word.partition("[")[0].split("::")) for word in named if "::" in word}
+    assert len(wanted) > 80
+    assert [(file, test) for file, test in wanted if test not in defined[file]] == []
+
+
+def _functions(file: Path) -> set[str]:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
 @pytest.fixture(scope="module")

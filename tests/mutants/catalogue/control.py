@@ -7,7 +7,7 @@ from tests.mutants.mutant import Mutant
 SURFACE, SALIENT = ("controller paper_spmsm",), ("controller ipmsm_flux",)
 FINITE = ("pytest tests/model/test_controller.py -k finite",)
 OPTIMUM = ("pytest tests/model/test_controller.py -k least_current",)
-PLANT = ("regenerated spmsm_load_torque tests/runtime/test_simulation.py -k 'dop853 and spmsm_load_torque'",)
+PLANT = ("regenerated paper_spmsm tests/runtime/test_simulation.py -k 'dop853 and paper_spmsm'",)
 
 _ROWS = (
     ("speed error reversed", "error_omega = omega_ref - omega", "error_omega = omega - omega_ref", SURFACE),
