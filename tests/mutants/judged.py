@@ -24,7 +24,7 @@ DRIVE = f"{_TESTS}drive_figures.py {_TESTS}truth_figures.py"
 UNITS, REPLAY, STUDY = (f"{_TESTS}{name}.py" for name in ("units", "replay_figures", "study_figures"))
 FAULTS, ENDURANCE = (f"{_TESTS}{name}_verdicts.py" for name in ("fault", "endurance"))
 NOTHING = f"{_TESTS}nothing_is_shown_by_nothing.py"
-BOARD, PAGES = f"{_TESTS}board_verdicts.py", f"{_TESTS}pages.py"
+BOARD, PAGES, SIDE_BY_SIDE = (f"{_TESTS}{name}.py" for name in ("board_verdicts", "pages", "side_by_side"))
 
 #: Module -> tests that must notice, and the functions to leave alone (they judge and tell nothing, or others try them).
 JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -77,9 +77,9 @@ JUDGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "runtime/endurance/figures.py": (ENDURANCE, ()),
     "runtime/board/tables.py": (BOARD, ()),
     "runtime/board/record.py": (BOARD, ("record", "ctrl_c")),
-    "runtime/compare/facts.py": (f"{PAGES} -k 'costs or certificates'", ()),
-    "runtime/compare/tables.py": (f"{PAGES} -k 'costs or certificates or accuracy or words'", ()),
-    "runtime/compare/figures.py": (f"{PAGES} -k 'drawings'", ("_letter",)),
+    "runtime/compare/facts.py": (f"{SIDE_BY_SIDE} -k 'costs or certificates'", ()),
+    "runtime/compare/tables.py": (f"{SIDE_BY_SIDE} -k 'costs or certificates or accuracy or words'", ()),
+    "runtime/compare/figures.py": (f"{SIDE_BY_SIDE} -k 'drawings'", ("_letter",)),
     "runtime/report/chapter.py": (f"{PAGES} -k 'run_ends or no_fault'", ()),
     "runtime/report/page.py": (f"{PAGES} -k 'page'", ()),
 }

@@ -262,16 +262,16 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("ms called us", "{1e6 * value:.4g} us", "{1e3 * value:.4g} us", "test_the_tables_of_a_board"),
         ("steps that differ called agreed", "{result.compared - result.different:,} of", "{result.different:,} of", "test_the_tables_of_a_board"),
     )),
-    "runtime/compare/facts.py": ("pages", (
+    "runtime/compare/facts.py": ("side_by_side", (
         ("stack and code exchanged", 'stack=measured.get("stack_bytes")', 'stack=measured.get("text_bytes")', "test_costs_are_the_manifests"),
         ("k = 5 with k = 4's cycles", 'PRICES = ("2.5", "5")', 'PRICES = ("2.5", "4")', "test_json_costs_by_name"),
         ("99 % that is the worst", '"P, 99 %": c["P_99"]', '"P, 99 %": c["P"]', "test_json_costs_by_name"),
     )),
-    "runtime/compare/tables.py": ("pages", (
+    "runtime/compare/tables.py": ("side_by_side", (
         ("locked always", '"locked" if run.locked else', '"locked" if True else', "test_accuracy_in_order_and_with_verdicts"),
         ("ratio upside down", "cost.cycles['2.5'] / first.cycles['2.5']", "first.cycles['2.5'] / cost.cycles['2.5']", "test_costs_are_the_manifests"),
     )),
-    "runtime/compare/figures.py": ("pages", (
+    "runtime/compare/figures.py": ("side_by_side", (
         ("the bound is the typical price", 'bound = [cost.cycles["5"]', 'bound = [cost.cycles["2.5"]', "test_drawings_of_a_comparison"),
     )),
     "runtime/report/page.html.j2": ("pages", (
