@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -56,14 +55,20 @@ def _ask(request: dict[str, Any]) -> int:
     return int(process.stdout.readline())
 
 
-@cache
+_process: subprocess.Popen[str] | None = None
+
+
 def _loaded() -> subprocess.Popen[str]:
-    process = subprocess.Popen(
+    """The process that has loaded; anew where a test of interrupts has ended it, with all that its own started."""
+    global _process
+    if _process is not None and _process.poll() is None:
+        return _process
+    _process = subprocess.Popen(
         [sys.executable, "-m", "tests.forked"], cwd=ROOT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}, process_group=0,
     )  # fmt: skip
-    atexit.register(process.kill)
-    return process
+    atexit.register(_process.kill)
+    return _process
 
 
 def _serve() -> None:

@@ -11,7 +11,8 @@ from runtime.compare.page import write_comparison
 from runtime.compare.subject import Subject
 from runtime.compare.tables import accuracy_rows, certificate_table, cost_cells, firsts
 from tests.judges.made import Kept
-from tests.judges.test_pages import NAMES, heads_of, subjects
+from tests.judges.test_pages import heads_of
+from tests.judges.test_side_by_side import NAMES, subjects
 
 __all__ = ["subjects"]
 
