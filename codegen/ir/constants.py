@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections import Counter
 from dataclasses import dataclass
 from fractions import Fraction
@@ -141,6 +142,8 @@ class Monomial:
     @property
     def fraction(self) -> Fraction:
         """The number as a fraction of small integers; 0 where it is none."""
+        if not math.isfinite(self.number):  # a sum of which a part has no name
+            return Fraction(0)
         found = Fraction(self.number).limit_denominator(DENOMINATOR)
         return found if math.isclose(found, self.number, rel_tol=1e-12) else Fraction(0)
 
@@ -156,11 +159,7 @@ class Monomial:
         words += [f"X{abs(number.numerator)}"] if abs(number.numerator) != 1 else []
         words += [f"BY{number.denominator}"] if number.denominator != 1 else []
         words += [f"PER_{_power(name, -count)}" for name, count in self.powers.items() if count < 0]
-        name = "_".join((["MINUS"] if number < 0 else []) + words)
-        for word, short in SHORTER:
-            if len(name) > SIGNIFICANT:
-                name = name.replace(word, short)
-        return name if len(name) <= SIGNIFICANT else ""
+        return _cut("_".join((["MINUS"] if number < 0 else []) + words))
 
     @property
     def formula(self) -> str:
@@ -229,13 +228,26 @@ def _summed(op: str, parts: list[Monomial]) -> Monomial:
     if a.powers == b.powers:
         return Monomial(a.number + sign * b.number, a.powers, a.formulas | b.formulas)
     word, mark = ("MINUS", "-") if op == "sub" else ("PLUS", "+")
-    name = f"{a.name}_{word}_{b.name}"
-    for long, short in SHORTER:
-        if len(name) > SIGNIFICANT:
-            name = name.replace(long, short)
-    if not a.name or not b.name or len(name) > SIGNIFICANT:
+    if not a.name or not b.name:
         return Monomial(math.nan, {}, {})
+    name = _cut(f"{a.name}_{word}_{b.name}")
     return Monomial(1.0, {name: 1}, {name: f"{a.formula if a.powers else '1'} {mark} {b.formula if b.powers else '1'}"})
+
+
+def _cut(name: str) -> str:
+    """A name that C89 tells apart: words of SHORTER first, then the longest ones are cut, and a mark keeps it apart."""
+    whole = name
+    for word, short in SHORTER:
+        if len(name) > SIGNIFICANT:
+            name = name.replace(word, short)
+    if len(name) <= SIGNIFICANT:
+        return name
+    words = name.split("_")
+    mark = f"_{zlib.crc32(whole.encode()) & 0xFFF:03X}"
+    while len("_".join(words)) + len(mark) > SIGNIFICANT:
+        longest = max(range(len(words)), key=lambda k: (len(words[k]), k))
+        words[longest] = words[longest][:-1]
+    return "_".join(filter(None, words)) + mark
 
 
 def _power(name: str, count: int) -> str:

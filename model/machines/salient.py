@@ -45,10 +45,12 @@ class SalientPMSM(Machine):
         rotor : Rotor
             Sine and cosine of the electrical angle.
         """
-        par = self.par
         i, (v_d, v_q) = rotor.to_rotor(z), rotor.to_rotor(v)
         e_d, e_q = self._induced(i, omega_e)
-        return rotor.to_stator(((v_d - par.R * i[0] - e_d) / par.L_d, (v_q - par.R * i[1] - e_q) / par.L_q))
+        R = self.constant("STATOR_RESISTANCE", self.par.R, "R, ohm")
+        by_L_d = self.constant("INV_L_D", 1 / self.par.L_d, "1 / L_d, A/Wb")
+        by_L_q = self.constant("INV_L_Q", 1 / self.par.L_q, "1 / L_q, A/Wb")
+        return rotor.to_stator((by_L_d * (v_d - R * i[0] - e_d), by_L_q * (v_q - R * i[1] - e_q)))
 
     def currents(self, z: Pair, rotor: Rotor) -> tuple[Pair, Named]:
         """Eq. 5: the states themselves.
@@ -138,8 +140,8 @@ class SalientPMSM(Machine):
 
     def _induced(self, i: Pair, omega_e: Any) -> Pair:
         """Voltages of the turning rotor on the d and q axis, V."""
-        coupling = self.par.L_d - self.par.L_q
-        return omega_e * coupling * i[1], omega_e * (coupling * i[0] + self.par.psi_m)
+        coupling = self._saliency()
+        return omega_e * coupling * i[1], omega_e * (coupling * i[0] + self._magnet())
 
     def _saliency(self) -> Any:
         return self.constant("SALIENCY", self.par.L_d - self.par.L_q, "L_d - L_q, H")

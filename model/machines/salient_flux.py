@@ -118,7 +118,7 @@ class SalientFluxPMSM(Machine):
             Electrical angle, rad.
         """
         T = self.constant("SAMPLE_TIME", self.par.T, "sample time, s")
-        RT = self.constant("R_TIMES_T", self.par.R * self.par.T, "R T, ohm s")
+        RT = self.constant("R_TIMES_T", self.par.R * T, "R T, ohm s")
         rotor = Rotor.at(theta)
         i, named = self.currents(z, rotor)
         named["psi_q"] = rotor.to_rotor(z)[1]

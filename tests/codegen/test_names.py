@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from codegen.generate import draft
 from codegen.ir.constants import is_round, with_names
 from codegen.ir.expr import Expr
-from codegen.ir.graph import Graph
+from codegen.ir.graph import SIGNIFICANT, Graph
 from codegen.passes.hints import carried
+from model.drives.load import load_drive
 from runtime.estimator.folder import GENERATED
+from tests.conftest import variant
 
 FILTERS = sorted(GENERATED.glob("*/*ckf.c"))
 
@@ -115,3 +118,30 @@ def test_a_sum_keeps_its_name_and_a_plain_number_has_none() -> None:
     assert graph[graph.input("angle")].name == "angle"  # what grows in one is not taken for known in the other
     half = graph.op("sub", one, graph.const(0.25, "QUARTER"))
     assert with_names(graph)[half].name == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("discretization", ["euler", "exact"])
+@pytest.mark.parametrize("name", ["spmsm_load_torque", "ipmsm", "ipmsm_flux", "ipmsm_adaptive"])
+def test_every_number_of_other_motors_has_a_name_too(name: str, discretization: str) -> None:
+    """Data that are no round numbers, every filter, both discretisations: nothing is nameless, no name is double."""
+    drive = load_drive(name)
+    m, even = drive.motor, drive.motor.inductance_d == drive.motor.inductance_q
+    motor = {
+        "friction": 0.0013,
+        "stator_resistance": 1.0371 * m.stator_resistance,
+        "inductance_d": 1.0173 * m.inductance_d,
+        "inductance_q": (1.0173 if even else 1.31) * m.inductance_q,
+        "magnet_flux": 0.913 * m.magnet_flux,
+        "inertia": 1.237 * m.inertia,
+    }
+    words = {"model": {"discretization": discretization}, "filter": {"kinds": ("ickf", "ekf", "ukf")}}
+    made = draft(variant(drive, motor=motor, **words))
+    values: dict[str, float] = {}
+    for listing in made.listings.values():
+        for node in (listing.graph[index] for index in listing.live):
+            if node.op == "const" and not is_round(node.value):
+                assert node.name, (listing.block.name, node.value)
+                assert len(node.name) <= SIGNIFICANT
+                assert values.setdefault(node.name, node.value) == pytest.approx(node.value, rel=1e-14), node.name
+    assert len(values) > 10

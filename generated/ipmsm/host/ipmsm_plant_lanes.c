@@ -117,12 +117,11 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
         const float64 slope1_theta = 3.0 * omega;
         const float64 part_of_slope1_z_alpha_2 = 1.0 / per_L_d - 1.0 / per_L_q;
         const float64 part_of_slope1_z_alpha_3 = rotor_cos * z_beta - rotor_sin * z_alpha;
-        const float64 part_of_slope1_z_alpha_4 = (rotor_cos * v_alpha + rotor_sin * v_beta -
-            R * part_of_slope1_z_alpha -
-            slope1_theta * part_of_slope1_z_alpha_2 * part_of_slope1_z_alpha_3) * per_L_d;
+        const float64 part_of_slope1_z_alpha_4 = per_L_d * (rotor_cos * v_alpha + rotor_sin * v_beta -
+            R * part_of_slope1_z_alpha - slope1_theta * part_of_slope1_z_alpha_2 * part_of_slope1_z_alpha_3);
         const float64 part_of_slope1_z_alpha_5 = part_of_slope1_z_alpha_2 * part_of_slope1_z_alpha + psi_m;
-        const float64 part_of_slope1_z_alpha_6 = (rotor_cos * v_beta - rotor_sin * v_alpha -
-            R * part_of_slope1_z_alpha_3 - slope1_theta * part_of_slope1_z_alpha_5) * per_L_q;
+        const float64 part_of_slope1_z_alpha_6 = per_L_q * (rotor_cos * v_beta - rotor_sin * v_alpha -
+            R * part_of_slope1_z_alpha_3 - slope1_theta * part_of_slope1_z_alpha_5);
         const float64 slope1_z_alpha = rotor_cos * part_of_slope1_z_alpha_4 -
             rotor_sin * part_of_slope1_z_alpha_6;
         const float64 slope1_z_beta = rotor_sin * part_of_slope1_z_alpha_4 + rotor_cos * part_of_slope1_z_alpha_6;
@@ -142,12 +141,11 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
         const float64 part_of_slope2_z_alpha = rotor_cos_at2 * z_alpha_at2 + rotor_sin_at2 * z_beta_at2;
         const float64 slope2_theta = 3.0 * omega_at2;
         const float64 part_of_slope2_z_alpha_2 = rotor_cos_at2 * z_beta_at2 - rotor_sin_at2 * z_alpha_at2;
-        const float64 part_of_slope2_z_alpha_3 = (rotor_cos_at2 * v_alpha + rotor_sin_at2 * v_beta -
-            R * part_of_slope2_z_alpha -
-            slope2_theta * part_of_slope1_z_alpha_2 * part_of_slope2_z_alpha_2) * per_L_d;
+        const float64 part_of_slope2_z_alpha_3 = per_L_d * (rotor_cos_at2 * v_alpha + rotor_sin_at2 * v_beta -
+            R * part_of_slope2_z_alpha - slope2_theta * part_of_slope1_z_alpha_2 * part_of_slope2_z_alpha_2);
         const float64 part_of_slope2_z_alpha_4 = part_of_slope1_z_alpha_2 * part_of_slope2_z_alpha + psi_m;
-        const float64 part_of_slope2_z_alpha_5 = (rotor_cos_at2 * v_beta - rotor_sin_at2 * v_alpha -
-            R * part_of_slope2_z_alpha_2 - slope2_theta * part_of_slope2_z_alpha_4) * per_L_q;
+        const float64 part_of_slope2_z_alpha_5 = per_L_q * (rotor_cos_at2 * v_beta - rotor_sin_at2 * v_alpha -
+            R * part_of_slope2_z_alpha_2 - slope2_theta * part_of_slope2_z_alpha_4);
         const float64 slope2_z_alpha = rotor_cos_at2 * part_of_slope2_z_alpha_3 -
             rotor_sin_at2 * part_of_slope2_z_alpha_5;
         const float64 slope2_z_beta = rotor_sin_at2 * part_of_slope2_z_alpha_3 +
@@ -168,12 +166,11 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
         const float64 part_of_slope3_z_alpha = rotor_cos_at3 * z_alpha_at3 + rotor_sin_at3 * z_beta_at3;
         const float64 slope3_theta = 3.0 * omega_at3;
         const float64 part_of_slope3_z_alpha_2 = rotor_cos_at3 * z_beta_at3 - rotor_sin_at3 * z_alpha_at3;
-        const float64 part_of_slope3_z_alpha_3 = (rotor_cos_at3 * v_alpha + rotor_sin_at3 * v_beta -
-            R * part_of_slope3_z_alpha -
-            slope3_theta * part_of_slope1_z_alpha_2 * part_of_slope3_z_alpha_2) * per_L_d;
+        const float64 part_of_slope3_z_alpha_3 = per_L_d * (rotor_cos_at3 * v_alpha + rotor_sin_at3 * v_beta -
+            R * part_of_slope3_z_alpha - slope3_theta * part_of_slope1_z_alpha_2 * part_of_slope3_z_alpha_2);
         const float64 part_of_slope3_z_alpha_4 = part_of_slope1_z_alpha_2 * part_of_slope3_z_alpha + psi_m;
-        const float64 part_of_slope3_z_alpha_5 = (rotor_cos_at3 * v_beta - rotor_sin_at3 * v_alpha -
-            R * part_of_slope3_z_alpha_2 - slope3_theta * part_of_slope3_z_alpha_4) * per_L_q;
+        const float64 part_of_slope3_z_alpha_5 = per_L_q * (rotor_cos_at3 * v_beta - rotor_sin_at3 * v_alpha -
+            R * part_of_slope3_z_alpha_2 - slope3_theta * part_of_slope3_z_alpha_4);
         const float64 slope3_z_alpha = rotor_cos_at3 * part_of_slope3_z_alpha_3 -
             rotor_sin_at3 * part_of_slope3_z_alpha_5;
         const float64 slope3_z_beta = rotor_sin_at3 * part_of_slope3_z_alpha_3 +
@@ -194,12 +191,11 @@ static void plant_substep(const lanes_f64 *__restrict s, const lanes_f64 *__rest
         const float64 part_of_slope4_z_alpha = rotor_cos_at4 * z_alpha_at4 + rotor_sin_at4 * z_beta_at4;
         const float64 slope4_theta = 3.0 * omega_at4;
         const float64 part_of_slope4_z_alpha_2 = rotor_cos_at4 * z_beta_at4 - rotor_sin_at4 * z_alpha_at4;
-        const float64 part_of_slope4_z_alpha_3 = (rotor_cos_at4 * v_alpha + rotor_sin_at4 * v_beta -
-            R * part_of_slope4_z_alpha -
-            slope4_theta * part_of_slope1_z_alpha_2 * part_of_slope4_z_alpha_2) * per_L_d;
+        const float64 part_of_slope4_z_alpha_3 = per_L_d * (rotor_cos_at4 * v_alpha + rotor_sin_at4 * v_beta -
+            R * part_of_slope4_z_alpha - slope4_theta * part_of_slope1_z_alpha_2 * part_of_slope4_z_alpha_2);
         const float64 part_of_slope4_z_alpha_4 = part_of_slope1_z_alpha_2 * part_of_slope4_z_alpha + psi_m;
-        const float64 part_of_slope4_z_alpha_5 = (rotor_cos_at4 * v_beta - rotor_sin_at4 * v_alpha -
-            R * part_of_slope4_z_alpha_2 - slope4_theta * part_of_slope4_z_alpha_4) * per_L_q;
+        const float64 part_of_slope4_z_alpha_5 = per_L_q * (rotor_cos_at4 * v_beta - rotor_sin_at4 * v_alpha -
+            R * part_of_slope4_z_alpha_2 - slope4_theta * part_of_slope4_z_alpha_4);
         const float64 slope4_z_alpha = rotor_cos_at4 * part_of_slope4_z_alpha_3 -
             rotor_sin_at4 * part_of_slope4_z_alpha_5;
         const float64 slope4_z_beta = rotor_sin_at4 * part_of_slope4_z_alpha_3 +
