@@ -79,8 +79,8 @@ SALIENT_MUTANTS = _of(
     ("saliency of one sign", 'self.par.L_d - self.par.L_q, "', '-ca.fabs(self.par.L_d - self.par.L_q), "', BOTH_SIGNS),
     (
         "derivative: saliency of one sign",
-        "coupling = self.par.L_d - self.par.L_q",
-        "coupling = -ca.fabs(self.par.L_d - self.par.L_q)",
+        "coupling = self._saliency()",
+        "coupling = -ca.fabs(self._saliency())",
         (f"{DRAWN} voltage",),
     ),
     (
@@ -89,7 +89,7 @@ SALIENT_MUTANTS = _of(
         "return 0 * omega_e, omega_e",
         (ORDER, "pytest tests/model/test_machines.py"),
     ),
-    ("derivative: L_d on q", "- e_q) / par.L_q", "- e_q) / par.L_d", (ORDER, "pytest tests/model/test_machines.py")),
+    ("derivative: L_d on q", "by_L_q * (v_q", "by_L_d * (v_q", (ORDER, "pytest tests/model/test_machines.py")),
 )
 
 FLUX_MUTANTS = _of(
