@@ -10,9 +10,10 @@ from tests.mutants.catalogue.filters import FILTERS
 from tests.mutants.catalogue.judges import JUDGES
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
+from tests.mutants.catalogue.program import PROGRAM
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.mutant import Mutant
 
-SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS, *JUDGES)
+SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PROGRAM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS, *JUDGES)
 
 __all__ = ["SOURCES", "data_mutants"]
