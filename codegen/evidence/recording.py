@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
-from types import SimpleNamespace
+from functools import lru_cache
+from types import CodeType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -47,12 +48,18 @@ def execute(module: str, name: str, **replaced: Any) -> dict[str, Any]:
     name : str
         The name.
     """
+    namespace: dict[str, Any] = {"__name__": name, **replaced}
+    exec(_compiled(module, bool(replaced)), namespace)
+    return namespace
+
+
+@lru_cache(maxsize=2)
+def _compiled(module: str, replaced: bool) -> CodeType:
+    """The module's code, which every filter kind's recordings and certificate run again."""
     tree = ast.parse(module)
     if replaced:
         tree = ast.fix_missing_locations(_Replace().visit(tree))
-    namespace: dict[str, Any] = {"__name__": name, **replaced}
-    exec(compile(tree, f"{name}.py", "exec"), namespace)
-    return namespace
+    return compile(tree, "generated.py", "exec")
 
 
 class _Replace(ast.NodeTransformer):

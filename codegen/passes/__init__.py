@@ -13,7 +13,7 @@ from functools import partial
 
 from codegen.ir.constants import with_names
 from codegen.ir.expr import Expr, GraphBlock
-from codegen.ir.graph import Graph
+from codegen.ir.graph import Graph, Node
 from codegen.passes.collect import collect
 from codegen.passes.distribute import distribute
 from codegen.passes.hints import carried
@@ -23,7 +23,9 @@ from codegen.passes.reuse import reuse_products
 from codegen.passes.signs import pull_signs
 from model.quantities import Block, Stage
 
-Pass = Callable[[Graph, list[int]], tuple[Graph, dict[int, int]]]
+#: A pass's graph, and its nodes by the old ones'.
+Rewritten = tuple[Graph, dict[int, int]]
+Pass = Callable[[Graph, list[int]], Rewritten]
 Pipelines = tuple[tuple[Pass, ...], ...]
 
 _HEAD: tuple[Pass, ...] = (pull_signs, share_reciprocals)
@@ -88,24 +90,37 @@ def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELI
     roots = list(dict.fromkeys(roots))
     key = (tuple(roots), pipelines)
     if key not in graph.rewritten:
-        made: Made = {(): (graph, {node: node for node in graph.reachable(roots)})}
-        results = [_run_pipeline(made, roots, pipeline) for pipeline in pipelines]
+        ways = _Ways(graph, roots)
+        results = [ways.run(pipeline) for pipeline in pipelines]
         graph.rewritten[key] = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
     return graph.rewritten[key]
 
 
-#: The graph that the first passes of some pipeline made, and where the nodes of the first graph went.
-Made = dict[tuple[Pass, ...], tuple[Graph, dict[int, int]]]
+class _Ways:
+    """Pipelines over one graph. What several begin with is done once, and so is what they do to equal graphs."""
 
+    def __init__(self, graph: Graph, roots: list[int]) -> None:
+        self.roots = roots
+        #: By passes: the graph that they made, and where the nodes of the first graph went.
+        self.made: dict[tuple[Pass, ...], Rewritten] = {(): (graph, {node: node for node in graph.reachable(roots)})}
+        self.by_nodes: dict[tuple[Node, ...], Graph] = {tuple(graph.nodes): graph}
+        #: By graph, the roots in it and pass.
+        self.done: dict[tuple[int, tuple[int, ...], Pass], Rewritten] = {}
 
-def _run_pipeline(made: Made, roots: list[int], passes: tuple[Pass, ...]) -> tuple[Graph, dict[int, int]]:
-    """Passes one after another; what several pipelines begin with is done once."""
-    if passes not in made:
-        graph, whole = _run_pipeline(made, roots, passes[:-1])
-        new, moved = passes[-1](graph, [whole[root] for root in roots])
-        new.folds, new.told = graph.folds | new.folds, graph.told
-        made[passes] = new, {old: moved[now] for old, now in whole.items() if now in moved}
-    return made[passes]
+    def run(self, passes: tuple[Pass, ...]) -> Rewritten:
+        if passes not in self.made:
+            graph, whole = self.run(passes[:-1])
+            new, moved = self._pass(graph, tuple(whole[root] for root in self.roots), passes[-1])
+            self.made[passes] = new, {old: moved[now] for old, now in whole.items() if now in moved}
+        return self.made[passes]
+
+    def _pass(self, graph: Graph, roots: tuple[int, ...], step: Pass) -> Rewritten:
+        key = (id(graph), roots, step)
+        if key not in self.done:
+            new, moved = step(graph, list(roots))
+            new.folds, new.told = graph.folds | new.folds, graph.told
+            self.done[key] = self.by_nodes.setdefault(tuple(new.nodes), new), moved
+        return self.done[key]
 
 
 def optimise(block: Block, pipelines: Pipelines = PIPELINES) -> Block:

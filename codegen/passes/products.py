@@ -136,15 +136,15 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
             a, b = pair
             heappush(queue, (-total[pair], rank[b], rank[a], met[pair], pair))
 
-    def count(top: int) -> None:
-        for pair in _pairs(factors[top], rank):
+    def count(top: int, changed: set[Factor]) -> None:
+        for pair in _pairs(factors[top], rank, changed):
             times = _times(factors[top], pair)
             holders.setdefault(pair, {})[top] = times
             met.setdefault(pair, len(met))
             counted(pair, times)
 
     for top in factors:
-        count(top)
+        count(top, set(factors[top]))
     while queue:
         times, *_, best = heappop(queue)
         if -times != total[best]:
@@ -152,16 +152,17 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
         made = Shared(len(pairs))
         pairs.append(best)
         rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(pairs)
+        changed = {*best, made}
         for top, times in sorted(holders[best].items()):
             held = factors[top]
-            for pair in _pairs(held, rank):
+            for pair in _pairs(held, rank, changed):
                 counted(pair, -holders[pair].pop(top))
             for factor in best:
                 held[factor] -= times
             held[made] += times
             for factor in [factor for factor, number in held.items() if not number]:
                 del held[factor]
-            count(top)
+            count(top, changed)
     return pairs
 
 
@@ -170,12 +171,16 @@ def _times(held: Counter[Factor], pair: tuple[Factor, Factor]) -> int:
     return held[pair[0]] // 2 if pair[0] == pair[1] else min(held[pair[0]], held[pair[1]])
 
 
-def _pairs(held: Counter[Factor], rank: dict[Factor, float]) -> list[tuple[Factor, Factor]]:
-    """Every pair of factors that a product holds, the earlier first."""
+def _pairs(held: Counter[Factor], rank: dict[Factor, float], among: set[Factor]) -> list[tuple[Factor, Factor]]:
+    """Every pair of factors that a product holds and of which one is ``among`` some, the earlier first."""
     if sum(held.values()) < 2:
         return []
     distinct = sorted(held, key=lambda factor: (rank[factor], str(factor)))
-    return [(a, b) for a, b in combinations_with_replacement(distinct, 2) if a != b or held[a] >= 2]
+    return [
+        (a, b)
+        for a, b in combinations_with_replacement(distinct, 2)
+        if (a in among or b in among) and (a != b or held[a] >= 2)
+    ]
 
 
 def _rank(factor: Factor, ranks: dict[int, int], pairs: list[tuple[Factor, Factor]]) -> float:
