@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 # What is never imported need not be compiled: half of the time that setting up takes.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
-.PHONY: run all test unit firmware quick mutants lint types check bench clean
+.PHONY: run all test thorough unit firmware mutants lint types check bench clean
 
 # The paper's drive generated, proved and simulated, and build/report/index.html. From nothing, the environment
 # included: 90 s on two cores. What is proved is kept under a hash of all it depends on; again: 10 s.
@@ -19,21 +19,22 @@ run: $(VENV)/.ready
 all: $(VENV)/.ready
 	$(BIN)/pmsm-ickf run --all
 
+# Every statement on the drives that have every feature between them. Five minutes.
 test: $(VENV)/.ready-dev
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not thorough"
+
+# The same of every drive, with more faults, combinations and draws, and whole documents: before a release. A quarter of an hour.
+thorough: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # Pure Python, no compiler: what to run after every change. A minute.
 unit: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "unit and not process and not slow"
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "unit and not process and not slow and not thorough"
 
 # The generated C away from the host. Debian: gcc-avr avr-libc simavr, gcc-arm-none-eabi libnewlib-arm-none-eabi
 # qemu-system-arm, clang cppcheck frama-c-base valgrind. Without them `make test` skips, saying so.
 firmware: $(VENV)/.ready
 	$(BIN)/pmsm-ickf firmware
-
-# The tests without the slow ones.
-quick: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow"
 
 # The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. A quarter of an hour.
 mutants: $(VENV)/.ready-dev

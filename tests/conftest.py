@@ -24,6 +24,19 @@ os.environ.setdefault("PMSM_ICKF_FRESH", "1")
 DRIVES = fewest()
 #: All of them, for what is cheap or must hold for each.
 ALL_DRIVES = tuple(shipped_drives())
+
+
+def thoroughly(*cases: Any) -> list[Any]:
+    """Cases of a parametrised test that ``make thorough`` adds to those of ``make test``.
+
+    >>> [case.marks[0].name for case in thoroughly("ipmsm", "ipmsm_flux")]
+    ['thorough', 'thorough']
+    """
+    return [pytest.param(*case if isinstance(case, tuple) else (case,), marks=pytest.mark.thorough) for case in cases]
+
+
+#: All of them, where that takes long: those with every feature in ``make test``, the others thoroughly.
+EVERY_DRIVE = [*DRIVES, *thoroughly(*(name for name in ALL_DRIVES if name not in DRIVES))]
 #: The parts of a proof.
 LINKS = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
 

@@ -63,7 +63,7 @@ def test_python_of_the_explorers_page_runs(desk: Path) -> None:
         assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_own_machine_goes_through_the_whole_chain(desk: Path) -> None:
     """docs/own_machine.md: its shell lines, its figures, and a drive file that says what is in the page."""
     (desk / "docs").symlink_to(ROOT / "docs")

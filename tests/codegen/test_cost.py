@@ -98,11 +98,13 @@ def test_another_filter_is_noticed(paper: tuple[ours.Problem, Inputs], good: str
 # --- our forms
 
 
+@pytest.mark.thorough
 def test_every_rung_is_the_same_filter(paper: tuple[ours.Problem, Inputs]) -> None:
     for ablation in ABLATION:
         assert deviation(ours.candidate(paper[0], "ckf", ablation)[0], paper[1]) < FLOAT32, ablation.name
 
 
+@pytest.mark.thorough
 def test_no_rung_costs_more_than_the_one_before(drive: Drive) -> None:
     weights = [item.weight for item in earnings(build(drive), "ckf", "cubature")]
     assert weights == sorted(weights, reverse=True)
@@ -127,6 +129,7 @@ def test_the_fast_form_takes_fewer_instructions_than_any_peer_here(paper: tuple[
         assert fast / host_instructions(other, inputs) < 0.5, other.label
 
 
+@pytest.mark.thorough
 def test_a_sixth_state_needs_no_change_of_the_packages() -> None:
     """The benchmark's own mechanics: six states, and both forms of its filter are the same."""
     problem = growth.problem(growth.DriftingLoad)
@@ -167,7 +170,7 @@ def test_what_is_missing_is_named_in_its_row(monkeypatch: pytest.MonkeyPatch) ->
     assert table.facts()["rows"][2][step_tables.X86] == {"not_measured": "valgrind not found (Debian: valgrind)"}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_row_is_there_or_says_why() -> None:
     length = step_tables.Length(20, 5)
     peers_rows = step_tables.peers_table(length, lambda text: None)
@@ -177,6 +180,7 @@ def test_every_row_is_there_or_says_why() -> None:
     _all_there(forms)
 
 
+@pytest.mark.thorough
 def test_operations_need_no_tool(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gain of passes, and how cost grows, but for the instructions."""
     monkeypatch.setattr(shutil, "which", lambda name, which=shutil.which: None if name == "valgrind" else which(name))

@@ -21,15 +21,17 @@ from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
 from tests.codegen.strict import STRICT, interrupt_files
-from tests.conftest import DRIVES, bare_package, variant
+from tests.conftest import DRIVES, bare_package, thoroughly, variant
 from tests.features import FEATURES
 
 
+@pytest.mark.thorough
 def test_committed_folders_are_current(drive: Drive) -> None:
     folder = GENERATED / drive.name
     assert difference(folder, generate(drive, measurer=Measurer(kept_records(folder))).files) == ""
 
 
+@pytest.mark.thorough
 def test_regeneration_is_byte_identical_anywhere_anytime(tmp_path: Path) -> None:
     """Two fresh processes, other folders, hash seeds, time zones and clocks a year apart."""
     digests = []
@@ -191,9 +193,11 @@ def test_certificate_bounds_other_draws() -> None:
     ("machine", "mechanics", "discretization", "kinds"),
     [  # any two of them in every combination
         ("paper_spmsm", "constant_speed", "exact", ("ckf", "ekf")),
-        ("paper_spmsm", "load_torque", "euler", ("ickf", "ukf")),
-        ("ipmsm_flux", "constant_speed", "euler", ("ukf", "ickf")),
-        ("ipmsm_flux", "load_torque", "exact", ("ekf", "ckf")),
+        *thoroughly(
+            ("paper_spmsm", "load_torque", "euler", ("ickf", "ukf")),
+            ("ipmsm_flux", "constant_speed", "euler", ("ukf", "ickf")),
+            ("ipmsm_flux", "load_torque", "exact", ("ekf", "ckf")),
+        ),
     ],
 )
 def test_every_combination_is_clean_readable_and_proven(

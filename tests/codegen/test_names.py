@@ -14,7 +14,7 @@ from codegen.ir.graph import SIGNIFICANT, Graph
 from codegen.passes.hints import carried
 from model.drives.load import load_drive
 from runtime.estimator.folder import GENERATED
-from tests.conftest import variant
+from tests.conftest import thoroughly, variant
 
 FILTERS = sorted(GENERATED.glob("*/*ckf.c"))
 
@@ -121,8 +121,8 @@ def test_a_sum_keeps_its_name_and_a_plain_number_has_none() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("discretization", ["euler", "exact"])
-@pytest.mark.parametrize("name", ["spmsm_load_torque", "ipmsm", "ipmsm_flux", "ipmsm_adaptive"])
+@pytest.mark.parametrize("discretization", ["exact", *thoroughly("euler")])
+@pytest.mark.parametrize("name", ["ipmsm", *thoroughly("spmsm_load_torque", "ipmsm_flux", "ipmsm_adaptive")])
 def test_every_number_of_other_motors_has_a_name_too(name: str, discretization: str) -> None:
     """Data that are no round numbers, every filter, both discretisations: nothing is nameless, no name is double."""
     drive = load_drive(name)

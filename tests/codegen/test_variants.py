@@ -22,11 +22,11 @@ from model.schema import Drive
 from runtime.proof.link_ab import Situations
 from runtime.proof.link_bc import link_bc
 from runtime.proof.result import Link
-from tests.conftest import variant
+from tests.conftest import thoroughly, variant
 
 DRAWS = 60
 
-#: Every machine with every mechanics and discretisation; gains and second kinds in turn. The largest takes seconds.
+#: Every machine with every mechanics and discretisation; gains and second kinds in turn. A third is in ``make test``.
 VARIANTS = [
     pytest.param(
         machine,
@@ -34,7 +34,7 @@ VARIANTS = [
         discretization,
         ("cubature", "jacobian")[(k + m + d) % 2],
         ["ickf", ("ckf", "ekf", "ukf")[(k + 2 * m + d) % 3]],
-        marks=[pytest.mark.slow] * ((machine, mechanics, discretization) == ("salient_flux", "load_torque", "exact")),
+        marks=[pytest.mark.thorough] * ((k + m + d) % 3 != 1),
     )
     for k, machine in enumerate(sorted(MACHINES))
     for m, mechanics in enumerate(("constant_speed", "load_torque"))
@@ -100,7 +100,7 @@ def test_fast_is_literal(machine: str, mechanics: str, discretization: str, gain
         assert link.passed, (link.kind, [(row.stage, row.worst) for row in link.rows if not row.passed])
 
 
-@pytest.mark.parametrize(("name", "order"), [("paper_spmsm", [3, 2, 0, 1]), ("ipmsm_flux", [1, 3, 0, 2])])
+@pytest.mark.parametrize(("name", "order"), [("paper_spmsm", [3, 2, 0, 1]), *thoroughly(("ipmsm_flux", [1, 3, 0, 2]))])
 def test_fast_is_literal_in_any_order_of_the_root(name: str, order: list[int]) -> None:
     """And it is another filter than in the state's own order: the points lie elsewhere."""
     drive = variant(load_drive(name), filter={"kinds": ["ckf", "ickf", "ukf"], "gain": "cubature"})

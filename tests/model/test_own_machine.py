@@ -143,7 +143,7 @@ def test_an_operation_no_printer_has_is_named(desk: Path) -> None:
         generate(load_drive(desk), samples=1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_shipped_machine_by_way_of_a_file_is_the_same_filter(tmp_path: Path) -> None:
     """Equations that come from outside go the same way: every C file but its head is the shipped one's."""
     (tmp_path / "mine.py").write_text(

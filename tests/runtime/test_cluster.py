@@ -28,7 +28,7 @@ def test_what_a_cluster_needs_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
         run_study(statement, packages, 4, tmp_path, scheduler="tcp://127.0.0.1:1")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_killed_worker_loses_no_finished_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three processes, one killed on the way; what was finished is not run again, and all is as on one machine."""
     distributed = pytest.importorskip("distributed")

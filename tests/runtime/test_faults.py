@@ -20,6 +20,7 @@ from codegen.output.folder import difference, edited_files, with_manifest
 from runtime.estimator.folder import GENERATED
 from runtime.system.errors import UserError
 from runtime.system.files import whole_file, write_text
+from tests.conftest import thoroughly
 from tests.runtime.processes import PAPER, ROOT, call, finish, refused, start
 
 # --- killed ---
@@ -84,7 +85,7 @@ def test_two_writers_at_once_leave_no_mixture(tmp_path: Path) -> None:
             writer.communicate()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_generate_killed_while_it_writes_two_drives(tmp_path: Path) -> None:
     """Old folders are exchanged for new ones; a kill leaves each either, and the next run ends well."""
     chance = random.Random(2)
@@ -146,12 +147,14 @@ def interrupted(cwd: Path, *arguments: str, after: str | float) -> tuple[int, st
     ("arguments", "after"),
     [
         (("generate", "--out", "out", "ipmsm_flux"), "generating"),
-        (("verify", "paper_spmsm", "--json", "f"), "generating"),
         (("verify", "paper_spmsm", "spmsm_load_torque", "--json", "f"), "generating"),
         (("simulate", "--controller", "numpy", "--json", "f", "--out", "out"), "%"),
-        (("compare", "paper_spmsm", "spmsm_load_torque", "ipmsm", "--json", "f", "--out", "out"), ":"),
-        (("replay", "paper_spmsm", "data.csv", "--backend", "numpy", "--json", "f", "--out", "out.npz"), 3.0),
-        (("--help",), 0.7),
+        *thoroughly(
+            (("verify", "paper_spmsm", "--json", "f"), "generating"),
+            (("compare", "paper_spmsm", "spmsm_load_torque", "ipmsm", "--json", "f", "--out", "out"), ":"),
+            (("replay", "paper_spmsm", "data.csv", "--backend", "numpy", "--json", "f", "--out", "out.npz"), 3.0),
+            (("--help",), 0.7),
+        ),
     ],
 )
 def test_ctrl_c_is_one_line_and_130(arguments: tuple[str, ...], after: str | float, tmp_path: Path) -> None:
@@ -227,7 +230,7 @@ def all_gone(mark: str) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "code", "after"),
-    [(signal.SIGTERM, 143, "compiling"), (signal.SIGKILL, -signal.SIGKILL, "reference along")],
+    [(signal.SIGTERM, 143, "reference along"), *thoroughly((signal.SIGKILL, -signal.SIGKILL, "compiling"))],
 )
 def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, tmp_path: Path) -> None:
     """A signal to the command alone, as a scheduler sends it: no worker goes on, nor what a worker has started."""
@@ -267,6 +270,7 @@ def mounted(tmp_path: Path, script: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 @needs_mount
 def test_a_full_disk_leaves_the_old_folder(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
@@ -308,7 +312,7 @@ def limited(size: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-@pytest.mark.parametrize("limit", [0, 1000, 30_000])
+@pytest.mark.parametrize("limit", [1000, *thoroughly(0, 30_000)])
 def test_a_file_size_limit_leaves_the_old_folder(tmp_path: Path, limit: int) -> None:
     shutil.copytree(GENERATED / "paper_spmsm", tmp_path / "out" / "mine")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}

@@ -189,6 +189,7 @@ def test_a_folder_carries_its_machine(folder: GeneratedFolder, desk: Path) -> No
     assert recording.segments[1].fields["x_0[0]"] != 0.0  # the trajectory's own state, under the machine's own name
 
 
+@pytest.mark.thorough
 def test_eva_is_not_asked(folder: GeneratedFolder) -> None:
     need("frama-c")
     check = eva_check(folder.path, "ckf")

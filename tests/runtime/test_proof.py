@@ -27,7 +27,7 @@ from runtime.proof.result import Link, Proof
 from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
 from runtime.system.errors import UserError
-from tests.conftest import ALL_DRIVES, DRIVES, LINKS, bare_package, variant
+from tests.conftest import DRIVES, EVERY_DRIVE, LINKS, bare_package, thoroughly, variant
 
 QUICK = Effort(
     trajectory=0.004,
@@ -39,7 +39,7 @@ QUICK = Effort(
 )
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", [DRIVES[0], *thoroughly(*DRIVES[1:])])
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_the_filters_one_compares_with_are_proven_too(name: str, kind: str, tmp_path: Path) -> None:
     drive = variant(load_drive(name), filter={"kinds": ["ekf", "ukf"]})
@@ -78,7 +78,7 @@ def _holds(name: str, effort: Effort | None = None) -> Proof:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", ["paper_spmsm", *thoroughly("ipmsm_flux")])
 def test_chain_holds_in_full(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure the README promises: 1e-10, 10 000 steps of identical bits, 100 000 steps at speed."""
     monkeypatch.delenv("PMSM_ICKF_FRESH")
@@ -100,7 +100,7 @@ def test_chain_holds_in_full(name: str, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in ALL_DRIVES if name not in EFFECTS])
+@pytest.mark.parametrize("name", EVERY_DRIVE[1:])
 def test_chain_holds_for_the_other_drives(name: str) -> None:
     _holds(name, QUICK)
 

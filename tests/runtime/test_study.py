@@ -300,7 +300,7 @@ def test_without_matplotlib_nothing_is_run(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     """The signal in the middle of a long study; the same command with fewer runs finds its chunks there."""
     words = [sys.executable, "-m", "runtime", "study", "paper_spmsm", "--out", str(tmp_path), "--runs"]

@@ -159,6 +159,7 @@ def test_no_run_time_error_in_a_step_of_the_papers_filter(kind: str) -> None:
     assert check.state == "passed", check.detail[:5]
 
 
+@pytest.mark.thorough
 def test_what_eva_cannot_decide_is_neither_pass_nor_failure(drive: Drive) -> None:
     need("frama-c")
     checks = eva_checks(GENERATED / drive.name)

@@ -14,7 +14,7 @@ from runtime.endurance.inputs import choose, describe, read_kept, seeds, shorten
 from runtime.endurance.target import KINDS, Replayer, Target, targets
 from runtime.estimator.compiler import build_library
 from runtime.system.errors import UserError
-from tests.conftest import ALL_DRIVES
+from tests.conftest import EVERY_DRIVE
 from tests.target.command import call
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -29,7 +29,7 @@ def replayer(target: Target, *changes: tuple[str, str]) -> Replayer:
     return Replayer(build_library(sources, target.defines, ("-O1",)))
 
 
-@pytest.mark.parametrize("drive", ALL_DRIVES)
+@pytest.mark.parametrize("drive", EVERY_DRIVE)
 def test_kept_inputs_stay_good(drive: str) -> None:
     for target in targets(drive):
         inputs, player = read_kept(CORPUS / f"{target.name}.bin"), replayer(target)

@@ -29,6 +29,7 @@ from runtime.firmware.static.check import Check
 from runtime.firmware.subject import Subject, subjects
 from runtime.firmware.tools import PACKAGES, find_tool
 from runtime.system.errors import UserError
+from tests.conftest import DRIVES, thoroughly
 from tests.target.need import need
 
 FOLDERS = {path.parent.name: find_folder(path.parent.name) for path in sorted(GENERATED.glob("*/manifest.json"))}
@@ -39,6 +40,8 @@ MANY = [
     for name, (drive, subject) in SUBJECTS.items()
     if "_ickf" in name and (subject.controller or drive == "ipmsm_flux")
 ]
+#: Those of ``make test``.
+FEW = [f"{name}_ickf_foc" for name in DRIVES]
 BOTH = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda processor: processor.programs[0])
 QUICK = 60
 #: A surface and a salient machine run all of the recording, others its first part.
@@ -71,7 +74,7 @@ def test_same_bits(name: str, processor: Processor) -> None:
 
 @pytest.mark.slow
 @BOTH
-@pytest.mark.parametrize("name", MANY)
+@pytest.mark.parametrize("name", [*FEW, *thoroughly(*(name for name in MANY if name not in FEW))])
 def test_same_bits_over_many_steps(name: str, processor: Processor) -> None:
     found = run(name, processor, STEPS if SUBJECTS[name][0] in FULL else SHORT)
     assert found.divergence is None, str(found.divergence)

@@ -16,6 +16,7 @@ from runtime.firmware.static.check import Check
 from runtime.firmware.static.compilers import compiler_checks
 from runtime.firmware.static.misra import category, deviations, misra_checks, rules
 from tests.codegen.strict import need
+from tests.conftest import thoroughly
 
 #: A helper that every generated filter has, whatever its form: plants go into its body.
 HELPER = "static float32 larger(float32 a, float32 b)\n{\n"
@@ -63,7 +64,7 @@ def test_every_division_is_guarded(drive: Drive) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["paper_spmsm", "ipmsm_flux"])  # all of them: pmsm-ickf firmware
+@pytest.mark.parametrize("name", ["paper_spmsm", *thoroughly("ipmsm_flux")])  # all of them: pmsm-ickf firmware
 def test_misra_required_rules_are_kept(name: str) -> None:
     need("cppcheck")
     (check,) = misra_checks(GENERATED / name)
