@@ -41,22 +41,20 @@ PIPELINES: Pipelines = (
     (*_HEAD, share_products, *_COLLECTED, share_products, _SQUARES, *_TAIL),
     (*_HEAD, *_COLLECTED, share_products, *_TAIL),
     (*_HEAD, *_COLLECTED, _KEPT, *_TAIL),
-    (*_HEAD, share_products, *_TAIL),
-    (*_HEAD, _KEPT, *_TAIL),
-    (*_HEAD, *_TAIL),
     (),  # a sign pulled out of a sum's one term may have to be put into its others: then the graph as it stands
 )
 
 
 def without(*passes: Pass) -> Pipelines:
-    """The ways that do without some passes, whatever options these take: to see what a pass earns.
+    """The ways with some passes left out, whatever options these take: to see what a pass earns.
 
     Parameters
     ----------
     *passes : Pass
         Such as :func:`collect`.
     """
-    return tuple(ways for ways in PIPELINES if not {getattr(step, "func", step) for step in ways} & set(passes))
+    left = (tuple(step for step in ways if getattr(step, "func", step) not in passes) for ways in PIPELINES)
+    return tuple(dict.fromkeys(left))
 
 
 #: Weight of an operation where two forms are compared, in additions (division and square root as on the chip).
