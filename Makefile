@@ -25,7 +25,7 @@ test: $(VENV)/.ready-dev
 
 # The same of every drive, with more faults, combinations and draws, and whole documents: before a release. A quarter of an hour.
 thorough: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile many
 
 # Pure Python, no compiler: what to run after every change. A minute.
 unit: $(VENV)/.ready-dev

@@ -10,15 +10,23 @@ from functools import lru_cache
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
-from codegen.generate import Package, generate, generate_bare
+from codegen.evidence.budget import Account
+from codegen.generate import Package, count, generate_bare
 from model.drives.load import load_drive, shipped_drives
 from model.schema import Drive
+from runtime.estimator.folder import GENERATED
 from tests.features import fewest
 
 os.environ.setdefault("PMSM_ICKF_CACHE", os.path.join(tempfile.gettempdir(), "pmsm-ickf-tests"))
 # A test makes what it judges, for it may have planted a fault; those of what is kept take this back.
 os.environ.setdefault("PMSM_ICKF_FRESH", "1")
+
+#: Examples that Hypothesis draws: few, or as many as ``--hypothesis-profile many`` of ``make thorough`` asks for.
+settings.register_profile("few", max_examples=8)
+settings.register_profile("many", max_examples=40)
+settings.load_profile("few")
 
 #: The fewest that have every feature between them: what most tests run on.
 DRIVES = fewest()
@@ -49,14 +57,16 @@ def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
 
 
 @lru_cache(maxsize=8)
-def shipped_package(name: str, form: str = "fast") -> Package:
-    """A shipped drive generated in memory, once a process: to read, and to copy where something is to be changed."""
-    return generate(load_drive(name), samples=5, form=form)
+def shipped_accounts(name: str) -> dict[str, Account]:
+    """The cost of a shipped drive's filters, read from its generated folder; once a process."""
+    folder = GENERATED / name
+    files = {f"{path.relative_to(folder)}": path.read_text(encoding="utf-8") for path in folder.glob("*.[ch]")}
+    return count(load_drive(name), files)
 
 
 @lru_cache(maxsize=8)
 def bare_package(name: str, form: str = "fast") -> Package:
-    """All of a shipped drive that computes, without evidence: a third of the time of :func:`shipped_package`."""
+    """A shipped drive generated in memory, all that computes and no evidence, once a process: to read and to copy."""
     return generate_bare(load_drive(name), form)
 
 

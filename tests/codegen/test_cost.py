@@ -110,6 +110,7 @@ def test_no_rung_costs_more_than_the_one_before(drive: Drive) -> None:
     assert weights == sorted(weights, reverse=True)
 
 
+@pytest.mark.thorough
 def test_the_last_rung_is_the_shipped_form(drive: Drive) -> None:
     from codegen.generate import build_steps
 

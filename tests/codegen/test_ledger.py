@@ -19,7 +19,7 @@ from model.filters.program import BlockBuilder
 from model.loop.controller import clarke_block
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
-from tests.conftest import shipped_package
+from tests.conftest import shipped_accounts
 
 pytestmark = pytest.mark.unit
 
@@ -154,7 +154,7 @@ def test_the_graph_agrees_block_by_block(drive: Drive) -> None:
     wrap = Counter(_graph_count(wrap_listing(F28335.precision)))
     model, steps = build_steps(drive)
     listings = lay_out_steps(model, steps)
-    program = shipped_package(drive.name).accounts["ckf"].program
+    program = shipped_accounts(drive.name)["ckf"].program
     for block in steps["ckf"].blocks:
         listing = listings[block.name]
         expected = Counter(_graph_count(listing))
@@ -197,7 +197,7 @@ def test_the_printed_figures_are_those_of_the_printed_text(drive: Drive) -> None
 
 def test_one_more_iteration_costs_one_more_pass() -> None:
 
-    account = shipped_package("ipmsm_flux").accounts["ickf"]
+    account = shipped_accounts("ipmsm_flux")["ickf"]
     passes = [account.program.count(f"{account.name}_step", n)["mul"] for n in (1, 2, 3, 6)]
     once = passes[1] - passes[0]
     assert once > 0

@@ -21,8 +21,8 @@ from codegen.evidence.ledger import Program
 from codegen.evidence.recording import execute
 from model.drives.load import load_drive
 from model.machines.state_space import build
+from runtime.estimator.folder import GENERATED
 from tests.codegen.printed import CLOCK, DRIVES, KS, OPERATIONS, Made, make, price, subjects
-from tests.conftest import shipped_package
 
 
 @pytest.fixture(params=DRIVES)
@@ -178,7 +178,7 @@ def test_the_heads_of_the_c_quote_their_certificate(made: Made) -> None:
 def test_certificates_are_the_worst_of_single_steps(name: str) -> None:
     """One sample after the other, and the worst kept by hand."""
     drive = load_drive(name)
-    module = execute(shipped_package(name).files[f"{name}.py"], "m")
+    module = execute((GENERATED / name / f"{name}.py").read_text(encoding="utf-8"), "m")
     box, kind = sample_box(drive, build(drive), 40), drive.filter.kinds[-1]
     single, double, chip, flushed = (
         [one(module, kind, box, k, dtype, number) for k in range(40)]

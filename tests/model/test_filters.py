@@ -28,7 +28,7 @@ from model.schema import Drive
 from runtime.estimator.estimator import Estimator
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.trajectory import make_trajectory
-from tests.conftest import variant
+from tests.conftest import DRIVES, thoroughly, variant
 
 pytestmark = pytest.mark.unit
 
@@ -83,11 +83,13 @@ class _Measurement(MeasurementModel):  # type: ignore[misc]
 
 
 @pytest.mark.slow
-def test_ckf_against_stone_soup(drive: Drive) -> None:
+@pytest.mark.parametrize("name", [DRIVES[0], *thoroughly(*DRIVES[1:])])
+def test_ckf_against_stone_soup(name: str) -> None:
     """400 steps of the start, free running: state and covariance of the generated CKF within 1e-8.
 
     Stone Soup factors P in the order of its state, so its state is ours in the root's order.
     """
+    drive = load_drive(name)
     model = build(drive)
     order = list(model.order)
     x = model.x[order]

@@ -61,7 +61,7 @@ def test_a_changed_file_is_another_class(desk: Path) -> None:
     assert find_machine(load_drive(desk)) is not before
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_folder_beside_the_drive_file(desk: Path) -> None:
     (desk.parent / "mine").mkdir()
     (desk.parent / "my_machine.py").rename(desk.parent / "mine" / "m.py")

@@ -39,6 +39,7 @@ def test_own_motor_from_toml_to_folder(tmp_path: Path) -> None:
     assert "is stale" in refused.stderr
 
 
+@pytest.mark.thorough
 def test_hand_edits_survive_generate(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))
     assert call("generate", "mine.toml", "--out", "out", cwd=tmp_path).returncode == 0
@@ -100,7 +101,7 @@ def test_no_compiler_is_said_before_work_starts(tmp_path: Path) -> None:
     assert "no C compiler" in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_ones_own_motor_is_verified(tmp_path: Path) -> None:
     text = (DRIVES / "spmsm_load_torque.toml").read_text().replace("spmsm_load_torque", "my_motor")
     (tmp_path / "my_motor.toml").write_text(text.replace("2.875", "2.0").replace('["ckf", "ickf"]', '["ckf"]'))
@@ -209,6 +210,7 @@ def test_a_budget_exceeded_writes_nothing_and_exits_1(tmp_path: Path) -> None:
     assert "The drive file allows: cycles = 20000" in report
 
 
+@pytest.mark.thorough
 def test_generate_and_check_need_no_cross_compiler(tmp_path: Path) -> None:
     """Without it the report says so, and neither machine calls the other's folder stale."""
     nothing = {"PATH": str(tmp_path / "empty")}

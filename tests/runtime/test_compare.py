@@ -101,6 +101,7 @@ def test_bad_words_are_refused(drives: list[str], expected: str) -> None:
         collect(drives)
 
 
+@pytest.mark.thorough
 def test_one_changed_key_is_all_that_is_told(tmp_path: Path) -> None:
     """The same drive with another inertia, before and after: one key, the constants made of it, no equation."""
     text = (FILES / "spmsm_load_torque.toml").read_text()

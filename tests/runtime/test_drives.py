@@ -38,6 +38,7 @@ def test_a_shipped_name_its_file_and_its_folder_are_one_drive(desk: Path) -> Non
         assert drive_folder(word).path == named.path
 
 
+@pytest.mark.thorough
 def test_a_generated_folder_is_enough_to_generate_it_again(desk: Path) -> None:
     shutil.copytree(GENERATED / "spmsm_load_torque", desk / "kept")
     assert current_package(find_drive("kept")).drive.name == "spmsm_load_torque"

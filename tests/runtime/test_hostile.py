@@ -26,10 +26,8 @@ from tests.runtime.hostile import assert_refused, command
 PAPER = (DRIVES / "paper_spmsm.toml").read_text(encoding="utf-8")
 
 #: Seconds of a run vary with the machine; the examples do not.
-HOSTILE = settings(
-    derandomize=True, deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-FEW = settings(HOSTILE, max_examples=8)
+HOSTILE = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(HOSTILE, max_examples=HOSTILE.max_examples // 4)
 
 
 @pytest.fixture(scope="module")

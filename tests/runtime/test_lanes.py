@@ -21,7 +21,7 @@ from runtime.estimator import threads
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
-from tests.conftest import DRIVES, bare_package, variant
+from tests.conftest import DRIVES, bare_package, thoroughly, variant
 
 KINDS = ("ckf", "ickf")
 
@@ -68,7 +68,7 @@ def _same(runs: list[tuple[np.ndarray, ...]]) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("lanes", [1, LANES, 2 * LANES + 5, 33 * LANES - 1])
+@pytest.mark.parametrize("lanes", [1, 2 * LANES + 5, *thoroughly(LANES, 33 * LANES - 1)])
 def test_every_lane_has_the_scalar_bits(drive: Drive, kind: str, lanes: int) -> None:
     """Whole groups, a group begun, more groups than are kept together; wide angles and rejected inputs among them."""
     folder = GeneratedFolder(GENERATED / drive.name)
@@ -91,7 +91,7 @@ def test_some_lanes_begin_with_wide_turns(drive: Drive) -> None:
 
 
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
-@pytest.mark.parametrize("form", ["fast", "literal"])
+@pytest.mark.parametrize("form", ["fast", *thoroughly("literal")])
 def test_other_kinds_and_the_literal_form(kind: str, form: str, tmp_path: Path) -> None:
     drive = variant(load_drive("ipmsm_flux"), filter={"kinds": [kind]})
     write_folder(tmp_path / drive.name, generate_bare(drive, form).files)

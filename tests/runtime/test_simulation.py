@@ -107,7 +107,7 @@ def test_controller_c_and_numpy_twin_have_the_same_bits(drive: Drive, kind: str,
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", DRIVES)
 def test_twin_has_the_same_bits_over_a_whole_run(name: str, simulators: dict[str, Simulator]) -> None:
     a, b = (simulators[name].run(SCENARIOS["load_step"], controller=controller) for controller in ("c", "numpy"))

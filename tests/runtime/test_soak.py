@@ -70,6 +70,7 @@ def test_journey_covers_what_it_says_and_closes() -> None:
     assert abs((j.i * rotor)[-1] - (j.i * rotor)[0]) < 1e-6
 
 
+@pytest.mark.thorough
 def test_filter_holds_over_a_first_stretch(tmp_path: Path) -> None:
     done = call("soak", "paper_spmsm", "--steps", "200000", "--json", "s.json", "--plots", "figures", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

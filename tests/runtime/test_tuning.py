@@ -24,6 +24,7 @@ def optuna() -> Any:
     return pytest.importorskip("optuna")
 
 
+@pytest.mark.thorough
 def test_tuning_goes_on_and_never_recommends_what_is_worse(optuna: Any, tmp_path: Path) -> None:
     from runtime.study.figures import write_front
     from runtime.study.tables import front_table, proof_table

@@ -111,7 +111,7 @@ def fuzzer() -> None:
         pytest.skip(str(error))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("fuzzer")
 def test_a_campaign_finds_what_is_planted_and_nothing_like_it() -> None:
     broken = replace(PAPER)

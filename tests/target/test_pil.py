@@ -80,7 +80,7 @@ def test_a_bad_line_loses_or_compares_but_never_mistakes() -> None:
     check_bad_line(result, damage, 500)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_ten_thousand_steps_over_a_bad_line() -> None:
     result, damage = run_over_bad_line("paper_spmsm", 10_000, 0.01, seed=2)
     print(f"compared {result.compared}, lost {len(result.lost)}, {result.counts}, damage {damage}")
