@@ -12,6 +12,7 @@ from pathlib import Path
 import jinja2
 import pytest
 
+from tests.conftest import thoroughly
 from tests.mutants.__main__ import SAMPLE, drawn
 from tests.mutants.around import around_mutants
 from tests.mutants.catalogue import SOURCES, data_mutants
@@ -22,13 +23,14 @@ from tests.mutants.mutant import ROOT, Mutant, Outcome, StaleMutantError, mutate
 from tests.mutants.table import KINDS, page, rows
 
 
-def test_a_sample_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sample", [("reuse.py", "constant of a product lost"), *thoroughly((("--sample",),))])
+def test_a_sample_is_killed(sample: tuple[str, ...], tmp_path: Path) -> None:
     """In a process of its own: a mutated module must be the first of its name."""
-    command = [sys.executable, "-m", "tests.mutants", "--sample", "--jobs", "2", "--json", f"{tmp_path}/mutants.json"]
+    command = [sys.executable, "-m", "tests.mutants", *sample, "--jobs", "2", "--json", f"{tmp_path}/mutants.json"]
     found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert found.returncode == 0, found.stdout + found.stderr
     fates = json.loads((tmp_path / "mutants.json").read_text(encoding="utf-8"))["mutants"]
-    assert len(fates) >= len(SAMPLE)
+    assert len(fates) >= (1 if sample[0] != "--sample" else len(SAMPLE))
     assert all(entry["fate"] == "killed" for entry in fates)
 
 
@@ -61,12 +63,14 @@ def emitted() -> list[Mutant]:
     return [*emitted_mutants(), *flow_mutants(), *around_mutants()]
 
 
+@pytest.mark.thorough
 def test_no_two_are_the_same_and_every_kind_has_some(emitted: list[Mutant]) -> None:
     assert {mutant.kind for mutant in (*SOURCES, *emitted, *judged_mutants())} | {"data"} == set(KINDS)
     assert len({(m.file, m.old, m.new) for m in SOURCES}) == len(SOURCES)
     assert len({(m.file, m.text) for m in emitted}) == len(emitted)
 
 
+@pytest.mark.thorough
 def test_fewer_are_a_part_of_more_and_hold_every_sort(emitted: list[Mutant]) -> None:
     made = [*data_mutants(), *emitted]
     sorts = {(m.kind, m.sort) for m in made}
@@ -76,6 +80,7 @@ def test_fewer_are_a_part_of_more_and_hold_every_sort(emitted: list[Mutant]) -> 
     assert drawn(made, None) == made
 
 
+@pytest.mark.thorough
 def test_judges_are_turned_where_they_judge() -> None:
     """A drawn mutant is another text of the same file that compiles; texts, looks and functions left alone are not."""
     for mutant in judged_mutants():

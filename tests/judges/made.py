@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from rich.console import Console
 from runtime.board.board import Identity
 from runtime.board.pil import PilResult
 from runtime.cli import main
+from runtime.drive.experiment import SweepPoint
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import SCENARIOS, Scenario
 from runtime.drive.simulation import Run
@@ -24,7 +26,10 @@ from runtime.faults.catalogue import Fault
 from runtime.faults.loop import RUNNING, FaultyRun
 from runtime.faults.survey import Outcome, Recovery
 from runtime.firmware.static.check import Check
+from runtime.proof.link_cd import Drift
 from runtime.proof.result import Link, Proof, Row
+from runtime.proof.trajectory import Trajectory
+from runtime.proof.verify import Evidence
 from runtime.recorded.data import Recorded
 from runtime.replay.innovations import Innovations
 from runtime.replay.replay import Replay
@@ -76,6 +81,26 @@ def link(*rows: Row, name: str = "A-B", kind: str = "ckf", gain: str = "cubature
 
 def proof(*links: Link, drive: str = "d", **more: Any) -> Proof:
     return Proof(drive, list(links), **more)
+
+
+def evidence(N: int = 30) -> Evidence:
+    """What a proof leaves for its figures."""
+    t, pair = 1e-4 * np.arange(N), np.zeros((N, 2))
+    exact: Any = None
+    drift = Drift(np.full((N, 4), 1e-5), np.full(N, 1e-6), exact).envelope()
+    return Evidence(t, {"ckf": drift}, {"cubature": t}, Trajectory(t, pair, pair, t, t, pair))
+
+
+def earned() -> Any:
+    """A step of the ablation, and its cost."""
+    return SimpleNamespace(ablation=SimpleNamespace(name="literal"), operations=Counter(add=71), weight=4321)
+
+
+def sweep() -> list[SweepPoint]:
+    return [
+        SweepPoint(1e-4, "euler", False, {"start": 1.0, "angle": 9.876}),
+        SweepPoint(1e-4, "exact", True, {"start": 2.0, "angle": 1.0}),
+    ]
 
 
 def check(state: Any = "passed", name: str = "a gate", **more: Any) -> Check:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import re
-from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,43 +15,28 @@ import runtime.commands.run
 from codegen.fast.ablation import OPERATIONS
 from codegen.output.version import __version__
 from model.drives.load import load_drive
-from runtime.drive.experiment import SweepPoint
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.firmware.gates import Gated
-from runtime.proof.link_cd import Drift
 from runtime.proof.result import IterationEffect
-from runtime.proof.trajectory import Trajectory
-from runtime.proof.verify import Evidence
 from runtime.report.chapter import Chapter
 from runtime.report.page import write_page
 from runtime.report.run import Ran
-from tests.judges.made import Kept, check, command, link, proof, row, run
+from tests.judges.made import Kept, check, command, earned, evidence, link, proof, row, run, sweep
 
 # --- run: a chapter, the page, the exit code
 
 
 def _chapter(**changes: Any) -> Chapter:
-    N = 30
-    t, pair = 1e-4 * np.arange(N), np.zeros((N, 2))
-    trajectory = Trajectory(t, pair, pair, t, t, pair)
-    exact: Any = None
-    evidence = Evidence(
-        t, {"ckf": Drift(np.full((N, 4), 1e-5), np.full(N, 1e-6), exact).envelope()}, {"cubature": t}, trajectory
-    )
-    earned: Any = SimpleNamespace(ablation=SimpleNamespace(name="literal"), operations=Counter(add=71), weight=4321)
     made: dict[str, Any] = {
         "drive": load_drive("paper_spmsm"),
         "folder": GENERATED / "paper_spmsm",
         "proof": proof(link(row(0.4), name="guard"), link(row(3.0, 5.0), name="D-E"), drive="paper_spmsm"),
-        "evidence": evidence,
+        "evidence": evidence(),
         "runs": [run("no_load"), run("load_step")],
         "hard": [run("load_step", speed_error=np.where(np.arange(400) == 250, 9.0, 8.0))],
-        "sweep": [
-            SweepPoint(1e-4, "euler", False, {"start": 1.0, "angle": 9.876}),
-            SweepPoint(1e-4, "exact", True, {"start": 2.0, "angle": 1.0}),
-        ],
+        "sweep": sweep(),
         "firmware": Gated("paper_spmsm", (check(),)),
-        "earned": [earned],
+        "earned": [earned()],
     }  # fmt: skip
     return Chapter(**(made | changes))
 

@@ -175,6 +175,7 @@ def folder(desk: Path, monkeypatch: pytest.MonkeyPatch) -> GeneratedFolder:
     return GeneratedFolder(Path("generated/my_motor"))
 
 
+@pytest.mark.thorough
 def test_a_folder_carries_its_machine(folder: GeneratedFolder, desk: Path) -> None:
     """Folders are compared, recorded and replayed though the files they came from changed; a change is noticed."""
     assert drive_folder("my_motor.toml").path == folder.path

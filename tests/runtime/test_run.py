@@ -7,47 +7,32 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from codegen.fast.ablation import earnings
-from model.drives.load import load_drive, shipped_drives
-from model.machines.state_space import build
+from model.drives.load import shipped_drives
 from runtime.cli import main
 from runtime.drive import experiment
-from runtime.drive.experiment import sample_time_sweep, simulate
 from runtime.drive.scenario import find_scenario
 from runtime.firmware.gates import Gated
 from runtime.firmware.static.check import Check
 from runtime.proof.result import Proof
-from runtime.proof.verify import Effort, Evidence, verify
+from runtime.proof.verify import Evidence
 from runtime.report import run as run_module
 from runtime.report.run import Simulations
+from tests.judges import made
 
 CHECK = Check("E-F, Cortex-M4F", "paper_spmsm_ckf", "passed", "1000 steps x 26 words identical", "measured")
 
-#: The proof is no subject here, but a page has one.
-SHORTEST = Effort(trajectory=0.001, box_draws=5, bit_steps=40, drift_steps=40, chip_steps=10, optimisations=(("-O0",),))
 
-
-@cache
 def proved() -> tuple[Proof, Evidence]:
-    return verify("paper_spmsm", SHORTEST)
+    return made.proof(made.link(name="guard"), made.link(name="D-E"), drive="paper_spmsm"), made.evidence()
 
 
-@cache
 def simulated() -> Simulations:
-    runs = simulate("paper_spmsm", "load_step", ["ckf"])
-    return Simulations(runs, runs, sample_time_sweep("paper_spmsm", [100e-6]))
-
-
-@cache
-def earned() -> Any:
-    drive = load_drive("paper_spmsm")
-    return earnings(build(drive), "ckf", drive.filter.gain)
+    return Simulations([made.run()], [made.run()], made.sweep())
 
 
 @pytest.fixture
@@ -57,7 +42,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[..., Any]]:
         "prove_or_recall": lambda name, *more: proved(),
         "check_or_recall": lambda name, *more: Gated(name, (CHECK,)),
         "_simulated": lambda name, whole: simulated() if whole else replace(simulated(), hard=[], sweep=[]),
-        "_earned": lambda name: earned(),
+        "_earned": lambda name: [made.earned()],
     }
     for name in pieces:
         monkeypatch.setattr(run_module, name, lambda *arguments, piece=name: pieces[piece](*arguments))
