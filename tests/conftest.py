@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import tempfile
@@ -70,9 +69,6 @@ def bare_package(name: str, form: str = "fast") -> Package:
     """A shipped drive generated in memory, all that computes and no evidence, once a process: to read and to copy."""
     return generate_bare(load_drive(name), form)
 
-
-#: Graphs and syntax trees are millions of small tuples; looking through them again and again took a quarter of the time.
-gc.set_threshold(100_000, 50, 100)
 
 _unit = False
 
