@@ -15,9 +15,9 @@ from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import find_folder
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
+from tests.conftest import thoroughly
 
 RESTARTED = 0x20
-KINDS = ("ckf", "ickf")
 SHORT = Scenario("short", ramp=0.05, load=3.0, load_at=0.07, duration=0.13)
 
 
@@ -57,7 +57,7 @@ def _agree(found: dict[str, Any], expected: dict[str, Any]) -> None:
         assert found[name] == expected[name], name
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["ickf", *thoroughly("ckf")])
 def test_without_noise_a_lane_is_the_scalar_simulators_run(drive: Drive, kind: str) -> None:
     folder = find_folder(drive.name)
     outcomes = Fleet(folder, kind).run(SHORT, Cases(noise=0.0))
