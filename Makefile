@@ -19,7 +19,7 @@ run: $(VENV)/.ready
 all: $(VENV)/.ready
 	$(BIN)/pmsm-ickf run --all
 
-# Every statement on the drives that have every feature between them. Five minutes.
+# Every statement on the drives that have every feature between them. Six to eight minutes.
 test: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "not thorough"
 
@@ -27,7 +27,7 @@ test: $(VENV)/.ready-dev
 thorough: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile many
 
-# Pure Python, no compiler: what to run after every change. A minute.
+# Pure Python, no compiler: what to run after every change. Under a minute.
 unit: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n auto --dist worksteal -m "unit and not process and not slow and not thorough"
 
