@@ -286,6 +286,7 @@ def regenerated(bench: Bench, name: str) -> Iterator[None]:
     from codegen.generate import generate
     from codegen.output.folder import write_folder
 
+    assert place.GENERATED == ROOT / "generated", "modules keep the place they were loaded with: one folder a process"
     with tempfile.TemporaryDirectory() as scratch:
         write_folder(Path(scratch) / name, generate(bench.truth(name), samples=1).files)
         for other in place.GENERATED.iterdir():

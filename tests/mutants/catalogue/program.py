@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tests.mutants.catalogue.rewriting import FLUX, PAPER, of
 
-STATUS = tuple(f"regenerated {name} tests/codegen/test_status_bits.py" for name in ("paper_spmsm", "ipmsm_adaptive"))
-SAME = (*PAPER, *FLUX, *STATUS)
+#: The adaptive drive alone: a process can take one generated folder's place.
+SAME = (*PAPER, *FLUX, "regenerated ipmsm_adaptive tests/codegen/test_status_bits.py")
 
 PROGRAM = (
     *of(
@@ -42,7 +42,12 @@ PROGRAM = (
             SAME,
         ),
         ("told by another bit", "Report(_DIVERGED, _CALM)", "Report(_RESTARTED, _CALM)", SAME),
-        ("words are not looked at", 'Size("worst", (_CHECK, _MEAN), "LD"', 'Size("worst", (_CHECK,), "LD"', SAME),
+        (
+            "words are looked at as wide as states",
+            'Size("worst", (_CHECK, _MEAN), "LD", "PER_SANE_LIMIT")',
+            'Size("worst", (_CHECK, _MEAN), "LD", "SANE_LIMIT")',
+            SAME,
+        ),
     ),
     *of(
         "fast form",
