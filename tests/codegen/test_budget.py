@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
 from codegen.evidence.budget import Account, BudgetError, check_budget, cycles
@@ -27,6 +25,15 @@ def limited(**limits: float) -> Drive:
     return FLUX.model_copy(update={"budget": Budget(**limits)})
 
 
+def refusal(drive: Drive, accounts: dict[str, Account]) -> str:
+    """What is said of a budget that is exceeded; nothing where all keep it."""
+    try:
+        check_budget(drive, accounts)
+    except BudgetError as error:
+        return str(error)
+    return ""
+
+
 def test_the_formula_is_the_published_one() -> None:
     operations = {"add": 100, "mul": 60, "div": 2, "sqrt": 3, "sincos": 4, "compare": 9, "select": 9}
     assert [cycles(operations, k) for k in (2.5, 4, 5)] == [160 * k + 50 + 87 + 176 + 60 for k in (2.5, 4, 5)]
@@ -34,19 +41,19 @@ def test_the_formula_is_the_published_one() -> None:
 
 def test_shipped_budgets_hold_with_margin(drive: Drive) -> None:
     accounts = shipped_accounts(drive.name)
-    check_budget(drive, accounts)
+    assert refusal(drive, accounts) == ""
     allowed = drive.budget.controller_cycles
     if allowed is not None:
         assert max(cycles(a.controller.calls, drive.budget.k) for a in accounts.values()) < 0.9 * allowed
 
 
 def test_no_budget_allows_anything(flux: dict[str, Account]) -> None:
-    check_budget(limited(), flux)
+    assert refusal(limited(), flux) == ""
 
 
 def test_the_dearest_filter_is_named_with_what_would_help(flux: dict[str, Account]) -> None:
     ckf, ickf = (cycles(flux[kind].filter.calls, 2.5) for kind in ("ckf", "ickf"))
-    check_budget(limited(cycles=max(ckf, ickf)), flux)
+    assert refusal(limited(cycles=max(ckf, ickf)), flux) == ""
     with pytest.raises(BudgetError) as caught:
         check_budget(limited(cycles=max(ckf, ickf) - 1), flux)
     text = str(caught.value)
@@ -59,18 +66,17 @@ def test_the_dearest_filter_is_named_with_what_would_help(flux: dict[str, Accoun
 
 @pytest.mark.slow
 def test_the_offered_number_of_iterations_really_fits(flux: dict[str, Account]) -> None:
-    with pytest.raises(BudgetError) as caught:
-        check_budget(limited(cycles=4500), flux)
-    offered = re.search(r"filter\.max_iterations = (\d+) \((\d+) cycles\)", str(caught.value))
-    assert offered is not None
-    changed = variant(FLUX, filter={"max_iterations": int(offered[1])})
-    account = generate(changed, samples=5).accounts["ickf"]
-    assert cycles(account.filter.calls, 2.5) == int(offered[2]) <= 4500
+    """Three are offered where three take all that is allowed, and generated they take it."""
+    allowed = cycles(
+        generate(variant(FLUX, filter={"max_iterations": 3}), samples=5).accounts["ickf"].filter.calls, 2.5
+    )
+    assert f"filter.max_iterations = 3 ({allowed} cycles)" in refusal(limited(cycles=allowed), flux)
+    assert "filter.max_iterations = 2 (" in refusal(limited(cycles=allowed - 1), flux)
 
 
 def test_k_and_the_controller_count(flux: dict[str, Account]) -> None:
     cost = cycles(flux["ickf"].controller.calls, 5)
-    check_budget(limited(controller_cycles=cost, k=5.0), flux)
+    assert refusal(limited(controller_cycles=cost, k=5.0), flux) == ""
     with pytest.raises(BudgetError, match=rf"the controller with filter 'ickf' takes {cost} cycles a step \(k = 5"):
         check_budget(limited(controller_cycles=cost - 1, k=5.0), flux)
 
@@ -82,6 +88,6 @@ def test_nothing_that_fits_is_said(flux: dict[str, Account]) -> None:
 
 def test_ram(flux: dict[str, Account]) -> None:
     words = flux["ckf"].filter.words
-    check_budget(limited(ram_words=words), flux)
+    assert refusal(limited(ram_words=words), flux) == ""
     with pytest.raises(BudgetError, match=rf"keeps {words} 16-bit words of RAM, budget.ram_words is {words - 1}"):
         check_budget(limited(ram_words=words - 1), flux)

@@ -209,6 +209,9 @@ def test_fuzz_ends_with_1_if_anything_was_found(bad: int | None, here: Path, mon
     assert (f"t{bad}: a: word 4 (and 1 more words) -- short [input 09]" in said) is (bad is not None)
     runs = {bool(target.form): count for target, count in asked}
     assert runs == {False: 1000, True: 100}
+    asked.clear()
+    command("fuzz", "paper_spmsm", "--executions", "5")
+    assert {bool(target.form): count for target, count in asked} == {False: 5, True: 1}, "one at least"
 
 
 def test_lines_and_table_of_a_campaign() -> None:

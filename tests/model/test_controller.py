@@ -112,6 +112,10 @@ def test_least_current_and_torque_limit_on_every_motor() -> None:
         # The most torque that this current makes is the torque asked for, to what 0.5 % of current changes.
         smaller = most_torque(m, current / 1.005)
         assert np.all(smaller <= np.abs(asked) * (1 + 1e-9)), np.argwhere(smaller > np.abs(asked) * (1 + 1e-9))[0]
+        # Where reluctance is small, i_d is -r i_q^2 to second order: the circle is too flat there to tell.
+        r = (m.inductance_q - m.inductance_d) / m.magnet_flux
+        small = np.abs(r * i_q) < 0.02
+        np.testing.assert_allclose(i_d[small], (-r * i_q**2)[small], rtol=2e-3)
         most = most_torque(m, np.hstack([current, m.max_current]))
         worst["torque"] = max(worst["torque"], float(np.max(np.abs(torque / asked - 1))))
         worst["limit"] = max(worst["limit"], float(np.max(np.abs(limit / most[:, -1] - 1))))
