@@ -14,7 +14,7 @@ REST, PROBE, BLIND, ADRIFT, SETTLE, LOCKED, CATCH = 2e-3, 2e-3, 2e-3, 100e-3, 1e
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 NAN = math.nan
 
-BOARDS = (("paper_spmsm", 1), ("paper_spmsm", 0), ("ipmsm_flux", 1), ("ipmsm_adaptive", 1))
+BOARDS = tuple((name, variant) for name in ("paper_spmsm", "ipmsm_flux", "ipmsm_adaptive") for variant in (1, 0))
 
 
 @contextmanager

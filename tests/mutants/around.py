@@ -112,13 +112,14 @@ SAME: tuple[tuple[str, str, str], ...] = (
     ("comparison", r"if \(step (?:>|<) -?PI\)", "a step of exactly half a turn may be taken either way"),
     ("comparison", r"\(cosine < 0\.0f\)|\(sine < 0\.0f\)", "of a zero the sign does not matter"),
     ("comparison", r"\(s < c\)", "at half a right angle both ways give the same"),
+    ("number", r"^judge_run\(.* -> 2$", "a truth is asked whether it is 0"),
     ("macro", r"#define ROUND ", "any number from 2^23 to 2^24 rounds to the nearest integer"),
 )
 
 
-def same(sort: str, line: str) -> str:
+def same(sort: str, line: str, new: str) -> str:
     """Why a change of this sort in this line says the same; empty if it does not."""
-    return next((why for of, pattern, why in SAME if of == sort and re.search(pattern, line)), "")
+    return next((why for of, pattern, why in SAME if of == sort and re.search(pattern, f"{line} -> {new}")), "")
 
 
 def around_mutants(places: int = 2, seed: int = SEED) -> list[Mutant]:
@@ -140,7 +141,7 @@ def around_mutants(places: int = 2, seed: int = SEED) -> list[Mutant]:
                         text=text[:start] + new + text[end:],
                         group=f"text {file}",
                         sort=sort,
-                        equivalent=same(sort, line),
+                        equivalent=same(sort, line, new),
                     )
                 )
     return found

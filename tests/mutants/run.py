@@ -130,9 +130,12 @@ class EmittedBench:
         from codegen.generate import build_steps
 
         steps, draws = len(record.u), record.singles[0].lanes
-        for kind, step in build_steps(self.truth, "literal")[1].items():
+        steps_of = build_steps(self.truth, "literal")[1]
+        for kind, step in steps_of.items():
             yield bits_of(folder, self.truth, kind, step, steps, draws).link(("-O0",))
         yield from self.foc(folder, record)
+        for kind in steps_of:
+            yield self.text(folder, kind)
 
 
 class StepJudge:
