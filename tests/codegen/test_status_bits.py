@@ -186,10 +186,46 @@ def test_diverged_alone_from_nis_max_on(both: Both) -> None:
     both.run(u[:1], y[:1])
     mean = float(both.filters[0].nis)
     assert mean > 0
-    for factor, expected in ((1.001, 0), (0.999, BITS["DIVERGED"])):
+    for factor, expected in ((1.001, 0), (1.0, BITS["DIVERGED"]), (0.999, BITS["DIVERGED"])):
         both.reset()
         both.set("nis_max", None, factor * mean)
         assert both.run(u[:1], y[:1])[0] & ~BITS["NOT_CONVERGED"] == expected
+
+
+def test_the_mean_is_the_exponential_one(both: Both) -> None:
+    """With weight 1 it is each innovation's own; with weight w their sum by w (1 - w)^age, which is no recursion."""
+    u, y = healthy(both.drive)
+    both.set("nis_weight", None, 1.0)
+    single = []
+    for k in range(len(u)):
+        both.run(u[k : k + 1], y[k : k + 1])
+        single.append(float(both.filters[0].nis))
+    both.reset()
+    both.set("nis_weight", None, 0.125)
+    both.run(u, y)
+    age = np.arange(len(u))[::-1]
+    assert float(both.filters[0].nis) == pytest.approx(np.sum(0.125 * 0.875**age * single), rel=1e-5)
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_a_state_beyond_all_sense_restarts_and_is_a_repair(both: Both, place: int) -> None:
+    """What is large is a state alone: no input, and no word of the covariance. An angle would be wrapped."""
+    u, y = healthy(both.drive)
+    both.run(u[:10], y[:10])
+    before = int(both.filters[0].repairs)
+    both.set("x", place, 3e9)
+    for name in ("u_max", "y_max"):  # a measurement would pull it back, and is not taken
+        both.set(name, None, 0.0)
+    assert both.run(u[10:11], y[10:11])[0] & BITS["RESTARTED"]
+    assert [int(np.max(one.repairs)) for one in both.filters] == [before + 1] * 2
+
+
+def test_nothing_hides_what_is_no_number(both: Both) -> None:
+    u, y = healthy(both.drive)
+    both.run(u[:10], y[:10])
+    both.set("x", 2, np.nan)
+    both.set("nis", None, np.nan)
+    assert both.run(u[10:11], y[10:11])[0] & BITS["RESTARTED"]
 
 
 def test_a_stuck_sensor_diverges_and_nothing_else(both: Both) -> None:

@@ -113,6 +113,7 @@ SAME: tuple[tuple[str, str, str], ...] = (
     ("comparison", r"\(cosine < 0\.0f\)|\(sine < 0\.0f\)", "of a zero the sign does not matter"),
     ("comparison", r"\(s < c\)", "at half a right angle both ways give the same"),
     ("number", r"^judge_run\(.* -> 2$", "a truth is asked whether it is 0"),
+    ("number", r"agrees\(.*, 0, 0\.0f\).* -> 1\.0+$", "nothing is allowed, with any tolerance"),
     ("macro", r"#define ROUND ", "any number from 2^23 to 2^24 rounds to the nearest integer"),
 )
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tests.mutants.catalogue.rewriting import FLUX, PAPER, of
 
-#: The adaptive drive alone: a process can take one generated folder's place.
-SAME = (*PAPER, *FLUX, "regenerated ipmsm_adaptive tests/codegen/test_status_bits.py")
+#: The regenerated folder first and of one drive: modules keep the place that they were loaded with.
+SAME = ("regenerated ipmsm_adaptive tests/codegen/test_status_bits.py", *PAPER, *FLUX)
 
 PROGRAM = (
     *of(
