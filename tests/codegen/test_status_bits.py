@@ -207,13 +207,18 @@ def test_the_mean_is_the_exponential_one(both: Both) -> None:
     assert float(both.filters[0].nis) == pytest.approx(np.sum(0.125 * 0.875**age * single), rel=1e-5)
 
 
+@pytest.mark.parametrize("mean", [0.0, 1e6])
 @pytest.mark.parametrize("place", range(3))
-def test_a_state_beyond_all_sense_restarts_and_is_a_repair(both: Both, place: int) -> None:
-    """What is large is a state alone: no input, and no word of the covariance. An angle would be wrapped."""
+def test_a_state_beyond_all_sense_restarts_and_is_a_repair(both: Both, place: int, mean: float) -> None:
+    """What is large is a state alone, or the monitor's mean with it: no input, and no word of the covariance.
+
+    An angle would be wrapped.
+    """
     u, y = healthy(both.drive)
     both.run(u[:10], y[:10])
     before = int(both.filters[0].repairs)
     both.set("x", place, 3e9)
+    both.set("nis", None, mean)
     for name in ("u_max", "y_max"):  # a measurement would pull it back, and is not taken
         both.set(name, None, 0.0)
     assert both.run(u[10:11], y[10:11])[0] & BITS["RESTARTED"]
