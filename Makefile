@@ -36,7 +36,7 @@ unit: $(VENV)/.ready-dev
 firmware: $(VENV)/.ready
 	$(BIN)/pmsm-ickf firmware
 
-# The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. A quarter of an hour.
+# The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. Fifty minutes.
 mutants: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.mutants
 
