@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from codegen.ir.graph import Graph
 from codegen.passes import (
     PIPELINES,
+    _Ways,
     distribute,
     pull_signs,
     reuse_products,
@@ -80,6 +82,51 @@ def test_the_pipelines_change_no_value_and_add_no_work() -> None:
     for seed in range(1000, 1120):
         found = check(seed, run_passes, seed % 2 == 0)
         assert found is None or found[1] <= found[0], seed
+
+
+def one_after_another(graph: Graph, roots: list[int], pipeline: Any) -> tuple[Graph, list[int]]:
+    """A pipeline with nothing remembered: each pass on what the one before it made."""
+    for step in pipeline:
+        graph, moved = step(graph, roots)
+        roots = [moved[root] for root in roots]
+    return graph, roots
+
+
+def test_a_pipeline_is_its_passes_one_after_another() -> None:
+    """What several ways have in common is done once; each must still end where it ends alone."""
+    ended_apart = 0
+    for seed in range(3000, 3040):
+        rng = np.random.default_rng(seed)
+        graph, roots = random_graph(rng, int(rng.integers(10, 80)), seed % 2 == 0)
+        ways, ends = _Ways(graph, roots), []
+        for pipeline in PIPELINES:
+            new, moved = ways.run(pipeline)
+            ends.append((new.nodes, [moved[root] for root in roots]))
+            alone, places = one_after_another(graph, roots, pipeline)
+            assert ends[-1] == (alone.nodes, places), (seed, pipeline)
+        ended_apart += any(end != ends[0] for end in ends[1:-1])
+    assert ended_apart > 5, "the ways differ"
+
+
+def test_the_same_graph_with_other_roots_is_other_work() -> None:
+    """Two ways reach one graph, whose first root is not the same node: a pass on it is no repetition."""
+    graph = Graph()
+    a, b = graph.input("a"), graph.input("b")
+
+    def swap(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
+        return graph, dict(zip(roots, reversed(roots), strict=True))
+
+    def negate_first(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
+        new = Graph()
+        moved = {root: new.adopt(graph[root], []) for root in (a, b)}
+        return new, moved | {roots[0]: new.op("neg", moved[roots[0]])}
+
+    ways = _Ways(graph, [a, b])
+    for pipeline, expected in (((negate_first,), (-3, 7)), ((swap, negate_first), (-7, 3))):
+        new, moved = ways.run(pipeline)
+        values = exact(new, [moved[a], moved[b]], {"a": Fraction(3), "b": Fraction(7)})
+        assert values is not None
+        assert (values[moved[a]], values[moved[b]]) == expected
 
 
 def test_passes_find_what_they_are_for() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.mutants.catalogue.rewriting import PAPER, SMALL, TRIG, of, pass_checks
+from tests.mutants.catalogue.rewriting import PAPER, PIPELINE, SMALL, TRIG, of, pass_checks
 
 PASS = (
     *of(
@@ -48,6 +48,19 @@ PASS = (
             "value = sum(graph[index].value for index in constants)",
             pass_checks("share_products"),
         ),
+    ),
+    *of(
+        "passes",
+        "codegen/passes/__init__.py",
+        ("pass forgotten in what is done", "key = (id(graph), roots, step)", "key = (id(graph), roots)", PIPELINE),
+        ("roots forgotten in what is done", "key = (id(graph), roots, step)", "key = (id(graph), step)", PIPELINE),
+        (
+            "dearest way",
+            "graph.rewritten[key] = min(",
+            "graph.rewritten[key] = max(",
+            pass_checks("share_products")[1:],
+        ),
+        ("last pass twice", "self.run(passes[:-1])", "self.run(passes[:-2])", PIPELINE),
     ),
     *of(
         "passes",

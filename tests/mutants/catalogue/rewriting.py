@@ -9,6 +9,7 @@ SPLIT = ("pytest tests/codegen/test_split.py",)
 FACTORED = ("pytest tests/codegen/test_factored.py",)
 TRIG = ("pytest tests/codegen/test_trig.py",)
 TURNED = ("pytest tests/codegen/test_variants.py -k turned_form",)
+PIPELINE = ("pytest tests/codegen/test_passes.py -k 'one_after_another or other_roots'",)
 SMALL = ("pytest tests/codegen/test_small_angle.py",)
 
 
