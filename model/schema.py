@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 
 class DriveError(ValueError):
@@ -109,6 +117,13 @@ class OperatingBox(_Section):
     load_torque: Torque = 20.0
 
 
+class Rated(_Section):
+    """The task a drive is made for: mechanical speed and torque that scenarios and trajectories take."""
+
+    speed: Speed
+    torque: Torque
+
+
 class Control(_Section):
     """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
 
@@ -146,8 +161,14 @@ class Drive(_Section):
     operating_box: OperatingBox = OperatingBox()
     control: Control = Control()
     budget: Budget = Budget()
+    rated: Rated | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
+
+    @model_serializer(mode="wrap")
+    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A section that is not stated does not show."""
+        return {key: value for key, value in dump(self).items() if value is not None}
 
     @model_validator(mode="after")
     def _machine_fits_motor(self) -> Drive:

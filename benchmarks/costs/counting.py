@@ -23,8 +23,8 @@ from runtime.firmware.cortex_m4 import FLAGS, LIBRARIES, CortexM4
 from runtime.firmware.recording import Recording, Segment
 from runtime.firmware.subject import Subject
 from runtime.firmware.tools import MissingTool, find_tool
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.reference import make_reference
-from runtime.proof.trajectory import make_trajectory
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -81,7 +81,7 @@ class Inputs:
     @classmethod
     def of(cls, drive: Drive, steps: int, settle: int, initial_state: tuple[float, ...], kind: str = "ckf") -> Inputs:
         """The proof's trajectory, and what the reference makes of it in float64."""
-        data = make_trajectory(drive.model_dump(), steps=settle + steps)
+        data = trajectory_of(drive, steps=settle + steps)
         rows = np.column_stack([data.u, data.y]).astype(np.float32)
         reference = make_reference(drive.model_dump(), kind, drive.filter.gain, np.array(initial_state))
         x, sigma = [], []

@@ -51,16 +51,28 @@ def sample_box(drive: Drive, model: StateSpaceModel, count: int, seed: int = 1) 
     x = _states(drive, rng, count)
     P = _covariances(drive, rng, count, n)
     voltage = drive.operating_box.voltage
-    u = rng.uniform(-voltage, voltage, (2, count))
+    u = np.clip(rng.uniform(-voltage, voltage, (2, count)), -held(voltage), held(voltage))
     root = np.linalg.cholesky(P)
     truth = x + np.einsum("bij,jb->ib", root, rng.uniform(-1.5, 1.5, (n, count)))
     step = ca.Function("step", [model.x, model.u], [model.numeric(model.f)]).map(count)
     observe = ca.Function("observe", [model.x], [model.numeric(model.h)]).map(count)
     y = np.array(observe(step(truth, u)))
     y += np.sqrt(drive.filter.measurement_noise)[:, None] * rng.uniform(-1.5, 1.5, (2, count))
-    y = np.clip(y, -drive.operating_box.current, drive.operating_box.current)
+    most = held(drive.operating_box.current)
+    y = np.clip(y, -most, most)
     packed = np.array([P[:, i, j] for i in range(n) for j in range(i + 1)])
     return BoxSamples(*(array.astype(np.float32).astype(float) for array in (x, packed, u, y)))
+
+
+def held(limit: float) -> float:
+    """The largest float32 that is not beyond a limit of the drive file, in either precision.
+
+    Parameters
+    ----------
+    limit : float
+    """
+    nearest = np.float32(limit)
+    return float(nearest if float(nearest) <= limit else np.nextafter(nearest, np.float32(0.0)))
 
 
 def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ValidationError
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
-from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Unit
+from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Rated, Unit
 
 DRIVES = Path(__file__).parent
 
@@ -220,6 +220,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "operating_box": OperatingBox,
     "control": Control,
     "budget": Budget,
+    "rated": Rated,
 }
 
 

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -30,8 +30,9 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
 from runtime.estimator.threads import thread_count
 from runtime.folders.resolve import drive_folder
+from runtime.folders.stated import stated_drive
 from runtime.proof.link_cd import ALLOWED, drift
-from runtime.proof.trajectory import make_trajectory
+from runtime.proof.own_trajectory import motion_of, trajectory_of
 from runtime.system.errors import UserError
 
 SOURCE = Path(__file__).with_name("soak.c")
@@ -40,8 +41,8 @@ SOURCE = Path(__file__).with_name("soak.c")
 NOISE = 0.05
 #: Steps from one loss of currents to the next: a prime, so that it strikes everywhere in the period; and how many.
 LOST_EVERY, LOST_FOR = 1_000_003, 50
-#: The bound on a state's deviation, over that of 100 000 steps at 1000 r/min or at the slowest speed that is not
-#: called slow, whichever shows more: the journey's speeds are up to 2.7 times 1000 r/min, which costs two bits of a
+#: The bound on a state's deviation, over that of 100 000 steps at the proof's speed or at the slowest speed that is not
+#: called slow, whichever shows more: the journey's speeds are up to 2.7 times that, which costs two bits of a
 #: float32 speed, and the extremes of 10^9 draws are 1.4 times those of 10^5. At the slow end the back-EMF that shows
 #: the angle is a tenth, and what rounding does to an angle lasts as much longer.
 WITHIN = 10.0
@@ -61,8 +62,8 @@ LOCKED = math.pi / 4
 TURNED = 1e-9
 #: Steps of one call into C, a second or less: Ctrl-C is heard between two.
 CHUNK = 500_000
-#: Steps and speed (r/min) of the reference run, as in link C-D; a second one is at the slow end.
-REFERENCE, REFERENCE_SPEED = 100_000, 1000.0
+#: Steps of the reference run, as in link C-D at the proof's speed; a second one is at the slow end.
+REFERENCE = 100_000
 
 #: Called with drive, steps more.
 Progress = Callable[[str, int], None]
@@ -297,11 +298,11 @@ def reference_deviation(folder: GeneratedFolder, kind: str, slow: float, steps: 
     steps : int, optional
         Number of steps.
     """
-    parameters = folder.manifest["parameters"]
-    settled = round(0.3 / parameters["model"]["sample_time"])
+    drive = stated_drive(folder)
+    settled, motion = round(0.3 / drive.model.sample_time), motion_of(drive)
     found = []
-    for speed in (REFERENCE_SPEED, slow * 30 / math.pi):
-        data = make_trajectory(parameters, settled + steps, speed=speed)
+    for speed in (motion.speed, slow):
+        data = trajectory_of(drive, settled + steps, motion=replace(motion, speed=speed))
         single, double = (load_folder(folder, kind, "c", dtype) for dtype in ("float32", "float64"))
         apart = drift(single, double, data.u, data.y)
         found.append([*apart.x[settled:].max(axis=0), apart.P[settled:].max()])

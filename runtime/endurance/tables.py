@@ -99,7 +99,7 @@ def soak_table(result: Soak) -> Table:
     table.add_row("reference", *(f"{value:.1e}" for value in states), "", "", f"{covariance:.0e}", style="dim")
     table.caption = (
         "float32 against float64, largest of each decade, at speed and slow; lost: steps without currents; "
-        "status: unexpected ones; reference: 100 000 steps at 1000 r/min and at the slow end"
+        "status: unexpected ones; reference: 100 000 steps at the proof's speed and at the slow end"
     )
     table.caption_justify = "left"
     return table

@@ -1,7 +1,8 @@
-"""The proof's trajectory for a machine of one's own: the same motion, currents and voltages from its own equations."""
+"""The motion that a drive is proved on; and for a machine of one's own its data, from the machine's own equations."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -11,13 +12,57 @@ from numpy.typing import NDArray
 from model.machines import MACHINES, Machine, find_machine
 from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
+from model.rating import inverter_voltage, mtpa_current, rating, sensor_noise
 from model.schema import Drive
-from runtime.proof.trajectory import Trajectory, make_trajectory, motion, noisy
+from runtime.proof.trajectory import Motion, Trajectory, locus, make_trajectory, noisy
 
 Array = NDArray[np.float64]
 
+#: Shares of the largest torque that accelerates, of base speed, of the voltage that builds up the current, and of the
+#: speed that a step of load may take.
+ACCELERATION, OF_BASE, BUILD_UP, DIP = 0.5, 0.8, 0.5, 0.2
+#: Largest lag over the ramp's time, and largest bandwidth over the sample rate.
+LONGEST_LAG, WIDEST_BAND = 0.1, 0.1
+#: What is still beyond reach then is tried with the longest lag, and made smaller by this factor, so many times.
+SHRINK, MOST_SHRUNK = 0.7, 40
 
-def trajectory_of(drive: Drive, steps: int | None = None) -> Trajectory:
+
+def motion_of(drive: Drive) -> Motion:
+    """The drive's rated speed and load, as far as its motor gets in the time with its current and voltage.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    task, m, T = rating(drive), drive.motor, drive.model.sample_time
+    usual, volts = Motion(task.speed, task.torque), BUILD_UP * inverter_voltage(drive)
+    inductance = max(m.inductance_d, m.inductance_q)
+    speed = min(task.speed, OF_BASE * task.base_speed, ACCELERATION * task.largest_torque * usual.ramp / m.inertia)
+    starting = mtpa_current(drive, m.inertia * speed / usual.ramp)
+    lag, longest = max(usual.lag, T, inductance * starting / volts), LONGEST_LAG * usual.ramp
+    speed, lag = speed * min(1.0, longest / lag), min(lag, longest)
+    load = min(task.torque, task.largest_torque)
+    widest = min(WIDEST_BAND / T, volts / (2 * inductance * mtpa_current(drive, load)))
+    holding = load / (m.inertia * math.e * DIP * speed)
+    bandwidth = min(max(usual.bandwidth, holding), widest)
+    load *= min(1.0, bandwidth / holding)
+    sizes = SHRINK ** np.arange(MOST_SHRUNK + 1)
+    tried = (Motion(k * speed, k * load, lag=at, bandwidth=bandwidth) for k in sizes.tolist() for at in (lag, longest))
+    return next((motion for motion in tried if _within_reach(drive, motion)), Motion(0.0, 0.0, lag=longest))
+
+
+def _within_reach(drive: Drive, motion: Motion) -> bool:
+    """Whether the motion asks for no more voltage than the inverter has, and no more current than the box."""
+    data = make_trajectory(drive.model_dump(), motion, noise=0.0)
+    return bool(
+        np.max(np.hypot(*data.u.T)) <= inverter_voltage(drive)
+        and np.max(np.hypot(*data.y.T)) <= drive.operating_box.current
+    )
+
+
+def trajectory_of(
+    drive: Drive, steps: int | None = None, noise: float | None = None, motion: Motion | None = None
+) -> Trajectory:
     """A drive's trajectory, :func:`runtime.proof.trajectory.make_trajectory`'s for a shipped machine.
 
     For any other machine ``psi`` holds its two electrical states, whatever they are.
@@ -28,50 +73,44 @@ def trajectory_of(drive: Drive, steps: int | None = None) -> Trajectory:
         The drive.
     steps : int, optional
         Number of steps; None: the default.
+    noise : float, optional
+        A rms; None: :func:`model.rating.sensor_noise`.
+    motion : Motion, optional
+        None: :func:`motion_of`.
     """
+    motion, noise = motion or motion_of(drive), sensor_noise(drive) if noise is None else noise
     if drive.model.machine in MACHINES:
-        return make_trajectory(drive.model_dump(), steps=steps)
-    T = drive.model.sample_time
+        return make_trajectory(drive.model_dump(), motion, steps, noise)
+    m, T = drive.motor, drive.model.sample_time
     steps = steps or round(0.3 / T)
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
-    omega, theta, torque = motion(drive.motor.model_dump(), T, steps).T
+    omega, turned, torque = motion.at(T / 2 * np.arange(2 * steps + 1), m.inertia, m.friction)
+    theta = m.pole_pairs * turned
     z, i = _loaded(drive, machine, theta, torque)
     v = _driven(drive, machine, z[:, ::2], omega, theta)
     t = np.arange(1, steps + 1) * np.float64(T)
-    return Trajectory(t, v.T, noisy(i[:, 2::2].T), omega[2::2], theta[2::2], z[:, 2::2].T)
+    return Trajectory(t, v.T, noisy(i[:, 2::2].T, noise), omega[2::2], theta[2::2], z[:, 2::2].T)
 
 
 def _loaded(drive: Drive, machine: Machine, theta: Array, torque: Array) -> tuple[Array, Array]:
-    """Electrical states and currents (2, N) that make a torque, on the current locus the controller takes.
+    """Electrical states and currents (2, N) that make a torque, on the current locus that [motor] says.
 
-    Newton on the q current from what [motor] says; where that does not settle, [motor]'s own is kept.
+    Newton on the q current by the machine's own torque; where that does not settle, [motor]'s own is kept.
     """
-    m = drive.motor
-    q, angle, wanted = ca.SX.sym("q"), ca.SX.sym("theta"), ca.SX.sym("torque")
+    d, start = locus(drive.motor.model_dump(), torque)
+    i_d, q, angle, wanted = (ca.SX.sym(name) for name in ("d", "q", "theta", "torque"))
     rotor = Rotor.at(angle)
-    i = rotor.to_stator(_locus(drive, q))
+    i = rotor.to_stator((i_d, q))
     z = machine.electrical_state(i, rotor)
     excess = ca.SX(machine.torque(z, rotor)) - wanted
-    closer = ca.Function("closer", [q, angle, wanted], [q - excess / ca.jacobian(excess, q)]).map(theta.size)
-    start = torque / (1.5 * m.pole_pairs * m.magnet_flux)
+    closer = ca.Function("closer", [i_d, q, angle, wanted], [q - excess / ca.jacobian(excess, q)]).map(theta.size)
     found = start
     for _ in range(8):
-        found = np.array(closer(found[None, :], theta[None, :], torque[None, :])).ravel()
+        found = np.array(closer(d[None, :], found[None, :], theta[None, :], torque[None, :])).ravel()
     sane = np.isfinite(found) & (np.abs(found) <= drive.operating_box.current)
-    located = ca.Function("located", [q, angle], [ca.vertcat(*z), ca.vertcat(*i)]).map(theta.size)
-    states, currents = located(np.where(sane, found, start)[None, :], theta[None, :])
+    located = ca.Function("located", [i_d, q, angle], [ca.vertcat(*z), ca.vertcat(*i)]).map(theta.size)
+    states, currents = located(d[None, :], np.where(sane, found, start)[None, :], theta[None, :])
     return np.array(states), np.array(currents)
-
-
-def _locus(drive: Drive, q: Any) -> tuple[Any, Any]:
-    """i_d, i_q in A: i_d = 0, or maximum torque per ampere by [motor]'s saliency (:mod:`model.loop.controller`)."""
-    m = drive.motor
-    saliency = m.inductance_q - m.inductance_d
-    if saliency == 0.0:
-        return 0.0, q
-    half = m.magnet_flux / (2 * saliency)
-    i_d = half - ca.sqrt(half * half + q * q)
-    return i_d, q / (1 - saliency / m.magnet_flux * i_d)
 
 
 def _driven(drive: Drive, machine: Machine, z: Array, omega: Array, theta: Array) -> Array:

@@ -1,13 +1,12 @@
-"""A PMSM trajectory to prove on: accelerate to 1000 r/min, then take a 5 N m load step.
+"""A PMSM trajectory to prove on: accelerate, then take a step of load, each of a size that suits the drive.
 
-Made backwards, without a current controller: a speed loop on the mechanics gives torque, torque gives
-currents (i_d = 0), currents and angle give flux linkages, and the voltage is what moves one flux linkage
-to the next. So u is exactly the mean over each interval, for any sample time and either machine.
+Made backwards, without a controller, and in closed form: a prescribed motion asks for a torque, the torque for
+currents, currents and angle give flux linkages, and the voltage is what moves one flux linkage to the next. So u is
+exactly the mean over each interval, for any motor, sample time and shipped machine.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Points of the table from torque to current; between two of them the current is at most 1e-6 from the curve.
+TABLE = 2000
 
 
 @dataclass(frozen=True)
@@ -33,37 +35,77 @@ class Trajectory:
     psi: Array
 
 
+@dataclass(frozen=True)
+class Motion:
+    """A ramp to ``speed`` (rad/s mechanical) in ``ramp`` s, and a step to ``load`` (N m) at ``load_at`` s.
+
+    The acceleration follows its ends with the time constant ``lag`` (s). The load pulls the speed down as a regulator
+    with a double pole at ``bandwidth`` (rad/s) lets it: by load / (J bandwidth e) at most. So the torque has no jump.
+    """
+
+    speed: float
+    load: float
+    ramp: float = 0.15
+    load_at: float = 0.2
+    lag: float = 1e-3
+    bandwidth: float = 60.0
+
+    def at(self, t: NDArray[Any], inertia: float, friction: float) -> tuple[Array, Array, Array]:
+        """Speed (rad/s), its integral (rad) and the electromagnetic torque (N m) behind it.
+
+        Parameters
+        ----------
+        t : ndarray, (N,)
+            s, from 0 on.
+        inertia, friction : float
+            kg m^2, N m s/rad.
+        """
+        omega, turned, slope = np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)
+        for begin, rate in ((0.0, self.speed / self.ramp), (self.ramp, -self.speed / self.ramp)):
+            s = np.maximum(t - begin, 0.0)
+            behind = self.lag * -np.expm1(-s / self.lag)
+            slope += rate / self.lag * behind
+            omega += rate * (s - behind)
+            turned += rate * (s * s / 2 - self.lag * (s - behind))
+        s = np.maximum(t - self.load_at, 0.0)
+        a, taken = self.bandwidth, np.where(t >= self.load_at, self.load, 0.0)
+        fading = np.exp(-a * s)
+        slope -= taken / inertia * (1 - a * s) * fading
+        omega -= taken / inertia * s * fading
+        turned -= taken / inertia * (1 - (1 + a * s) * fading) / a**2
+        return omega, turned, inertia * slope + friction * omega + taken
+
+
 def make_trajectory(
-    parameters: Mapping[str, Any],
-    steps: int | None = None,
-    speed: float = 1000.0,
-    load: float = 5.0,
-    noise: float = 0.05,
-    seed: int = 1,
+    parameters: Mapping[str, Any], motion: Motion, steps: int | None = None, noise: float = 0.05, seed: int = 1
 ) -> Trajectory:
-    """Start, reach ``speed`` (r/min) at 0.15 s, take ``load`` (N m) at 0.2 s, go on.
+    """A motor's data along a motion, on the current locus of maximum torque per ampere.
 
     Parameters
     ----------
     parameters : mapping
         A drive file's parsed sections ``motor`` and ``model``.
+    motion : Motion
     steps : int, optional
         Default: 0.3 s.
     noise : float
         Standard deviation of the measured currents, A.
+    seed : int, optional
+        Seed of what is random.
     """
     m, T = parameters["motor"], parameters["model"]["sample_time"]
     steps = steps or round(0.3 / T)
-    omega, theta, torque = motion(m, T, steps, speed, load).T
-    i_q = torque / (1.5 * m["pole_pairs"] * m["magnet_flux"])  # i_d = 0
+    half = T / 2 * np.arange(2 * steps + 1)  # and the middle of each interval
+    omega, turned, torque = motion.at(half, m["inertia"], m["friction"])
+    theta = m["pole_pairs"] * turned
+    i_d, i_q = locus(m, torque)
     rotor = np.exp(1j * theta)
-    i = 1j * i_q * rotor
-    psi = (m["magnet_flux"] + 1j * m["inductance_q"] * i_q) * rotor
+    i = (i_d + 1j * i_q) * rotor
+    psi = (m["magnet_flux"] + m["inductance_d"] * i_d + 1j * m["inductance_q"] * i_q) * rotor
     mean_i = (i[:-1:2] + 4 * i[1::2] + i[2::2]) / 6  # Simpson over each interval
     v = (psi[2::2] - psi[:-1:2]) / T + m["stator_resistance"] * mean_i
     measured = noisy(_pairs(i[2::2]), noise, seed)
-    t = T * np.arange(1, steps + 1)
-    return Trajectory(t, _pairs(v), measured, omega[2::2], theta[2::2], _pairs(psi[2::2]))
+    return Trajectory(half[2::2], _pairs(v), measured, omega[2::2], theta[2::2], _pairs(psi[2::2]))
 
 
 def noisy(i: Array, noise: float = 0.05, seed: int = 1) -> Array:
@@ -80,57 +122,28 @@ def noisy(i: Array, noise: float = 0.05, seed: int = 1) -> Array:
     return i + np.random.default_rng(seed).normal(0.0, noise, i.shape)
 
 
-def motion(m: Mapping[str, Any], T: float, steps: int, speed: float = 1000.0, load: float = 5.0) -> Array:
-    """Rows omega, theta, torque every T / 2, 2 steps + 1 of them; speed in r/min, load in N m.
+def locus(m: Mapping[str, Any], torque: Array) -> tuple[Array, Array]:
+    """i_d, i_q (A) that make a torque: i_d near the least current's, from a table, and i_q from the torque equation.
 
     Parameters
     ----------
     m : mapping of str to Any
-    T : float
-        Sample time, s.
-    steps : int
-        Number of steps.
-    speed : float, optional
-        Mechanical speed, rad/s.
-    load : float, optional
-        Load torque, N m.
+        Motor data.
+    torque : ndarray
+        N m.
     """
-    return _mechanics(m, T / 2, 2 * steps, speed * math.pi / 30, load)
+    gain, saliency = 1.5 * m["pole_pairs"], m["inductance_q"] - m["inductance_d"]
+    largest = float(np.max(np.abs(torque), initial=0.0))
+    if not saliency or not largest:
+        return np.zeros_like(torque), torque / (gain * m["magnet_flux"])
+    # The magnet alone would need so much current, more than enough where reluctance helps.
+    current = largest / (gain * m["magnet_flux"]) * np.linspace(0.0, 1.0, TABLE) ** 2
+    ratio = saliency * current / m["magnet_flux"]
+    share = 2 * ratio / (1 + np.sqrt(1 + 8 * ratio * ratio))
+    made = gain * (m["magnet_flux"] + saliency * share * current) * np.sqrt(1 - share * share) * current
+    i_d = np.interp(np.abs(torque), made, -share * current)
+    return i_d, torque / (gain * (m["magnet_flux"] - saliency * i_d))
 
 
 def _pairs(values: NDArray[np.complex128]) -> Array:
     return np.column_stack([values.real, values.imag])
-
-
-def _mechanics(m: Mapping[str, Any], dt: float, steps: int, speed: float, load: float) -> Array:
-    """Rows omega, theta, torque at 0, dt, 2 dt, ...: a PI speed loop (60 rad/s) behind a 1 ms torque lag, RK4.
-
-    From 0.4 s on, long settled, speed and torque are held.
-    """
-    J, D, p = m["inertia"], m["friction"], m["pole_pairs"]
-    bandwidth, lag, ramp, load_at, held_from = 60.0, 1e-3, 0.15, 0.2, 0.4
-
-    def slope(t: float, s: Array) -> Array:
-        omega, _, torque, integral = s
-        wanted = speed * min(t / ramp, 1.0)
-        error = wanted - omega
-        command = 2 * bandwidth * J * error + bandwidth**2 * J * integral + (J * speed / ramp if t < ramp else 0.0)
-        T_L = load if t >= load_at else 0.0
-        return np.array([(torque - T_L - D * omega) / J, p * omega, (command - torque) / lag, error])
-
-    state = np.zeros(4)
-    rows = np.empty((steps + 1, 3))
-    rows[0] = state[:3]
-    moving = min(steps, round(held_from / dt))
-    for k in range(moving):
-        t = k * dt
-        k1 = slope(t, state)
-        k2 = slope(t + dt / 2, state + dt / 2 * k1)
-        k3 = slope(t + dt / 2, state + dt / 2 * k2)
-        k4 = slope(t + dt, state + dt * k3)
-        state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        rows[k + 1] = state[:3]
-    omega, theta, torque = rows[moving]
-    rows[moving:, 0], rows[moving:, 2] = omega, torque
-    rows[moving:, 1] = theta + p * omega * dt * np.arange(steps + 1 - moving)
-    return rows

@@ -209,7 +209,7 @@ def test_every_combination_is_clean_readable_and_proven(
     """
     from codegen.output.folder import write_folder
     from runtime.estimator.folder import GeneratedFolder
-    from runtime.proof.trajectory import make_trajectory
+    from runtime.proof.own_trajectory import trajectory_of
     from runtime.proof.verify import Effort, Prover, literal_package
 
     base = load_drive(machine)
@@ -229,7 +229,7 @@ def test_every_combination_is_clean_readable_and_proven(
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert not re.search(r"\bshared\b|part_of_the_result", path.read_text())
-    data = make_trajectory(drive.model_dump(), steps=150)
+    data = trajectory_of(drive, steps=150)
     effort = Effort(box_draws=50, bit_steps=150)
     literal = literal_package(drive)
     prover = Prover(package, literal, GeneratedFolder(tmp_path / "d"), data, (data, 50), effort, lambda text: None)

@@ -12,7 +12,7 @@ import pytest
 from model.schema import Drive
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
-from runtime.proof.trajectory import make_trajectory
+from runtime.proof.own_trajectory import trajectory_of
 from tests.target.need import need
 
 SPECIAL = np.array([np.nan, np.inf, -np.inf, np.finfo(np.float32).max, 1e-45, 0.0, -0.0], np.float32)
@@ -93,7 +93,7 @@ def test_guards_change_no_bit_of_a_healthy_run(drive: Drive, kind: str, tmp_path
     shutil.copytree(GENERATED / drive.name, tmp_path / drive.name)
     path = tmp_path / drive.name / f"{drive.name}_{kind}.c"
     path.write_text(without_guards(path.read_text()))
-    data = make_trajectory(drive.model_dump(), steps=2000)
+    data = trajectory_of(drive, steps=2000)
     u, y = (np.asarray(part, dtype=np.float32) for part in (data.u, data.y))
     runs = []
     for folder in (GeneratedFolder(GENERATED / drive.name), GeneratedFolder(tmp_path / drive.name, checked=False)):
@@ -112,7 +112,7 @@ def test_guards_change_no_bit_of_a_healthy_run(drive: Drive, kind: str, tmp_path
 def test_a_state_out_of_its_senses_starts_over(drive: Drive, bad: float) -> None:
     """Each word of x and LD, and R, in turn: the step says so and leaves numbers, and the run goes on."""
     folder = GeneratedFolder(GENERATED / drive.name)
-    module, data = folder.module, make_trajectory(drive.model_dump(), steps=30)
+    module, data = folder.module, trajectory_of(drive, steps=30)
     u, y = (np.asarray(part, dtype=np.float32) for part in (data.u, data.y))
     backend = CBackend(folder, "ckf", "float32", lanes=False)
     x_0 = np.float32(module.DEFAULTS["x_0"])

@@ -28,7 +28,7 @@ from model.schema import Drive
 from runtime import load
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GENERATED, GeneratedFolder
-from runtime.proof.trajectory import make_trajectory
+from runtime.proof.own_trajectory import trajectory_of
 from tests.mutants.mutant import ROOT
 
 BITS = {
@@ -53,7 +53,7 @@ def test_values_agree_in_port_module_and_docs(drive: Drive) -> None:
 
 
 def healthy(drive: Drive, steps: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    data = make_trajectory(drive.model_dump(), steps=steps)
+    data = trajectory_of(drive, steps=steps)
     return np.float32(data.u), np.float32(data.y)
 
 

@@ -27,7 +27,7 @@ from model.machines.state_space import build
 from model.schema import Drive
 from runtime.estimator.estimator import Estimator
 from runtime.estimator.numpy_backend import NumpyBackend
-from runtime.proof.trajectory import make_trajectory
+from runtime.proof.own_trajectory import trajectory_of
 from tests.conftest import DRIVES, thoroughly, variant
 
 pytestmark = pytest.mark.unit
@@ -101,7 +101,7 @@ def test_ckf_against_stone_soup(name: str) -> None:
     )
     predictor, updater = CubatureKalmanPredictor(transition), CubatureKalmanUpdater(measurement)
 
-    data = make_trajectory(drive.model_dump(), steps=400)
+    data = trajectory_of(drive, steps=400)
     ours = _in_memory(drive, "ckf")
     square = np.ix_(order, order)
     state, theta = GaussianState(StateVector(ours.x[order]), ours.P[square]), order.index(model.angle)
@@ -163,7 +163,7 @@ def test_idle_proof_fails_for_a_barely_nonlinear_measurement(gain: str, monkeypa
 def test_one_cubature_iterate_is_the_ckf_where_h_is_linear() -> None:
     drive = variant(load_drive("paper_spmsm"), filter={"max_iterations": 1, "gain": "cubature"})
     ckf, ickf = _in_memory(drive, "ckf"), _in_memory(drive, "ickf")
-    data = make_trajectory(drive.model_dump(), steps=300)
+    data = trajectory_of(drive, steps=300)
     a, b = ckf.run(data.u, data.y), ickf.run(data.u, data.y)
     np.testing.assert_allclose(a.x, b.x, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(a.P, b.P, rtol=1e-11, atol=1e-13)

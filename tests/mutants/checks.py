@@ -100,11 +100,11 @@ class Bench:
 
         key = truth.name, truth.filter.gain, kind
         if key not in self.runs:
-            from runtime.proof.trajectory import make_trajectory
+            from runtime.proof.own_trajectory import trajectory_of
 
             motor, data = second_motor(truth), truth.model_dump()
             first = self._start(truth)[None], np.diag(truth.filter.initial_covariance)[None]
-            short, box = make_trajectory(data, steps=STEPS), sample_box(truth, build(truth), DRAWS)
+            short, box = trajectory_of(truth, steps=STEPS), sample_box(truth, build(truth), DRAWS)
             self.runs[key] = [
                 reference_run("trajectory", data, step, first, short.u[:, None], short.y[:, None], motor),
                 reference_run("operating box", data, step, (box.x.T, _full(box)), box.u.T[None], box.y.T[None], motor),
@@ -214,9 +214,9 @@ def bits_of(folder: Any, truth: Any, kind: str, step: Any, steps: int = BIT_STEP
     from codegen.evidence.box import sample_box
     from model.machines.state_space import build
     from runtime.proof.link_de import Bits
-    from runtime.proof.trajectory import make_trajectory
+    from runtime.proof.own_trajectory import trajectory_of
 
-    short = make_trajectory(truth.model_dump(), steps=steps)
+    short = trajectory_of(truth, steps=steps)
     made = Bits(folder, step, short.u, short.y, sample_box(truth, build(truth), draws))
     made._first = lambda trace: None  # type: ignore[method-assign]
     return made

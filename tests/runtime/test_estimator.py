@@ -15,7 +15,7 @@ from model.drives.load import load_drive
 from model.schema import Drive
 from runtime import UserError
 from runtime.estimator.folder import GENERATED
-from runtime.proof.trajectory import make_trajectory
+from runtime.proof.own_trajectory import trajectory_of
 from tests.conftest import DRIVES
 
 KINDS = ("ckf", "ickf")
@@ -25,7 +25,7 @@ KINDS = ("ckf", "ickf")
 @pytest.mark.parametrize("kind", KINDS)
 def test_back_ends_agree(drive: Drive, kind: str, dtype: str) -> None:
     """float32: the same bits. float64: C calls libm's sin and cos, NumPy its own; they may differ by an ulp."""
-    data = make_trajectory(drive.model_dump(), steps=300)
+    data = trajectory_of(drive, steps=300)
     a, b = (runtime.load(drive.name, kind, backend, dtype).run(data.u, data.y) for backend in ("numpy", "c"))
     if dtype == "float32":
         np.testing.assert_array_equal(a.x, b.x)
@@ -60,7 +60,7 @@ def test_every_lane_keeps_the_bits_of_a_single_filter(drive: Drive, kind: str, b
 
 @pytest.mark.parametrize("backend", ["numpy", "c"])
 def test_step_and_run_are_the_same(drive: Drive, backend: str) -> None:
-    data = make_trajectory(drive.model_dump(), steps=50)
+    data = trajectory_of(drive, steps=50)
     a, b = (runtime.load(drive.name, "ickf", backend, "float32") for _ in range(2))
     trace = a.run(data.u, data.y)
     for k in range(50):
@@ -251,7 +251,7 @@ def test_float32_covariance_of_an_unknown_start(kind: str) -> None:
     Entries relative to their sigmas. Most is lost in the first steps, where one measurement takes a variance of 1e4
     down to 1e-2 and with it six of float32's seven digits: 8.8e-4 in the second step, the bound is about twice that.
     """
-    data = make_trajectory(load_drive("paper_spmsm").model_dump(), steps=2000)
+    data = trajectory_of(load_drive("paper_spmsm"), steps=2000)
     found = {}
     for dtype in ("float32", "float64"):
         filter_ = runtime.load("paper_spmsm", kind, "numpy", dtype)

@@ -48,35 +48,12 @@ def through_a_file(tmp_path: Path, shipped: str, machine: str, name: str) -> Dri
     [("paper_spmsm", "surface", "SurfacePMSM"), ("ipmsm_flux", "salient_flux", "SalientFluxPMSM")],
 )
 def test_trajectory_is_the_one_made_by_hand(tmp_path: Path, shipped: str, machine: str, name: str) -> None:
-    """Of a surface machine all of it; with saliency the currents go another way, the motion stays."""
+    """The same motion and currents; the voltage is held over a sample, not its mean."""
     mine = trajectory_of(through_a_file(tmp_path, shipped, machine, name), 2500)
     theirs = trajectory_of(load_drive(shipped), 2500)
     np.testing.assert_array_equal(mine.omega, theirs.omega)
-    if machine == "surface":
-        np.testing.assert_allclose(mine.y, theirs.y, atol=1e-9)
-        np.testing.assert_allclose(mine.u, theirs.u, atol=0.02)  # held over a sample, against a mean
-    else:
-        assert np.abs(mine.u).max() < 1.2 * np.abs(theirs.u).max()
-        assert np.abs(mine.y).max() < np.abs(theirs.y).max()  # reluctance torque helps
-
-
-def test_trajectory_obeys_the_machine(desk: Path) -> None:
-    """The reference's f, from each state of the trajectory, gives the next: voltages fit, and so does the torque."""
-    drive = load_drive(desk)
-    data = trajectory_of(drive, 2500)
-    motor, load = second_motor(drive), np.where(data.t > 0.2, 5.0, 0.0)
-    x = np.column_stack([data.psi, data.omega, data.theta, load])
-    for k in (50, 1000, 1700, 2400):
-        np.testing.assert_allclose(motor.f(x[k], data.u[k + 1])[:2], x[k + 1, :2], atol=2e-6)
-        assert motor.f(x[k], data.u[k + 1])[2] == pytest.approx(x[k + 1, 2], abs=2e-3)
-    np.testing.assert_allclose([motor.h(row) for row in x[::50]], data.y[::50], atol=0.25)  # five sigma
-
-
-def test_reference_and_class_agree(desk: Path) -> None:
-    link = compare_statements(load_drive(desk))
-    assert link is not None
-    assert link.passed
-    assert [row.stage for row in link.rows] == ["f", "h", "F", "H"]
+    np.testing.assert_allclose(mine.y, theirs.y, atol=1e-9)
+    np.testing.assert_allclose(mine.u, theirs.u, atol=0.02 if machine == "surface" else 0.2)
 
 
 @pytest.mark.parametrize(

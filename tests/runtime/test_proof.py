@@ -23,8 +23,8 @@ from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.proof.drives import prove_or_recall
 from runtime.proof.link_text import link_text
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.result import Link, Proof
-from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import Effort, Literal, Prover, literal_package, prove, verify
 from runtime.system.errors import UserError
 from tests.conftest import DRIVES, EVERY_DRIVE, LINKS, bare_package, thoroughly, variant
@@ -117,7 +117,7 @@ def _literal(drive: str) -> Literal:
 def _prover(drive: Drive, package: Package, folder: Path) -> Prover:
     """``package`` may be a mutant; the reference works from ``drive``."""
     truth = Package(drive, package.model, package.steps, package.files)
-    short = make_trajectory(drive.model_dump(), steps=60)
+    short = trajectory_of(drive, steps=60)
     shipped = GeneratedFolder(folder, checked=False)
     if shipped.module.COVARIANCE == "P":
         literal = Literal(package.steps, shipped.module)
@@ -192,7 +192,7 @@ def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch,
     package = generate_bare(drive, "literal")
     write_folder(tmp_path / drive.name, package.files)
     prover = _prover(drive, package, tmp_path / drive.name)
-    prover.trajectory = make_trajectory(drive.model_dump(), steps=600)
+    prover.trajectory = trajectory_of(drive, steps=600)
     assert not prover.along_trajectory("ckf")[0].passed
 
 

@@ -16,8 +16,8 @@ from model.schema import Drive
 from runtime.proof import motors, reference
 from runtime.proof.link_ab import free_run, own_run, pieces_of, reference_run
 from runtime.proof.motors import make_motor
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.reference import make_reference, wrap
-from runtime.proof.trajectory import make_trajectory
 from runtime.proof.verify import literal_package
 from tests.conftest import ALL_DRIVES, variant
 
@@ -75,7 +75,7 @@ def test_the_root_in_any_order_is_a_root(drive: Drive) -> None:
 def test_centred_sums_are_the_printed_ones(drive: Drive) -> None:
     """Eq. 17, 22, 23 as printed, sum XX^T/m - x x^T, agree in float64 where theta is small."""
     f = _filter(drive, "ckf", "cubature")
-    data = make_trajectory(drive.model_dump(), steps=30)
+    data = trajectory_of(drive, steps=30)
     for u, y in zip(data.u, data.y, strict=True):
         s = f.step(u, y)
         X, x, Y, m = s["X_prop"], s["x_pred"], s["Y"], s["y_pred"]
@@ -125,7 +125,7 @@ def test_one_jacobian_iterate_is_the_kalman_update() -> None:
 def test_iterating_is_idle_on_the_papers_model() -> None:
     """Both gains, five iterates: the first is the last. (So the paper's gap between CKF and ICKF is not (27)-(34).)"""
     drive = load_drive("paper_spmsm")
-    data = make_trajectory(drive.model_dump(), steps=200)
+    data = trajectory_of(drive, steps=200)
     for gain in ("cubature", "jacobian"):
         f = _filter(drive, "ickf", gain, N_max=5, eps=-1.0)
         for u, y in zip(data.u, data.y, strict=True):
@@ -138,7 +138,7 @@ def test_iterating_is_idle_on_the_papers_model() -> None:
 @pytest.mark.process
 def test_estimates_follow_the_motor(drive: Drive) -> None:
     """Not only equal: right. Speed within 40 r/min after the start, angle within 3 degrees."""
-    data = make_trajectory(drive.model_dump(), steps=round(0.2 / drive.model.sample_time) // 4 * 4)
+    data = trajectory_of(drive, steps=round(0.2 / drive.model.sample_time) // 4 * 4)
     import runtime
 
     trace = runtime.load(drive.name, "ickf", "c").run(data.u, data.y)
@@ -151,7 +151,7 @@ def test_estimates_follow_the_motor(drive: Drive) -> None:
 
 def test_trajectory_obeys_the_motor(drive: Drive) -> None:
     """Without noise the discrete model predicts the measured currents: voltages really are interval means."""
-    data = make_trajectory(drive.model_dump(), noise=0.0, steps=round(0.1 / drive.model.sample_time))
+    data = trajectory_of(drive, noise=0.0, steps=round(0.1 / drive.model.sample_time))
     model = {"discretization": "exact", "mechanics": "load_torque", "adaptive": []}
     motor = make_motor(variant(drive, model=model).model_dump())
     surface = drive.model.machine == "surface"
@@ -218,7 +218,7 @@ def test_pieces_begin_where_the_run_is_a_filters() -> None:
 def test_a_run_that_drifts_from_the_reference_is_noticed() -> None:
     """The generated filter's own run bent by a little more than is allowed, in one step of one piece."""
     drive = load_drive("ipmsm_flux")
-    literal, data = literal_package(drive), make_trajectory(drive.model_dump(), steps=40)
+    literal, data = literal_package(drive), trajectory_of(drive, steps=40)
     step, module = literal.steps["ckf"], literal.module
     first = np.array(module.DEFAULTS["x_0"]), np.diag(drive.filter.initial_covariance)
     x, P = own_run(module, "ckf", first, data.u, data.y)

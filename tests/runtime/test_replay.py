@@ -13,8 +13,9 @@ import runtime
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Run, Simulator
 from runtime.estimator.folder import find_folder
+from runtime.folders.stated import stated_drive
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.reference import make_reference
-from runtime.proof.trajectory import make_trajectory
 from runtime.recorded.data import Recorded, read_recorded
 from runtime.recorded.truth import errors, find_load_step
 from runtime.replay.innovations import Innovations, held_inputs
@@ -34,7 +35,7 @@ from tests.runtime.test_cli import call
 
 def start_of(drive: str, steps: int) -> Recorded:
     folder = find_folder(drive)
-    made = make_trajectory(folder.manifest["parameters"], steps=steps)
+    made = trajectory_of(stated_drive(folder), steps=steps)
     return Recorded(Path("made.npz"), made.t, made.u, made.y, {"omega": made.omega, "theta": made.theta})
 
 

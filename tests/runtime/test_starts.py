@@ -10,9 +10,10 @@ from model.drives.load import load_drive
 from model.machines.state_space import build
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.folders.stated import stated_drive
+from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.probe import numpy_entries
 from runtime.proof.starts import TELLING, Start, from_box, pieces
-from runtime.proof.trajectory import make_trajectory
 
 DRIVES = ["paper_spmsm", "ipmsm_flux", "spmsm_adaptive"]
 
@@ -78,7 +79,7 @@ def test_telling_angles_are_rested_at() -> None:
 @pytest.mark.parametrize("drive", DRIVES)
 def test_pieces_meet_every_bit_of_the_status(drive: str) -> None:
     folder = _folder(drive)
-    data = make_trajectory(folder.manifest["parameters"], 420)
+    data = trajectory_of(stated_drive(folder), 420)
     start = pieces(folder.module, data.u.astype(np.float32), data.y.astype(np.float32))
     seen = int(np.bitwise_or.reduce(_status(drive, start), axis=None))
     m = folder.module
