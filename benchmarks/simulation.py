@@ -10,14 +10,15 @@ import time
 
 import numpy as np
 
+from model.drives.load import load_drive
 from runtime.drive.experiment import HARD
 from runtime.drive.fleet import Cases, Fleet
-from runtime.drive.scenario import SCENARIOS, Scenario
+from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Simulator
 from runtime.estimator.folder import find_folder
 from runtime.estimator.threads import thread_count
 
-LONG = Scenario("long", load=5.0, duration=10.0)
+LONG = Scenario("long", speed=1000.0, load=5.0, duration=10.0)
 
 
 def rate(simulator: Simulator, conditions: Conditions, repeats: int = 5) -> float:
@@ -35,7 +36,7 @@ def fleet_rate(fleet: Fleet, threads: int, runs: int = 640, repeats: int = 7) ->
     best = float("inf")
     for _ in range(repeats):
         begin = time.perf_counter()
-        fleet.run(SCENARIOS["load_step"], Cases(seed=np.arange(runs)), threads)
+        fleet.run(find_scenario("load_step", load_drive(fleet.folder.drive)), Cases(seed=np.arange(runs)), threads)
         best = min(best, time.perf_counter() - begin)
     return runs / best
 

@@ -7,6 +7,7 @@ meet the 5 N m of a machine a hundred times its size.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from model.schema import Drive
@@ -166,11 +167,12 @@ def inverter_voltage(drive: Drive) -> float:
     return min(drive.control.dc_link / math.sqrt(3.0), drive.operating_box.voltage)
 
 
-def sensor_noise(drive: Drive) -> float:
+def sensor_noise(measurement_noise: Sequence[float]) -> float:
     """Noise of the phase-current sensors that simulations take, A rms: the usual one, or the filter's own if less.
 
     Parameters
     ----------
-    drive : Drive
+    measurement_noise : sequence of float
+        As the drive file states it, A^2: alpha's is that of a phase.
     """
-    return min(USUAL_NOISE, math.sqrt(drive.filter.measurement_noise[0]))
+    return min(USUAL_NOISE, math.sqrt(measurement_noise[0]))

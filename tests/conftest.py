@@ -16,6 +16,7 @@ from codegen.evidence.budget import Account
 from codegen.generate import Package, count, generate_bare
 from model.drives.load import load_drive, shipped_drives
 from model.schema import Drive
+from runtime.drive.scenario import scenarios
 from runtime.estimator.folder import GENERATED
 from tests.features import fewest
 
@@ -30,6 +31,8 @@ settings.load_profile("few")
 
 #: The fewest that have every feature between them: what most tests run on.
 DRIVES = fewest()
+#: The paper's scenarios, which are every shipped drive's: 1000 r/min, 5 N m.
+TASKS = scenarios(load_drive("paper_spmsm"))
 #: All of them, for what is cheap or must hold for each.
 ALL_DRIVES = tuple(shipped_drives())
 

@@ -132,7 +132,7 @@ class FilterBuilder(SigmaPoints):
             P = frame.out_matrix(P)
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
-        b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P)
+        b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P, scale="covariance")
         L_pred, D_pred, LD = factor(P, Q, self.model.order)
         self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
         b.hint({f"LD_pred_{k}{j}": LD[i][j] for k, i in enumerate(self.model.order) for j in range(k)})

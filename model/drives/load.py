@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -60,7 +61,26 @@ def cautions(drive: Drive) -> list[str]:
             f"{' and '.join(model.adaptive)} away within {min(kept, 1):.0%} of the motor's own; "
             f"{RETURN_LIMIT * 2**24.5 * model.sample_time:.2g} s or less returns."
         )
-    return lines
+    return lines + _beyond_the_box(drive)
+
+
+def _beyond_the_box(drive: Drive) -> list[str]:
+    """What the controller may ask for though the step rejects it: a line each."""
+    box, c = drive.operating_box, drive.control
+    asked = [
+        ("control.max_current", c.max_current, "current", box.current, "A", "rejects currents"),
+        ("control.dc_link / sqrt(3)", c.dc_link / math.sqrt(3.0), "voltage", box.voltage, "V", "rejects voltages"),
+    ]
+    if drive.rated:
+        asked.append(("rated.speed", drive.rated.speed, "speed", box.speed, "rad/s", "is not certified for speeds"))
+        most = box.load_torque
+        asked.append(("rated.torque", drive.rated.torque, "load_torque", most, "N m", "is not certified for loads"))
+    return [
+        f"drive '{drive.name}': {key} = {value:.4g} {unit} is beyond operating_box.{end} = {limit:g} {unit}: "
+        f"the filter {outcome} that the controller may ask for. Widen the box, or ask for less."
+        for key, value, end, limit, unit, outcome in asked
+        if value > limit
+    ]
 
 
 def shipped_drives() -> list[str]:

@@ -56,7 +56,7 @@ def time_update(model: StateSpaceModel) -> Block:
     P_pred = _product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])
     for i in range(n):
         P_pred[i][i] = P_pred[i][i] + Q[i]
-    b.lower("P_pred", "EKF", "P_pred = F P F^T + Q", P_pred)
+    b.lower("P_pred", "EKF", "P_pred = F P F^T + Q", P_pred, scale="covariance")
     b.output("x_pred", x_pred)
     b.output("P_pred", pack(P_pred))
     return b.build()
@@ -91,7 +91,7 @@ def measurement_update(model: StateSpaceModel) -> Block:
     Pyy = _product(H, Pxy)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
     Pyy[0][1] = Pyy[1][0]
-    b.lower("Pyy", "EKF", "H P_pred H^T + R", Pyy)
+    b.lower("Pyy", "EKF", "H P_pred H^T + R", Pyy, scale="covariance")
     K = gain(b, "EKF", Pxy, Pyy)
     innovation = [y[k] - h[k] for k in range(2)]
     corrected(b, model, ("EKF", "EKF"), (x_pred, P_pred), K, Pyy, innovation)

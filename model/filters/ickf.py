@@ -166,7 +166,7 @@ def _jacobian_moments(
     b.matrix("Pxy", "30", "Pxy^j = P_pred H^jT", Pxy, scale="cross")
     Pyy = [[_dot(H[k], [Pxy[i][m] for i in range(n)]) for m in range(2)] for k in range(2)]
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
-    b.lower("Pyy", "29", "Pyy^j = H^j P_pred H^jT + R", Pyy)
+    b.lower("Pyy", "29", "Pyy^j = H^j P_pred H^jT + R", Pyy, scale="covariance")
     Pyy[0][1] = Pyy[1][0]
     return Pyy, Pxy
 
@@ -192,7 +192,7 @@ def _cubature_moments(
     dev_y = deviations(b, "22", Y, y_mean, outputs)
     Pyy = spread(CUBATURE, dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
-    b.lower("Pyy", "22", "Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R", Pyy)
+    b.lower("Pyy", "22", "Pyy^j = mean (Y_i - mean Y)(Y_i - mean Y)^T + R", Pyy, scale="covariance")
     dev_x = deviations(b, "23", X, x_j, [f"{s}_j" for s in states])
     Pxy = b.matrix(
         "Pxy", "23", "Pxy^j = mean (X_i - x^j)(Y_i - mean Y)^T", spread(CUBATURE, dev_x, dev_y), scale="cross"

@@ -62,7 +62,7 @@ def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     P_pred = spread(rule, dev, dev)
     for i in range(n):
         P_pred[i][i] = P_pred[i][i] + Q[i]
-    b.lower("P_pred", eq("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P_pred)
+    b.lower("P_pred", eq("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P_pred, scale="covariance")
     b.output("x_pred", x_pred)
     b.output("P_pred", pack(P_pred))
     return b.build()
@@ -112,7 +112,7 @@ def measurement_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     dev_y = deviations(b, eq("22"), Y, y_pred, measured)
     Pyy = spread(rule, dev_y, dev_y)
     Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]
-    b.lower("Pyy", eq("22"), "Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R", Pyy)
+    b.lower("Pyy", eq("22"), "Pyy = mean (Y_i - y_pred)(Y_i - y_pred)^T + R", Pyy, scale="covariance")
     dev_x = deviations(b, eq("23"), X, x_pred, names)
     meaning = "Pxy = mean (X_i - x_pred)(Y_i - y_pred)^T"
     Pxy = b.matrix("Pxy", eq("23"), meaning, spread(rule, dev_x, dev_y), scale="cross")

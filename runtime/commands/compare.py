@@ -40,5 +40,5 @@ def compare(
         write_json(subjects, json)
     if out is not None:
         console.print(f"Page: {write_comparison(subjects, out)}", highlight=False, soft_wrap=True)
-    if not all_hold(run.locked for subject in subjects for run in subject.runs):
+    if not all_hold(run.good for subject in subjects for run in subject.runs):
         raise typer.Exit(1)

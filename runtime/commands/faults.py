@@ -19,8 +19,8 @@ def faults(
     ] = None,
     only: Annotated[str | None, typer.Option(metavar="NAMES", help="Comma-separated: some of the faults.")] = None,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each fault: noise, instant, garbage.")] = 20,
-    load: Annotated[float, typer.Option(metavar="NM", help="Load torque.")] = 5.0,
-    speed: Annotated[float, typer.Option(metavar="RPM", help="Speed reference.")] = 1000.0,
+    load: Annotated[float | None, typer.Option(metavar="NM", help="Load torque; default: rated.")] = None,
+    speed: Annotated[float | None, typer.Option(metavar="RPM", help="Speed reference; default: rated.")] = None,
     json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every run's figures.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a figure a drive (svg).")] = None,
 ) -> None:

@@ -20,11 +20,19 @@ def simulate(
     inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
     dead_time: Annotated[float, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s (pwm).")] = 0.0,
     delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
-    noise: Annotated[float, typer.Option(metavar="A", min=0, help="Current sensor noise, rms.")] = 0.05,
+    noise: Annotated[
+        float | None, typer.Option(metavar="A", min=0, help="Current sensor noise, rms; 0.05 or the filter's if less.")
+    ] = None,
     bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
     offset: Annotated[float, typer.Option(metavar="A", help="Offset of phase a's current sensor.")] = 0.0,
     sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
     theta: Annotated[float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start.")] = 0.0,
+    speed: Annotated[float | None, typer.Option(metavar="R/MIN", help="Default: rated speed.")] = None,
+    load: Annotated[float | None, typer.Option(metavar="N_M", help="Of the load step; default: rated torque.")] = None,
+    ramp: Annotated[float | None, typer.Option(metavar="S", help="From standstill to speed.")] = None,
+    factors: Annotated[
+        str, typer.Option(metavar="R=1.1,...", help="True motor's R, L, L_d, L_q, psi_m, J over the filter's.")
+    ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
     controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,
@@ -34,19 +42,26 @@ def simulate(
     ] = None,
 ) -> None:
     """Close the loop: the generated controller drives the motor, sensorless from standstill."""
-    from runtime.drive.tables import claims, claims_table, runs_table, sweep_table
+    from runtime.drive.motor import parse_factors
+    from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_table, task_line
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
     conditions |= {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
+    conditions["factors"] = parse_factors(factors)
+    task, kinds = {"speed": speed, "load": load, "ramp": ramp}, filters.split(",")
     caution([drive])
     with working() as progress:
-        result = simulate_drive(drive, scenario, filters.split(","), conditions, controller, sweep, json, out, progress)
+        result = simulate_drive(drive, scenario, kinds, conditions, controller, sweep, json, out, progress, task)
+    for asked in dict.fromkeys(run.scenario for run in result.runs):
+        console.print(task_line(asked), highlight=False)
     console.print(runs_table(result.runs))
+    for line in remarks(result.runs):
+        console.print(line, highlight=False, soft_wrap=True)
     if drive == "paper_spmsm" and claims(result.runs):
         console.print()
         console.print(claims_table(claims(result.runs)))
     if result.sweep:
         console.print("\nLargest speed error after a step of the speed reference, by sample time:")
         console.print(sweep_table(result.sweep))
-    if not all_hold(run.locked for run in result.runs):
+    if not all_hold(run.good for run in result.runs):
         raise typer.Exit(1)

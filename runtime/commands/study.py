@@ -36,7 +36,8 @@ app = typer.Typer(
 )
 
 VARY_HELP = (
-    "NAME=LOW:HIGH (evenly), NAME=LOW:HIGH:log, or NAME=VALUE; repeat it. NAME: "
+    "NAME=LOW:HIGH (evenly), NAME=LOW:HIGH:log, or NAME=VALUE; repeat it. ':rated' behind noise, load or speed: in "
+    "shares of what suits the drive. NAME: "
     + ", ".join(f"{name} ({unit})" for name, (unit, _) in VARIABLES.items())
     + "."
 )
@@ -107,7 +108,9 @@ def tune(
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
     ] = None,
-    vary: Annotated[list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: noise=0.05.")] = None,
+    vary: Annotated[
+        list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: noise=1:rated.")
+    ] = None,
     p0: Annotated[bool, typer.Option("--p0", help="Tune the initial covariance too.")] = False,
     seed: Seed = 1,
     out: Annotated[
@@ -127,7 +130,7 @@ def tune(
 
     pyplot()
     with bar("trials") as tell:
-        tuned = search(drive, kind, trials, out, vary or ("noise=0.05",), seed, p0, tell)
+        tuned = search(drive, kind, trials, out, vary or ("noise=1:rated",), seed, p0, tell)
     console.print(front_table(tuned))
     console.print()
     console.print(proof_table(tuned))

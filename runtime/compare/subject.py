@@ -12,7 +12,7 @@ import casadi as ca
 from codegen.render.equations import Readable, readable
 from model.machines.state_space import StateSpaceModel, build
 from model.schema import Drive
-from runtime.drive.scenario import SCENARIOS
+from runtime.drive.scenario import scenarios
 from runtime.drive.simulation import Run, Simulator
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
@@ -103,9 +103,10 @@ def collect(drives: Sequence[str], progress: Progress = lambda text: None) -> li
 
 def _runs(label: str, folder: GeneratedFolder, progress: Progress) -> tuple[Run, ...]:
     runs = []
+    tasks = scenarios(stated_drive(folder))
     for kind in folder.kinds:
         simulator = Simulator(folder, kind)
-        for scenario in SCENARIOS.values():
+        for scenario in tasks.values():
             progress(f"{label}: {scenario.name}, {kind}")
             runs.append(simulator.run(scenario))
     return tuple(runs)

@@ -12,6 +12,7 @@ from rich.text import Text
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.facts import Cost, certificates, costs, kinds
 from runtime.compare.subject import Subject
+from runtime.drive.simulation import LOCKED
 from runtime.style.tables import columns_table
 
 
@@ -60,7 +61,7 @@ def accuracy_rows(subjects: Sequence[Subject]) -> list[tuple[str, ...]]:
         f = run.figures()
         step = f"{f['load_step']:.2f}" if run.scenario.load else "-"
         figures = (f"{f['start']:.2f}", step, f"{f['steady_rms']:.3f}", f"{f['angle']:.3f}")
-        rows.append((run.scenario.name, run.kind, label, *figures, "locked" if run.locked else "LOST LOCK"))
+        rows.append((run.scenario.name, run.kind, label, *figures, run.verdict))
     return rows
 
 
@@ -168,5 +169,5 @@ def _accuracy(subjects: Sequence[Subject]) -> Table:
     columns = ("start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg")
     table = columns_table("scenario", "filter", "drive", *columns, "", left=range(3))
     for row in accuracy_rows(subjects):
-        table.add_row(*row[:-1], Text(row[-1], style="green" if row[-1] == "locked" else "bold red"))
+        table.add_row(*row[:-1], Text(row[-1], style="green" if row[-1] == LOCKED else "bold red"))
     return table

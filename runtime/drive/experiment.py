@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from codegen.generate import generate_bare
 from codegen.output.folder import write_folder
 from model.schema import Drive
-from runtime.drive.scenario import STEP_START, find_scenario
+from runtime.drive.scenario import find_scenario, step_start
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
@@ -29,7 +30,7 @@ KINDS = ("ckf", "ickf", "ekf", "ukf")
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One cell of the sample-time sweep: figures as :meth:`Run.figures`, and whether the filter stayed locked."""
+    """One cell of the sample-time sweep: figures as :meth:`Run.figures`, and whether the run was good."""
 
     sample_time: float
     discretization: str
@@ -50,6 +51,7 @@ def simulate(
     conditions: Conditions | None = None,
     controller: str = "c",
     progress: Progress = lambda text: None,
+    task: Mapping[str, float | None] | None = None,
 ) -> list[Run]:
     """Run a scenario with each filter. A filter the drive does not ship is generated for the occasion.
 
@@ -67,6 +69,8 @@ def simulate(
         "c" (the generated C) or "numpy" (its twin).
     progress : Progress, optional
         Told how far the work is.
+    task : mapping, optional
+        Speed, load and ramp in place of the rated ones, see :func:`runtime.drive.scenario.find_scenario`.
 
     Raises
     ------
@@ -74,9 +78,9 @@ def simulate(
         Unknown drive, scenario or filter; no compiler.
     """
     find_compiler()
-    task = find_scenario(scenario)
     named = find_drive(drive_name)
     drive = named.drive
+    asked = find_scenario(scenario, drive, **(task or {}))
     for kind in kinds:
         if kind not in KINDS:
             raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
@@ -87,7 +91,7 @@ def simulate(
             progress(f"{drive.name}: {scenario}, {kind}: compiling")
             simulator = Simulator(folder, kind)
             runs.append(
-                simulator.run(task, conditions, controller, progress=_percent(progress, drive.name, scenario, kind))
+                simulator.run(asked, conditions, controller, progress=_percent(progress, drive.name, scenario, kind))
             )
     return runs
 
@@ -139,11 +143,13 @@ def sample_time_sweep(
             model = {"sample_time": T, "discretization": discretization}
             with ExitStack() as stack:
                 folder = _temporary(changed(drive, model=model, filter={"kinds": [kind]}), stack)
-                run = Simulator(folder, kind).run(STEP_START, conditions)
-            points.append(SweepPoint(T, discretization, run.locked, run.figures()))
+                run = Simulator(folder, kind).run(step_start(drive), conditions)
+            points.append(SweepPoint(T, discretization, run.good, run.figures()))
     return points
 
 
 def run_facts(run: Run) -> dict[str, Any]:
-    """One run as plain data."""
-    return {"filter": run.kind, "scenario": run.scenario.name, "locked": run.locked, **run.figures()}
+    """One run as plain data; a figure that is no number becomes None, which JSON knows."""
+    figures = {name: value if math.isfinite(value) else None for name, value in run.figures().items()}
+    facts = {"filter": run.kind, "scenario": run.scenario.name, "locked": run.locked, "reached": run.reached}
+    return {**facts, **figures, "status": run.status_counts, "task": asdict(run.scenario)}

@@ -27,7 +27,6 @@ typedef struct {
     int moving_from;    /* from here on the angle counts */
     int late_from;      /* the last 50 ms */
     double locked_angle; /* rad */
-    double locked_speed; /* share of the speed wanted */
     double wrong_way;    /* share of the speed wanted that a rotor may turn backwards before it has locked */
 } fleet_task;
 

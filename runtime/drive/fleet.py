@@ -3,7 +3,7 @@
 >>> from runtime.estimator.folder import find_folder
 >>> from runtime.drive.scenario import Scenario
 >>> fleet = Fleet(find_folder("spmsm_load_torque"), "ckf")
->>> outcomes = fleet.run(Scenario("short", duration=0.1), Cases(seed=np.arange(3), theta=0.1))
+>>> outcomes = fleet.run(Scenario("short", speed=1000.0, duration=0.1), Cases(seed=np.arange(3), theta=0.1))
 >>> outcomes.locked.shape
 (3,)
 """
@@ -12,16 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from runtime.drive.motor import FACTORS, true_motor
-from runtime.drive.scenario import STARTED, Scenario
-from runtime.drive.simulation import Conditions, Run, Simulator, controller_declarations
+from model.rating import sensor_noise
+from runtime.drive.motor import FACTORS, longest_step, true_motor
+from runtime.drive.scenario import LATE, Scenario
+from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator, controller_declarations
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
@@ -36,12 +37,8 @@ Progress = Callable[[int, int], None]
 HERE = Path(__file__).parent
 HANDWRITTEN = ("fleet.c", "sensor_noise.h")
 
-#: An angle error beyond it is no lock, degrees; and how far from the reference the speed may end, of the reference.
-LOCKED_ANGLE, LOCKED_SPEED = 30.0, 0.1
 #: Share of the speed wanted at which a rotor counts as turning the wrong way.
 WRONG_WAY = 0.01
-#: Longest Runge-Kutta step of the motor, s, as in :class:`runtime.drive.simulation.Simulator`.
-LONGEST_STEP = 12.5e-6
 #: The tuning fields of a filter's struct.
 TUNABLE = ("Q", "R", "x_0", "P_0")
 
@@ -57,7 +54,7 @@ class Cases:
     """
 
     seed: ArrayLike = 1
-    noise: ArrayLike = 0.05
+    noise: ArrayLike | None = None
     theta: ArrayLike = 0.0
     R: ArrayLike = 1.0
     L_d: ArrayLike = 1.0
@@ -68,13 +65,15 @@ class Cases:
     speed: ArrayLike | None = None
     tuning: Mapping[str, ArrayLike] = field(default_factory=dict)
 
-    def columns(self, scenario: Scenario) -> dict[str, Array]:
+    def columns(self, scenario: Scenario, noise: float) -> dict[str, Array]:
         """Every number of every run, (B,); speed in r/min.
 
         Parameters
         ----------
         scenario : Scenario
             Speed reference and load over time.
+        noise : float
+            A rms, where the cases state none.
 
         Raises
         ------
@@ -82,6 +81,7 @@ class Cases:
             Lengths that differ, or a number out of range.
         """
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tuning"}
+        values["noise"] = noise if self.noise is None else self.noise
         values["load"] = scenario.load if self.load is None else self.load
         values["speed"] = scenario.speed if self.speed is None else self.speed
         lengths = {np.size(value) for value in values.values()} | {np.shape(v)[1] for v in self._tuned()}
@@ -108,8 +108,9 @@ class Outcomes:
     ``start``, ``load_step``: largest speed error before and from the load step on (without a load: of the last 50 ms),
     r/min; ``steady_rms``: of the last 50 ms, r/min; ``angle``: largest electrical angle error after the start, degrees;
     ``angle_end``: the last one; ``lock_time``: from when on the angle stays within 30 degrees and the rotor does not
-    turn the wrong way, s, NaN for never; ``locked``: as :attr:`runtime.drive.simulation.Run.locked`; ``status``: bits
-    of all steps together; ``finite``: every estimate was a number. Figures of a run that is not finite are NaN.
+    turn the wrong way, s, NaN for never; ``locked``, ``reached``: as :class:`runtime.drive.simulation.Run` has them;
+    ``status``: bits of all steps together; ``finite``: every estimate was a number. Figures of a run that is not finite
+    are NaN.
     """
 
     start: Array
@@ -119,8 +120,14 @@ class Outcomes:
     angle_end: Array
     lock_time: Array
     locked: Array
+    reached: Array
     status: Array
     finite: Array
+
+    @property
+    def good(self) -> Array:
+        """Locked, and where they were to go, (B,) of bool."""
+        return np.asarray(self.locked & self.reached)
 
     def columns(self) -> dict[str, Array]:
         """Every figure by name, one entry a run."""
@@ -189,7 +196,7 @@ class Fleet:
         UserError
             Cases that do not fit together or this drive.
         """
-        columns = cases.columns(scenario)
+        columns = cases.columns(scenario, sensor_noise(self.folder.module.DEFAULTS["R"]))
         runs = len(columns["seed"])
         share = self._share_of_speed(scenario)
         task = self._task(scenario, share)
@@ -206,7 +213,8 @@ class Fleet:
         for name, array in arrays.items():
             setattr(batch, name, self._ffi.cast(_POINTERS.get(name, "double *"), array.ctypes.data))
         self._share(task, batch, runs, threads or thread_count(), progress)
-        return _outcomes(arrays["figures"], arrays["flags"], columns["speed"], task, self.folder.module.SAMPLE_TIME)
+        band = scenario.band(columns["speed"])
+        return _outcomes(arrays["figures"], arrays["flags"], band, task, self.folder.module.SAMPLE_TIME)
 
     def noise(self, seed: int, steps: int) -> Array:
         """Standard normals (steps, 2) float32 that a run of this seed gets from its two sensors.
@@ -235,7 +243,8 @@ class Fleet:
         index : int
             Number of the node.
         """
-        case = {name: column[index] for name, column in cases.columns(scenario).items()}
+        columns = cases.columns(scenario, sensor_noise(self.folder.module.DEFAULTS["R"]))
+        case = {name: column[index] for name, column in columns.items()}
         self._simulator = self._simulator or Simulator(self.folder, self.kind)
         steps = round(scenario.duration / self.folder.module.SAMPLE_TIME)
         noise = float(case["noise"]) * self.noise(int(case["seed"]), steps).astype(float)
@@ -243,14 +252,7 @@ class Fleet:
         tuning = {name: tuple(v[:, index] if v.ndim == 2 else v) for name, v in tuned.items()}
         factors = {name: float(case[name]) for name in FACTORS}
         conditions = Conditions(theta=float(case["theta"]), factors=factors, noise=float(case["noise"]))
-        own = Scenario(
-            scenario.name,
-            float(case["speed"]),
-            scenario.ramp,
-            float(case["load"]),
-            scenario.load_at,
-            scenario.duration,
-        )
+        own = replace(scenario, speed=float(case["speed"]), load=float(case["load"]))
         return self._simulator.run(own, conditions, tuning=tuning, noise=noise)
 
     def _share_of_speed(self, scenario: Scenario) -> Array:
@@ -265,9 +267,9 @@ class Fleet:
         """The data that all runs share; it points into ``share``."""
         T, steps = self.folder.module.SAMPLE_TIME, len(share)
         t = T * np.arange(steps)
-        late = t >= t[-1] - 0.05
+        late = t >= t[-1] - LATE
         start = t < min(scenario.load_at, scenario.duration)
-        substeps = int(np.ceil(T / min(LONGEST_STEP, T / 2) - 1e-9))
+        substeps = int(np.ceil(T / longest_step(self.folder) - 1e-9))
         task = self._ffi.new("fleet_task *")
         task.steps, task.substeps, task.h = steps, substeps, T / substeps
         task.v_dc = self.folder.manifest["parameters"]["control"]["dc_link"]
@@ -275,8 +277,8 @@ class Fleet:
         task.load_from = _first(t >= scenario.load_at - 1e-12)
         task.start_until = int(np.count_nonzero(start))
         task.after_from, task.late_from = _first(~start), _first(late)
-        task.moving_from = _first(t >= min(STARTED, t[-1]))
-        task.locked_angle, task.locked_speed, task.wrong_way = np.radians(LOCKED_ANGLE), LOCKED_SPEED, WRONG_WAY
+        task.moving_from = _first(t >= min(scenario.started, t[-1]))
+        task.locked_angle, task.wrong_way = np.radians(LOCKED_ANGLE), WRONG_WAY
         return task
 
     def _drives(self, runs: int, tuning: Mapping[str, ArrayLike]) -> Any:
@@ -324,13 +326,12 @@ def _first(mask: Array) -> int:
     return int(np.argmax(mask)) if mask.any() else len(mask)
 
 
-def _outcomes(figures: Array, flags: Array, speed: Array, task: Any, T: float) -> Outcomes:
-    """From C's sums and maxima to figures in r/min and degrees."""
+def _outcomes(figures: Array, flags: Array, band: Array, task: Any, T: float) -> Outcomes:
+    """From C's sums and maxima to figures in r/min and degrees; ``band`` r/min of each run."""
     start, after, square, angle, angle_end, late_angle, late_speed = figures
     status, locked_from, finite = flags
     good = finite.astype(bool)
     late = max(1, task.steps - task.late_from)
-    near = late_speed * RPM <= task.locked_speed * np.abs(speed)
     blank = np.where(good, 1.0, np.nan)
     return Outcomes(
         start=start * RPM * blank,
@@ -339,7 +340,8 @@ def _outcomes(figures: Array, flags: Array, speed: Array, task: Any, T: float) -
         angle=np.degrees(angle) * blank,
         angle_end=np.degrees(angle_end) * blank,
         lock_time=np.where(good & (locked_from < task.steps), locked_from * T, np.nan),
-        locked=good & near & (late_angle <= task.locked_angle),
+        locked=good & (late_angle <= task.locked_angle),
+        reached=good & (late_speed * RPM <= band),
         status=status.copy(),
         finite=good,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,8 +14,72 @@ from runtime.system.errors import UserError
 
 Array = NDArray[Any]
 
+#: Longest Runge-Kutta step of the simulated motor, s, and as a share of its fastest time constant: a step then errs by
+#: less than 1e-7 of what it changes.
+LONGEST_STEP, STEP_SHARE = 12.5e-6, 0.05
+#: Steps a sample at most.
+MOST_STEPS = 5000
+
 #: Motor data that may differ from the filter's.
 FACTORS = ("R", "L_d", "L_q", "psi_m", "J")
+
+
+def parse_factors(text: str) -> dict[str, float]:
+    """Factors on the true motor's data from ``R=1.1,L=0.9``; L is both inductances.
+
+    Parameters
+    ----------
+    text : str
+        Comma-separated; empty for none.
+
+    Raises
+    ------
+    UserError
+        An entry that is no NAME=FACTOR, an unknown name, or a factor that is not a positive number.
+    """
+    found: dict[str, float] = {}
+    for entry in filter(None, (part.strip() for part in text.split(","))):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        try:
+            factor = float(value)
+        except ValueError:
+            raise UserError(f"--factors '{entry}' is not NAME=FACTOR, such as R=1.1.") from None
+        for datum in ("L_d", "L_q") if name == "L" else (name,):
+            if datum not in FACTORS:
+                raise UserError(f"--factors: no motor datum '{name}'; there are: L, {', '.join(FACTORS)}.")
+            found[datum] = factor
+        if not (math.isfinite(factor) and factor > 0):
+            raise UserError(f"--factors {name}={value}: a factor is a positive number.")
+    return found
+
+
+def longest_step(folder: GeneratedFolder) -> float:
+    """Longest Runge-Kutta step of the drive's simulated motor, s: of L / R, an electrical radian and J / D.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+
+    Raises
+    ------
+    UserError
+        A motor too quick for its sample time to be simulated in steps.
+    """
+    stated = folder.manifest["parameters"]
+    m, T = stated["motor"], stated["model"]["sample_time"]
+    rates: dict[str, float] = {
+        "L / R": m["stator_resistance"] / min(m["inductance_d"], m["inductance_q"]),
+        "an electrical radian": m["pole_pairs"] * stated["operating_box"]["speed"],
+        "J / D": m["friction"] / m["inertia"],
+    }
+    fastest = max(rates, key=rates.__getitem__)
+    step: float = min(LONGEST_STEP, T / 2, STEP_SHARE / rates[fastest])
+    if step < T / MOST_STEPS:
+        raise UserError(
+            f"drive '{folder.drive}': the simulated motor, not the filter, cannot follow: {fastest} is "
+            f"{1 / rates[fastest]:.2g} s, and a sample of {T:g} s would take more than {MOST_STEPS} steps."
+        )
+    return step
 
 
 def true_motor(folder: GeneratedFolder, factors: Mapping[str, ArrayLike]) -> Array:

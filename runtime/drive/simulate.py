@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ def simulate_drive(
     json_path: Path | None,
     out: Path | None,
     progress: Progress,
+    task: Mapping[str, float | None] | None = None,
 ) -> Simulated:
     """Run one or all scenarios; write figures, data and JSON where asked.
 
@@ -56,10 +57,12 @@ def simulate_drive(
         Where files are written; None: the default place.
     progress : Progress
         Told how far the work is.
+    task : mapping, optional
+        Speed (r/min), load (N m) and ramp (s) in place of the rated ones.
     """
     setting = Conditions(**conditions)
     names = list(SCENARIOS) if scenario == "all" else [scenario]
-    runs = [run for name in names for run in simulate(drive, name, kinds, setting, controller, progress)]
+    runs = [run for name in names for run in simulate(drive, name, kinds, setting, controller, progress, task)]
     points = sample_time_sweep(drive, conditions=setting, progress=progress) if sweep else []
     if json_path is not None:
         facts = {"drive": drive, "runs": [run_facts(run) for run in runs], "sweep": [asdict(point) for point in points]}

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from runtime.drive.experiment import SweepPoint
+from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Run
+from runtime.recorded.units import RPM
 from runtime.style.tables import columns_table
 
 
@@ -63,17 +66,40 @@ def _why_alike(figure: dict[str, float]) -> str:
 
 
 def runs_table(runs: Sequence[Run]) -> Table:
-    """Largest errors of each run."""
+    """Largest errors of each run, its verdict, and how often each bit of its status was set."""
     table = columns_table(
         "scenario", "filter", "start, r/min", "load step, r/min", "steady rms, r/min", "angle, deg", "", left=(0, 1)
     )
     for run in runs:
         f = run.figures()
         step = f"{f['load_step']:.2f}" if run.scenario.load else "-"
-        state = Text("locked", style="green") if run.locked else Text("LOST LOCK", style="bold red")
         cells = (f"{f['start']:.2f}", step, f"{f['steady_rms']:.3f}", f"{f['angle']:.3f}")
+        state = Text(run.verdict, style="green" if run.good else "bold red")
         table.add_row(run.scenario.name, run.kind, *cells, state)
     return table
+
+
+def remarks(runs: Sequence[Run]) -> list[str]:
+    """A line for each run that did not reach its reference or whose status was set: what it says."""
+    lines = []
+    for run in runs:
+        name = f"{run.scenario.name}, {run.kind}"
+        if run.locked and not run.reached:
+            ended = float(np.mean(run.omega[run.late])) * RPM
+            lines.append(
+                f"{name}: the estimate follows the rotor, but it turns at {ended:.0f} r/min where "
+                f"{run.scenario.speed:.0f} were asked for: voltage, current or load do not let it."
+            )
+        if run.status_counts:
+            told = ", ".join(f"{bit} {count:,}" for bit, count in run.status_counts.items())
+            lines.append(f"{name}: status in {len(run.status):,} samples: {told}")
+    return lines
+
+
+def task_line(scenario: Scenario) -> str:
+    """The task of a scenario in one line."""
+    load = f", {scenario.load:.3g} N m from {scenario.load_at:.3g} s on" if scenario.load else ""
+    return f"{scenario.name}: to {scenario.speed:.4g} r/min in {scenario.ramp:.3g} s{load}"
 
 
 def claims_table(items: Sequence[Claim]) -> Table:

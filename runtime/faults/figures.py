@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.drive.figures import COLOURS, DASHES
 from runtime.faults.loop import RUNNING, FaultyRun
-from runtime.faults.survey import ANGLE_BAND, SPEED_BAND, Outcome
+from runtime.faults.survey import ANGLE_BAND, Outcome
 from runtime.recorded.units import RPM
 from runtime.style.figures import pyplot, svg_text
 from runtime.system.files import make_folder, write_text
@@ -59,7 +59,7 @@ def _draw(row: Any, run: FaultyRun, kind: str) -> None:
 def _finish(row: Any, outcome: Outcome) -> None:
     run = outcome.example
     T = run.t[1] - run.t[0]
-    for axis, band in zip(row, (None, SPEED_BAND, ANGLE_BAND), strict=True):
+    for axis, band in zip(row, (None, run.band, ANGLE_BAND), strict=True):
         axis.axvspan(0.0, max(run.after - run.first, 1) * T * 1e3, color="#bbbbbb", alpha=0.4, lw=0)
         axis.tick_params(labelsize=7)
         if band is not None:

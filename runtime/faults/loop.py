@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.motor import true_motor
+from model.rating import sensor_noise
+from runtime.drive.motor import longest_step, true_motor
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import SIMULATOR, controller_declarations, simulator_struct
 from runtime.estimator.c_backend import c_sources
@@ -49,7 +50,8 @@ class FaultyRun(AgainstTruth):
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
     told V; x (N, n) the estimate; duty (N, 3); status, mode (N,): the interrupt's. Samples
-    ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on.
+    ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
+    estimate of the speed no further off is right.
     """
 
     kind: str
@@ -68,6 +70,7 @@ class FaultyRun(AgainstTruth):
     status: Array
     mode: Array
     powered: Array
+    band: float
 
 
 class FaultyLoop:
@@ -91,7 +94,7 @@ class FaultyLoop:
         scenario: Scenario,
         faults: Array,
         fault_at: float,
-        noise: float = 0.05,
+        noise: float | None = None,
         seed: int = 1,
         reacting: bool = True,
     ) -> FaultyRun:
@@ -103,7 +106,7 @@ class FaultyLoop:
         faults : array of FAULT
             One row a sample, from ``fault_at`` (s) on; empty: none.
         noise : float
-            A rms of each current sensor.
+            A rms of each current sensor; None: what suits the drive.
         seed : int
             Of the noise.
         reacting : bool
@@ -113,9 +116,10 @@ class FaultyLoop:
         steps = round(scenario.duration / T)
         t = T * np.arange(steps)
         first = round(fault_at / T)
+        sigma = sensor_noise(self.module.DEFAULTS["R"]) if noise is None else noise
         rows: Array = np.ascontiguousarray(faults, dtype=FAULT)
         given: dict[str, Array] = {
-            "noise": np.random.default_rng(seed).normal(0.0, noise, (steps, 2)),
+            "noise": np.random.default_rng(seed).normal(0.0, sigma, (steps, 2)),
             "speed": scenario.speed_reference(t),
             "load": scenario.load_torque(t),
             "faults": rows,
@@ -135,7 +139,9 @@ class FaultyLoop:
         after = first + len(faults)
         powered = np.ones(steps, dtype=bool)
         powered[first:after] = (rows["what"] & POWER_OFF) == 0
-        return FaultyRun(self.kind, first, after, t, given["speed"], **truth, **found, powered=powered)
+        return FaultyRun(
+            self.kind, first, after, t, given["speed"], **truth, **found, powered=powered, band=scenario.least_band
+        )
 
     def _motor(self) -> Any:
         """The motor at rest, an averaged inverter, a sample of delay as the example interrupt has it."""
@@ -145,7 +151,7 @@ class FaultyLoop:
         m.duty_next[0:3] = [0.5, 0.5, 0.5]
         m.T = self.module.SAMPLE_TIME
         m.v_dc = self.folder.manifest["parameters"]["control"]["dc_link"]
-        m.h_max = min(12.5e-6, m.T / 2)
+        m.h_max = longest_step(self.folder)
         m.delay = 1
         return m
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.scenario import Scenario
+from runtime.drive.scenario import Scenario, find_scenario
 from runtime.estimator.folder import GeneratedFolder
 from runtime.faults.catalogue import FAULTS, Circumstances, Fault
 from runtime.faults.loop import RUNNING, FaultyLoop, FaultyRun
+from runtime.folders.stated import stated_drive
 from runtime.recorded.units import RPM
 from runtime.system.files import write_text
 from runtime.system.verdicts import all_hold
@@ -21,11 +22,13 @@ from runtime.system.verdicts import all_hold
 Array = NDArray[Any]
 Progress = Callable[[str], None]
 
-#: Recovered: the drive runs, and the estimate stays within so much of the truth, r/min and degrees electrical,
-#: to the end, of which at least so much must be left, s.
-SPEED_BAND, ANGLE_BAND, LEAST_REST = 20.0, 10.0, 0.05
-#: The fault begins here, s, plus up to so much: anywhere in an electrical turn.
-FAULT_AT, FAULT_SPREAD = 0.3, 0.02
+#: Recovered: the drive runs, and the estimate stays within 2 % of the rated speed and so many degrees electrical of the
+#: truth to the end, of which at least so much must be left, s.
+ANGLE_BAND, LEAST_REST = 10.0, 0.05
+#: The fault begins so long after the load step, s, plus up to so much: anywhere in an electrical turn.
+FAULT_AFTER, FAULT_SPREAD = 0.1, 0.02
+#: How long a run goes on after its load step, s.
+AFTER_LOAD = 0.45
 #: PMSM_NOT_CONVERGED says nothing of a fault: an ICKF sets it in healthy runs too.
 NOT_CONVERGED = 0x2
 #: A status that comes so long after the fault still counts as its own, s.
@@ -94,7 +97,7 @@ def judge(run: FaultyRun, T: float) -> Recovery:
         Sample time, s.
     """
     since = slice(run.first, None)
-    good = (run.mode == RUNNING) & (np.abs(run.speed_error) < SPEED_BAND) & (np.abs(run.angle_error) < ANGLE_BAND)
+    good = (run.mode == RUNNING) & (np.abs(run.speed_error) < run.band) & (np.abs(run.angle_error) < ANGLE_BAND)
     bad = np.flatnonzero(~good)
     back = int(bad[-1]) + 1 if len(bad) else 0
     recovered = len(good) - back >= round(LEAST_REST / T)
@@ -143,7 +146,7 @@ def circumstances(folder: GeneratedFolder, scenario: Scenario) -> Circumstances:
 def run_fault(loop: FaultyLoop, fault: Fault, scenario: Scenario, seed: int, reacting: bool = True) -> FaultyRun:
     """One run; the seed makes the noise, the instant of the fault and what is random about it."""
     rng = np.random.default_rng([seed, 1])
-    at = FAULT_AT + rng.uniform(0.0, FAULT_SPREAD)
+    at = scenario.load_at + FAULT_AFTER + rng.uniform(0.0, FAULT_SPREAD)
     rows = fault.rows(circumstances(loop.folder, scenario), rng)
     return loop.run(scenario, rows, at, seed=seed, reacting=reacting)
 
@@ -152,8 +155,8 @@ def survey(
     folders: Sequence[GeneratedFolder],
     kinds: Sequence[str] | None,
     seeds: int,
-    load: float = 5.0,
-    speed: float = 1000.0,
+    load: float | None = None,
+    speed: float | None = None,
     faults: Sequence[Fault] = FAULTS,
     progress: Progress = lambda text: None,
 ) -> list[Outcome]:
@@ -167,9 +170,8 @@ def survey(
     seeds : int
         Runs of each: seeds 1 to so many.
     load, speed : float
-        N m and r/min at which the faults strike.
+        N m and r/min at which the faults strike; None: the drive's rated ones.
     """
-    scenario = Scenario("faults", speed=speed, load=load, duration=0.65)
     outcomes = []
     for folder in folders:
         for kind in kinds or ():
@@ -178,10 +180,24 @@ def survey(
         for kind in kinds or folder.kinds:
             progress(f"{folder.drive}: {kind}: compiling")
             loop = FaultyLoop(folder, kind)
+            scenario = task_of(folder, load, speed)
             for fault in faults:
                 progress(f"{folder.drive}: {kind}: {fault.title}")
                 outcomes.append(_outcome(loop, fault, scenario, seeds))
     return outcomes
+
+
+def task_of(folder: GeneratedFolder, load: float | None = None, speed: float | None = None) -> Scenario:
+    """A drive under load at speed, long enough for a fault and a recovery.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+    load, speed : float, optional
+        N m and r/min in place of the rated ones.
+    """
+    usual = find_scenario("load_step", stated_drive(folder), speed, load)
+    return replace(usual, name="faults", duration=usual.load_at + AFTER_LOAD)
 
 
 def _outcome(loop: FaultyLoop, fault: Fault, scenario: Scenario, seeds: int) -> Outcome:

@@ -8,15 +8,16 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from runtime.faults.survey import ANGLE_BAND, SPEED_BAND, Outcome, Recovery, column
+from runtime.drive.scenario import REACHED_OF_RATED
+from runtime.faults.survey import ANGLE_BAND, Outcome, Recovery, column
 from runtime.style.tables import columns_table
 
 LEGEND = (
-    f"recovery: from the fault's end until the drive has torque and the estimate stays within {SPEED_BAND:g} r/min and "
-    f"{ANGLE_BAND:g} degrees electrical of the truth, median (worst). Since the fault began, worst of all runs: errors "
-    "of the estimate while the drive had torque, dip of the true speed, current. said: status bits in the fault and "
-    "10 ms behind it, and in how many runs a bit or a reaction came, if not in all; at: its sample, the latest. "
-    "alone: the generated controller without the example interrupt's reaction."
+    f"recovery: from the fault's end until the drive has torque and the estimate stays within {REACHED_OF_RATED:.0%} "
+    f"of rated speed and {ANGLE_BAND:g} degrees electrical of the truth, median (worst). Since the fault began, worst "
+    "of all runs: errors of the estimate while the drive had torque, dip of the true speed, current. said: status bits "
+    "in the fault and 10 ms behind it, and in how many runs a bit or a reaction came, if not in all; at: its sample, "
+    "the latest. alone: the generated controller without the example interrupt's reaction."
 )
 
 COLUMNS = ("fault", "recovered", "recovery, ms", "r/min", "deg", "dip", "A", "said", "at")

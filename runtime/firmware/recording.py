@@ -27,8 +27,9 @@ from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.subject import INPUTS
 from runtime.folders.stated import stated_drive
-from runtime.proof.own_trajectory import trajectory_of
+from runtime.proof.own_trajectory import motion_of, trajectory_of
 from runtime.proof.trajectory import Trajectory
+from runtime.recorded.units import RPM
 
 Array = NDArray[Any]
 
@@ -156,9 +157,10 @@ def _start(names: Sequence[str], owner: str, truth: Mapping[str, float]) -> dict
 
 def _simulated(folder: GeneratedFolder, steps: int) -> Run:
     """The drive in the loop past its load step."""
-    kind = "ickf" if "ickf" in folder.kinds else folder.kinds[0]
+    kind, motion = "ickf" if "ickf" in folder.kinds else folder.kinds[0], motion_of(stated_drive(folder))
     duration = LOAD_AT + max(steps, 100) * folder.module.SAMPLE_TIME
-    return Simulator(folder, kind).run(Scenario("recorded", load=5.0, load_at=LOAD_AT, duration=duration), Conditions())
+    task = Scenario("recorded", motion.speed * RPM, motion.ramp, motion.load, LOAD_AT, duration)
+    return Simulator(folder, kind).run(task, Conditions())
 
 
 def _phases_and_commands(folder: GeneratedFolder, run: Run) -> Array:

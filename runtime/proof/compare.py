@@ -51,6 +51,46 @@ def entries_of(stage: Stage, values: Array) -> Array:
     return values.reshape(values.shape[0], -1)
 
 
+def scale_of(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
+    """(N, entries): of a covariance's entry the product of its sigmas, of any other what its row has.
+
+    Parameters
+    ----------
+    stage : Stage
+        Tells rows and scale.
+    values : ndarray, (N, rows[, columns])
+        The reference's, in the stage's unit.
+    sigmas : Sigmas
+        Of the same N steps.
+    """
+    if stage.scale not in ("covariance", "difference"):
+        return row_scale(stage, values, sigmas)
+    scale = covariance_scale(values)
+    if stage.scale == "difference":
+        scale = np.maximum(scale, minuend_scale(sigmas.state, sigmas.condition))
+    return entries_of(stage, scale)
+
+
+def covariance_scale(P: Array) -> Array:
+    """(..., n, n): of each entry of covariances the product of its two sigmas."""
+    sigma = np.sqrt(np.maximum(np.einsum("...ii->...i", P), 0.0))
+    return np.asarray(sigma[..., :, None] * sigma[..., None, :])
+
+
+def minuend_scale(sigma: Array, condition: Array) -> Array:
+    """(..., n, n): by what an entry of P_pred - K Pyy K^T is judged at least, a share of P_pred's sigmas' product.
+
+    Parameters
+    ----------
+    sigma : ndarray, (..., n)
+        sqrt diag P_pred.
+    condition : ndarray, (...)
+        Of Pyy; 0 where nothing is subtracted.
+    """
+    share = np.where(condition > 0, np.maximum(CANCELLED, PER_CONDITION * condition), 0.0)
+    return np.asarray(share[..., None, None] * sigma[..., :, None] * sigma[..., None, :])
+
+
 def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
     """(N, entries): for each entry its row's largest magnitude, or the row's natural size if that is larger.
 
@@ -70,7 +110,6 @@ def row_scale(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
         "output": np.broadcast_to(sigmas.noise, (values.shape[0], 2)),
         "cross": sigmas.state * low,
         "gain": sigmas.state / high,
-        "difference": np.maximum(CANCELLED, PER_CONDITION * sigmas.condition)[:, None] * sigmas.state**2,
         "row": np.zeros_like(full),
     }[stage.scale]
     return np.asarray(np.maximum(full, natural)[:, list(stage.rows)])
@@ -95,7 +134,7 @@ def relative_error(stage: Stage, expected: Array, found: Array, sigmas: Sigmas, 
         turning = np.array(stage.rows) == angle
         difference[:, turning] = np.remainder(difference[:, turning] + np.pi, 2 * np.pi) - np.pi
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.abs(difference) / row_scale(stage, expected, sigmas)
+        error = np.abs(difference) / scale_of(stage, expected, sigmas)
     error[difference == 0] = 0.0
     error[np.isnan(error)] = np.inf
     return np.asarray(error)

@@ -19,13 +19,14 @@ from model.filters.program import FilterStep
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.proof.compare import covariance_scale, minuend_scale
 from runtime.proof.motors import Plant
 from runtime.proof.reference import Reference, make_reference
 from runtime.proof.result import Link, Row
 
 Array = NDArray[Any]
 
-#: As links A-B and B-C allow together, in sigmas: the same float64 steps, three on end.
+#: As links A-B and B-C allow together, in sigmas of the prediction: the same float64 steps, three on end.
 ALLOWED = 2e-9
 
 REJECTED, NOT_CONVERGED = 1, 2
@@ -115,8 +116,8 @@ def _three_samples(u: Array, y: Array, faults: list[tuple[int, float]], box: Map
 
 def _by_hand(
     reference: Reference, parameters: Mapping[str, Any], x: Array, P: Array, u: Array, y: Array
-) -> list[tuple[Array, Array, int, int]]:
-    """Estimate, covariance, status and iterations after each sample."""
+) -> list[tuple[Array, Array, int, int, Array, float]]:
+    """After each sample estimate, covariance, status and iterations; sigmas of its prediction and condition of Pyy."""
     box, held, said = parameters["operating_box"], np.zeros(2), []
     reference.x, reference.P = x.copy(), P.copy()
     for u_k, y_k in zip(u, y, strict=True):
@@ -129,18 +130,23 @@ def _by_hand(
         else:
             reference.coast(held)
             status, count = REJECTED, 0
-        said.append((reference.x.copy(), reference.P.copy(), status, count))
+            stages = {"P_pred": reference.P}
+        sigma = np.sqrt(np.diag(stages["P_pred"]))
+        Pyy = stages["iterates"][0]["Pyy"] if "iterates" in stages else stages.get("Pyy")
+        condition = 0.0 if Pyy is None else float(np.linalg.cond(Pyy))
+        said.append((reference.x.copy(), reference.P.copy(), status, count, sigma, condition))
     return said
 
 
 def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[Any], found: list[Any]) -> Link:
-    x, P, status, counts = (np.array([[s[k] for s in samples] for samples in wanted]) for k in range(4))
+    x, P, status, counts, predicted, condition = (
+        np.array([[s[k] for s in samples] for samples in wanted]) for k in range(6)
+    )
     x_found, P_found, status_found, counts_found = (np.stack([s[k] for s in found], axis=1) for k in range(4))
-    sigma = np.sqrt(np.einsum("bkii->bki", P))
     dx = x_found - x
     dx[..., angle] = np.remainder(dx[..., angle] + np.pi, 2 * np.pi) - np.pi
-    error_x = np.abs(dx) / np.maximum(sigma, np.abs(x))
-    error_P = np.abs(P_found - P) / (sigma[..., :, None] * sigma[..., None, :])
+    error_x = np.abs(dx) / np.maximum(predicted, np.abs(x))
+    error_P = np.abs(P_found - P) / np.maximum(covariance_scale(P), minuend_scale(predicted, condition))
     outside = ~((x_found[..., angle] >= -np.pi) & (x_found[..., angle] < np.pi))
     bits = REJECTED | NOT_CONVERGED
     rows = (

@@ -78,7 +78,7 @@ def trajectory_of(
     motion : Motion, optional
         None: :func:`motion_of`.
     """
-    motion, noise = motion or motion_of(drive), sensor_noise(drive) if noise is None else noise
+    motion, noise = motion or motion_of(drive), sensor_noise(drive.filter.measurement_noise) if noise is None else noise
     if drive.model.machine in MACHINES:
         return make_trajectory(drive.model_dump(), motion, steps, noise)
     m, T = drive.motor, drive.model.sample_time

@@ -47,5 +47,7 @@ class Chapter:
         for run in self.runs:
             if not run.locked:
                 yield f"{self.drive.name}: {run.kind} lost the rotor in {run.scenario.name}"
+            elif not run.reached:
+                yield f"{self.drive.name}: {run.kind} did not reach the speed of {run.scenario.name}"
         if not self.runs:
             yield f"{self.drive.name}: not simulated"

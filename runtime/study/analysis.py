@@ -84,7 +84,7 @@ def success(group: Group) -> Rate:
     ----------
     group : Group
     """
-    return wilson(int(np.count_nonzero(group.outcomes.locked)), len(group.index))
+    return wilson(int(np.count_nonzero(group.outcomes.good)), len(group.index))
 
 
 def quick(group: Group) -> Rate:
@@ -95,7 +95,7 @@ def quick(group: Group) -> Rate:
     group : Group
     """
     outcomes = group.outcomes
-    return wilson(int(np.count_nonzero(outcomes.locked & (outcomes.lock_time <= QUICK))), len(group.index))
+    return wilson(int(np.count_nonzero(outcomes.good & (outcomes.lock_time <= QUICK))), len(group.index))
 
 
 def quantiles(group: Group) -> dict[str, tuple[float, ...]]:
@@ -105,7 +105,7 @@ def quantiles(group: Group) -> dict[str, tuple[float, ...]]:
     ----------
     group : Group
     """
-    locked = group.outcomes.locked
+    locked = group.outcomes.good
     found = {}
     for name in FIGURES:
         values = getattr(group.outcomes, name)[locked]
@@ -126,7 +126,7 @@ def paired(first: Group, second: Group, seed: int = 1) -> list[Difference]:
     if not a.size:
         return []
     rng = np.random.default_rng(seed)
-    won = [group.outcomes.locked[where].astype(float) for group, where in ((first, a), (second, b))]
+    won = [group.outcomes.good[where].astype(float) for group, where in ((first, a), (second, b))]
     both = (won[0] > 0) & (won[1] > 0)
     changes = {"success": won[1] - won[0]}
     for name in FIGURES:
@@ -174,7 +174,7 @@ def success_over(group: Group, variable: str, edges: Array) -> list[Rate]:
         In the variable's unit.
     """
     slot = np.clip(np.digitize(group.drawn[variable], edges) - 1, 0, len(edges) - 2)
-    locked = group.outcomes.locked
+    locked = group.outcomes.good
     return [wilson(int(locked[slot == k].sum()), int(np.count_nonzero(slot == k))) for k in range(len(edges) - 1)]
 
 

@@ -32,8 +32,8 @@ class _Task:
 
     @classmethod
     def of(cls, statement: Statement, chunk: Chunk) -> _Task:
-        cases = statement.cases(chunk.first, chunk.count)
-        return cls(statement.scenario, cases, statement.digests[chunk.subject])
+        cases = statement.cases(chunk.subject, chunk.first, chunk.count)
+        return cls(statement.scenarios[chunk.subject], cases, statement.digests[chunk.subject])
 
 
 def run_there(

@@ -52,7 +52,7 @@ def violin_figure(groups: Sequence[Group]) -> str:
     figure, axes = pyplot().subplots(1, len(FIGURES), figsize=(7.5, 2.8))
     for axis, (name, unit) in zip(axes, FIGURES.items(), strict=True):
         for k, group in enumerate(groups):
-            values = getattr(group.outcomes, name)[group.outcomes.locked]
+            values = getattr(group.outcomes, name)[group.outcomes.good]
             if name != "lock_time":  # a start at the right angle takes no time
                 values = np.log10(np.maximum(values, 1e-6))
             if values.size < 2 or np.ptp(values) == 0:
@@ -91,7 +91,7 @@ def most_telling(groups: Sequence[Group], varied: Sequence[Range]) -> tuple[Rang
     """The two variables whose map differs most from cell to cell, by success and then by the error at speed."""
 
     def spread(pair: tuple[Range, Range]) -> tuple[float, float]:
-        success, rms = (_cells(groups[0], pair, what, 4) for what in ("locked", "steady_rms"))
+        success, rms = (_cells(groups[0], pair, what, 4) for what in ("good", "steady_rms"))
         return _deviation(success), _deviation(rms)
 
     return max(combinations(varied, 2), key=spread)
@@ -108,9 +108,9 @@ def map_figure(groups: Sequence[Group], pair: tuple[Range, Range]) -> str:
     x, y = pair
     figure, axes = pyplot().subplots(len(groups), 2, figsize=(7.5, 2.7 * len(groups)), squeeze=False)
     for row, group in zip(axes, groups, strict=True):
-        for axis, what, label in zip(row, ("locked", "steady_rms"), ("success, %", "steady rms, r/min"), strict=True):
-            cells = _cells(group, pair, what, CELLS) * (100 if what == "locked" else 1)
-            limits: dict[str, Any] = {"vmin": 0, "vmax": 100} if what == "locked" else {}
+        for axis, what, label in zip(row, ("good", "steady_rms"), ("success, %", "steady rms, r/min"), strict=True):
+            cells = _cells(group, pair, what, CELLS) * (100 if what == "good" else 1)
+            limits: dict[str, Any] = {"vmin": 0, "vmax": 100} if what == "good" else {}
             extent = (x.low, x.high, y.low, y.high)
             image = axis.imshow(cells.T, origin="lower", aspect="auto", extent=extent, cmap="viridis", **limits)
             figure.colorbar(image, ax=axis)
@@ -128,13 +128,13 @@ def _cells(group: Group, pair: tuple[Range, Range], what: str, cells: int) -> An
         share = np.log(values / item.low) / np.log(item.high / item.low) if item.log else None
         share = (values - item.low) / (item.high - item.low) if share is None else share
         slots.append(np.clip((share * cells).astype(int), 0, cells - 1))
-    locked, figure = group.outcomes.locked, getattr(group.outcomes, what)
+    locked, figure = group.outcomes.good, getattr(group.outcomes, what)
     found = np.full((cells, cells), np.nan)
     for i in range(cells):
         for j in range(cells):
-            here = (slots[0] == i) & (slots[1] == j) & (locked if what != "locked" else True)
+            here = (slots[0] == i) & (slots[1] == j) & (locked if what != "good" else True)
             if here.any():
-                found[i, j] = figure[here].mean() if what == "locked" else np.median(figure[here])
+                found[i, j] = figure[here].mean() if what == "good" else np.median(figure[here])
     return found
 
 

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.rating import sensor_noise
+from model.schema import Drive
 from runtime.drive.experiment import KINDS, folder_with
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import find_scenario
@@ -69,20 +71,29 @@ def state_study(
         Unknown drives, filters, scenario or variables; no compiler.
     """
     find_compiler()
-    ranges, task = parse_ranges(vary), find_scenario(scenario)
+    ranges = parse_ranges(vary)
     for kind in kinds:
         if kind not in KINDS:
             raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
-    packages = []
+    packages, tasks, rated = [], [], []
     for name in dict.fromkeys(drives):
         named = find_drive(name)
         for kind in dict.fromkeys(kinds):
+            tasks.append(find_scenario(scenario, named.drive))
+            rated.append(_rated(named.drive))
             with ExitStack() as stack:
                 packages.append(pack(folder_with(named, kind, stack), kind))
     subjects = tuple((package.drive, package.kind) for package in packages)
     if len(set(subjects)) < len(subjects):
         raise UserError("two of the drives have the same name; each needs a name of its own.")
-    return Statement(subjects, tuple(package.digest for package in packages), task, ranges, seed), packages
+    digests = tuple(package.digest for package in packages)
+    return Statement(subjects, digests, tuple(tasks), tuple(rated), ranges, seed), packages
+
+
+def _rated(drive: Drive) -> dict[str, float]:
+    """Sensor noise (A), load (N m) and speed (r/min) that suit a drive."""
+    task = find_scenario("load_step", drive)
+    return {"noise": sensor_noise(drive.filter.measurement_noise), "load": task.load, "speed": task.speed}
 
 
 def run_study(
@@ -139,8 +150,8 @@ def _run_here(
             progress(before + count, total, what)
 
         tell(0, chunk.count)
-        cases = statement.cases(chunk.first, chunk.count)
-        store.save(chunk, run_package(package, statement.scenario, cases, progress=tell))
+        cases = statement.cases(chunk.subject, chunk.first, chunk.count)
+        store.save(chunk, run_package(package, statement.scenarios[chunk.subject], cases, progress=tell))
         done += chunk.count
 
 

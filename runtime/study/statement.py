@@ -33,15 +33,18 @@ VARIABLES: dict[str, tuple[str, float]] = {
     "speed": ("r/min", -math.inf),
 }
 
+#: Those that may be given as shares of what suits the drive: its sensors' noise, its rated torque and speed.
+OF_RATED = ("noise", "load", "speed")
+
 #: The default variation: a drive whose data are known to some per cent, its rotor roughly aligned.
 USUAL = (
-    "noise=0.02:0.1",
+    "noise=0.4:2:rated",
     "theta=-30:30",
     "R=0.8:1.2",
     "L=0.9:1.1",
     "psi_m=0.95:1.05",
     "J=0.8:1.2",
-    "load=0:5",
+    "load=0:1:rated",
 )
 
 
@@ -49,14 +52,17 @@ USUAL = (
 class Range:
     """A variable drawn evenly from ``low`` to ``high``, or evenly in its logarithm; fixed where the two are equal.
 
+    ``rated``: in shares of what suits the drive.
+
     >>> parse_range("R=0.8:1.2")
-    Range(name='R', low=0.8, high=1.2, log=False)
+    Range(name='R', low=0.8, high=1.2, log=False, rated=False)
     """
 
     name: str
     low: float
     high: float
     log: bool = False
+    rated: bool = False
 
     @property
     def fixed(self) -> bool:
@@ -66,7 +72,7 @@ class Range:
     @property
     def unit(self) -> str:
         """The variable's unit; empty for a factor."""
-        return VARIABLES[self.name][0]
+        return "of rated" if self.rated else VARIABLES[self.name][0]
 
     def at(self, share: Array) -> Array:
         """Return the values at shares of the range.
@@ -81,12 +87,12 @@ class Range:
         return np.asarray(self.low + (self.high - self.low) * share)
 
     def __str__(self) -> str:
-        values = f"{self.low:g}" if self.fixed else f"{self.low:g}:{self.high:g}{':log' * self.log}"
-        return f"{self.name}={values}"
+        values = f"{self.low:g}" if self.fixed else f"{self.low:g}:{self.high:g}"
+        return f"{self.name}={values}{':log' * self.log}{':rated' * self.rated}"
 
 
 def parse_range(text: str) -> Range:
-    """Parse ``name=value``, ``name=low:high`` or ``name=low:high:log``.
+    """Parse ``name=value``, ``name=low:high`` or ``name=low:high:log``; ``:rated`` behind it for shares of the rated.
 
     Parameters
     ----------
@@ -106,6 +112,10 @@ def parse_range(text: str) -> Range:
         hint = f" Did you mean '{close[0]}'?" if close else f" There are: {', '.join(VARIABLES)}."
         raise UserError(f"--vary '{text}': nothing called '{name}' varies.{hint}")
     parts = values.split(":")
+    rated = parts[-1] == "rated"
+    if rated and name not in OF_RATED:
+        raise UserError(f"--vary '{text}': no rated {name} is known; there are those of {', '.join(OF_RATED)}.")
+    parts = parts[:-1] if rated else parts
     log = len(parts) == 3 and parts[2] == "log"
     try:
         numbers = [float(part) for part in parts[: 2 if log else 3]]
@@ -121,7 +131,7 @@ def parse_range(text: str) -> Range:
         raise UserError(f"--vary '{text}': {name} ({unit}) cannot be below {least:g}.")
     if log and low <= 0:
         raise UserError(f"--vary '{text}': a logarithmic range begins above 0.")
-    return Range(name, low, high, log)
+    return Range(name, low, high, log, rated)
 
 
 def parse_ranges(texts: Iterable[str]) -> tuple[Range, ...]:
@@ -150,17 +160,19 @@ def parse_ranges(texts: Iterable[str]) -> tuple[Range, ...]:
 class Statement:
     """One study but for its number of runs: more runs only add to those that were made.
 
-    ``subjects`` are the (drive, filter) pairs, ``digests`` what their generated code is known by.
+    ``subjects`` are the (drive, filter) pairs, ``digests`` what their generated code is known by, ``scenarios`` each
+    one's task and ``rated`` the noise (A), load (N m) and speed (r/min) that suit it.
     """
 
     subjects: tuple[tuple[str, str], ...]
     digests: tuple[str, ...]
-    scenario: Scenario
+    scenarios: tuple[Scenario, ...]
+    rated: tuple[Mapping[str, float], ...]
     ranges: tuple[Range, ...]
     seed: int
 
     def draw(self, first: int, count: int) -> dict[str, Array]:
-        """Draw values by variable, and each run's noise seed; angles in degrees.
+        """Draw values by variable, and each run's noise seed; angles in degrees, shares of the rated as such.
 
         Parameters
         ----------
@@ -170,15 +182,20 @@ class Statement:
         columns = {item.name: item.at(_shares(self.seed, item.name, first, count)) for item in self.ranges}
         return columns | {"seed": _stream(self.seed, "noise of the sensors", first, count)}
 
-    def cases(self, first: int, count: int) -> Cases:
+    def cases(self, subject: int, first: int, count: int) -> Cases:
         """Draw as a fleet takes it.
 
         Parameters
         ----------
+        subject : int
+            Number of the drive and filter.
         first, count : int
             Runs first .. first + count - 1.
         """
         values: dict[str, Any] = self.draw(first, count)
+        for item in self.ranges:
+            if item.rated:
+                values[item.name] = self.rated[subject][item.name] * values[item.name]
         if "L" in values:
             values["L_d"] = values["L_q"] = values.pop("L")
         if "theta" in values:
@@ -192,7 +209,8 @@ class Statement:
                 f"{drive}/{kind} {digest[:16]}"
                 for (drive, kind), digest in zip(self.subjects, self.digests, strict=True)
             ],
-            "scenario": asdict(self.scenario),
+            "scenarios": [asdict(scenario) for scenario in self.scenarios],
+            "rated": [dict(rated) for rated in self.rated],
             "vary": [str(item) for item in self.ranges],
             "seed": self.seed,
         }

@@ -141,7 +141,7 @@ class Trials:
 
     def __init__(self, fleet: Fleet, statement: Statement, with_p0: bool) -> None:
         self.fleet, self.statement = fleet, statement
-        self.scenario: Scenario = statement.scenario
+        self.scenario: Scenario = statement.scenarios[0]
         self.space = Space.of(fleet.folder.module, with_p0)
 
     def run(self, factors: Sequence[dict[str, float]], first: int = 0, runs: int = RUNS) -> list[Outcomes]:
@@ -153,7 +153,7 @@ class Trials:
         first, runs : int
             Runs first .. first + runs - 1.
         """
-        cases = self.statement.cases(first, runs)
+        cases = self.statement.cases(0, first, runs)
         n = len(factors)
         drawn = {name: value for name, value in vars(cases).items() if name != "tuning" and value is not None}
         repeated = {name: np.tile(np.broadcast_to(np.ravel(value), runs), n) for name, value in drawn.items()}
@@ -169,7 +169,7 @@ class Trials:
         outcomes : Outcomes
         """
         lost = abs(self.scenario.speed)
-        figures = (np.where(outcomes.locked, getattr(outcomes, name), lost) for name in _FIGURES)
+        figures = (np.where(outcomes.good, getattr(outcomes, name), lost) for name in _FIGURES)
         return tuple(float(np.mean(values)) for values in figures)
 
     def check(self, factors: dict[str, float]) -> Check:
@@ -180,7 +180,7 @@ class Trials:
         factors : dict of str to float
         """
         (outcomes,) = self.run([factors], FRESH, CHECK_RUNS)
-        return Check(self.values(outcomes), wilson(int(outcomes.locked.sum()), CHECK_RUNS))
+        return Check(self.values(outcomes), wilson(int(outcomes.good.sum()), CHECK_RUNS))
 
 
 def tune(

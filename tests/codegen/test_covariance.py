@@ -11,11 +11,10 @@ import pytest
 
 from codegen.ir.covariance import CovarianceLayout
 from model.drives.load import load_drive
-from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Simulator
 from runtime.estimator.folder import find_folder
 from tests.codegen.test_example import STUBS
-from tests.conftest import ALL_DRIVES, thoroughly
+from tests.conftest import ALL_DRIVES, TASKS, thoroughly
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (3, 0, 4, 1, 2)])
@@ -106,7 +105,7 @@ def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_pat
 def test_the_numpy_controller_has_the_bits_of_the_c(name: str, scenario: str) -> None:
     """``simulate --controller numpy``, the whole run."""
     simulator = Simulator(find_folder(name), "ickf")
-    c, twin = (simulator.run(SCENARIOS[scenario], controller=which) for which in ("c", "numpy"))
+    c, twin = (simulator.run(TASKS[scenario], controller=which) for which in ("c", "numpy"))
     for field in ("x", "duty", "status"):
         np.testing.assert_array_equal(getattr(c, field), getattr(twin, field))
 

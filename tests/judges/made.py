@@ -19,7 +19,7 @@ from runtime.board.pil import PilResult
 from runtime.cli import main
 from runtime.drive.experiment import SweepPoint
 from runtime.drive.fleet import Outcomes
-from runtime.drive.scenario import SCENARIOS, Scenario
+from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Run
 from runtime.endurance.soak import Decade, Soak
 from runtime.faults.catalogue import Fault
@@ -35,6 +35,7 @@ from runtime.replay.innovations import Innovations
 from runtime.replay.replay import Replay
 from runtime.study.run import Group
 from runtime.style.figures import pyplot
+from tests.conftest import TASKS
 
 #: r/min in a rad/s, said once more.
 RPM = 60.0 / (2.0 * np.pi)
@@ -116,7 +117,7 @@ def run(
     speed: float | None = None,
 ) -> Run:
     """A run of 0.4 s; errors of the estimate in r/min and degrees electrical, at t = T, 2 T, ..."""
-    task = SCENARIOS[scenario] if isinstance(scenario, str) else scenario
+    task = TASKS[scenario] if isinstance(scenario, str) else scenario
     t = T * np.arange(1, round(0.4 / T) + 1)
     N = len(t)
     omega = np.full(N, (task.speed if speed is None else speed) / RPM)
@@ -149,7 +150,8 @@ def group(kind: str, locked: Any, index: Any = None, drive: str = "d", drawn: An
     names = ("start", "load_step", "steady_rms", "angle", "angle_end", "lock_time", "status")
     columns = {name: np.asarray(figures.get(name, usual), dtype=float) for name in names}
     finite = np.asarray(figures.get("finite", np.ones(len(locked))), dtype=bool)
-    outcomes = Outcomes(**columns, locked=locked, finite=finite)
+    reached = np.asarray(figures.get("reached", np.ones(len(locked))), dtype=bool)
+    outcomes = Outcomes(**columns, locked=locked, reached=reached, finite=finite)
     index = np.arange(len(locked)) if index is None else np.asarray(index)
     return Group(drive, kind, index, drawn or {"theta": np.linspace(-90, 90, len(locked))}, outcomes)
 
@@ -183,6 +185,7 @@ def faulty_run(N: int = 400, T: float = 1e-3, first: int = 100, after: int = 110
         "status": np.zeros(N, int),
         "mode": np.full(N, RUNNING),
         "powered": np.ones(N, bool),
+        "band": 20.0,
     }
     return FaultyRun(**(usual | changes))
 

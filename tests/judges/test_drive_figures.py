@@ -17,10 +17,11 @@ import runtime.folders.generate
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, changed, run_facts, simulate
 from runtime.drive.figures import run_figure, sweep_figure
 from runtime.drive.simulation import Conditions, Run
-from runtime.drive.tables import claims, claims_table, runs_table, sweep_cell, sweep_table
+from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_cell, sweep_table
 from runtime.folders.generate import InMemory
 from runtime.recorded.truth import angle_error, errors, speed_error
 from runtime.system.errors import UserError
+from tests.conftest import TASKS
 from tests.judges.made import RPM, Kept, cells_of, command, curves, read_json, run
 
 T = 1e-3
@@ -101,24 +102,53 @@ def test_a_saved_run_gives_the_same_figures(tmp_path: Path) -> None:
         ({"angle_error": np.where(TIME > 0.36, 31.0, 0.0)}, False),
         ({"angle_error": np.where(TIME < 0.34, 179.0, 0.0)}, True),
         ({"angle_error": np.where(np.arange(400) == 349, 31.0, 0.0)}, False),
-        ({"speed": 1099.0}, True),
-        ({"speed": 1101.0}, False),
-        ({"speed": 899.0}, False),
-        ({"speed": -1000.0}, False),
         ({"speed_error": np.where(np.arange(400) == 3, np.nan, 0.0)}, False),
         ({"speed_error": 500.0}, True),
     ],
 )
 def test_lock(changes: dict[str, Any], locked: bool) -> None:
-    """The angle at the end within 30 degrees, the true speed within a tenth, all of it numbers."""
-    assert run(**changes).locked is locked
+    """The angle at the end within 30 degrees electrical, all of it numbers."""
+    one = run(**changes)
+    assert (one.locked, one.good, one.reached) == (locked, locked, True)
+    assert one.verdict == ("locked" if locked else "LOST LOCK")
+
+
+@pytest.mark.parametrize(
+    ("speed", "reached"), [(1099.0, True), (1101.0, False), (901.0, True), (899.0, False), (-1000.0, False)]
+)
+def test_a_reference_that_is_not_reached_is_no_lost_lock(speed: float, reached: bool) -> None:
+    """The true speed within a tenth of the reference; the estimate follows it all the while."""
+    one = run(speed=speed)
+    assert (one.locked, one.reached, one.good) == (True, reached, reached)
+    assert one.verdict == ("locked" if reached else "REFERENCE NOT REACHED")
+    assert [f"{speed:.0f} r/min where 1000" in line for line in remarks([one])] == ([] if reached else [True])
+
+
+@pytest.mark.parametrize(("speed", "reached"), [(19.9, True), (-19.9, True), (20.1, False)])
+def test_standstill_is_reached_within_a_share_of_rated_speed(speed: float, reached: bool) -> None:
+    one = run(replace(TASKS["no_load"], speed=0.0), speed=speed)
+    assert one.reached is reached
+
+
+def test_remarks_count_the_status() -> None:
+    one = replace(run(), bits={"INPUT_REJECTED": 1, "COMMAND_REJECTED": 4, "DIVERGED": 16})
+    assert remarks([one]) == []
+    status = np.zeros(400, int)
+    status[10:22] = 4
+    status[20:25] |= 1
+    spoiled = replace(one, status=status)
+    assert spoiled.status_counts == {"INPUT_REJECTED": 5, "COMMAND_REJECTED": 12}
+    assert remarks([spoiled]) == [
+        "load_step, ckf: status in 400 samples: INPUT_REJECTED 5, COMMAND_REJECTED 12",
+    ]
 
 
 def test_lock_needs_a_true_speed_that_is_a_number() -> None:
     one = run()
     omega = one.omega.copy()
     omega[0] = np.nan
-    assert not replace(one, omega=omega).locked
+    failed = replace(one, omega=omega)
+    assert (failed.locked, failed.good, failed.verdict) == (False, False, "SIMULATED MOTOR FAILED")
 
 
 def test_errors_have_a_sign_and_a_unit() -> None:
@@ -258,13 +288,17 @@ def test_a_band_holds_its_extremes(kept: Kept) -> None:
 
 def test_facts_of_a_run() -> None:
     facts = run_facts(_wild())
-    assert facts == {"filter": "ckf", "scenario": "load_step", "locked": True, **_wild().figures()}
+    words = {"filter": "ckf", "scenario": "load_step", "locked": True, "reached": True, "status": {}}
+    assert {key: value for key, value in facts.items() if key != "task"} == {**words, **_wild().figures()}
+    assert (facts["task"]["speed"], facts["task"]["load"]) == (1000.0, 5.0)
+    lost = replace(_wild(), x=np.full((400, 4), np.nan))
+    assert run_facts(lost)["start"] is None, "JSON knows no NaN"
     assert run_facts(run(angle_error=90.0))["locked"] is False
 
 
 def test_conditions_that_the_page_names() -> None:
     assert (HARD.inverter, HARD.dead_time, HARD.bits, HARD.delay) == ("pwm", 2e-6, 12, 1)
-    assert (Conditions().noise, Conditions().seed) == (0.05, 1)
+    assert (Conditions().noise, Conditions().range, Conditions().seed) == (None, None, 1)
     with pytest.raises(UserError, match="no filter"):
         simulate("paper_spmsm", kinds=["ckf", "abc"])
     assert KINDS == ("ckf", "ickf", "ekf", "ukf")
@@ -315,12 +349,15 @@ def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(runtime.drive.simulate, "simulate", lambda *rest: asked.append(rest) or [run()])
     monkeypatch.setattr(runtime.drive.simulate, "sample_time_sweep", lambda *rest, **keys: POINTS)
     arguments = "--scenario load_step --filters ekf --inverter pwm --dead-time 1e-6 --delay 1 --noise 0.2 --bits 10"
+    arguments += " --speed 700 --load 2.5 --ramp 0.3 --factors R=1.1,L=0.9"
     arguments += " --offset 0.3 --sensored --theta 0.5 --seed 9 --controller numpy --sweep --json s.json"
     code, said = command("simulate", "ipmsm", *arguments.split())
     assert code == 0, said
-    ((drive, scenario, kinds, setting, controller, _),) = asked
+    ((drive, scenario, kinds, setting, controller, _, task),) = asked
+    assert task == {"speed": 700.0, "load": 2.5, "ramp": 0.3}
     assert (drive, scenario, list(kinds), controller) == ("ipmsm", "load_step", ["ekf"], "numpy")
-    assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, theta=0.5, seed=9)
+    wrong = {"R": 1.1, "L_d": 0.9, "L_q": 0.9}
+    assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, theta=0.5, seed=9, factors=wrong)
     sweep = read_json("s.json")["sweep"]
     assert [(p["sample_time"], p["discretization"], p["locked"]) for p in sweep] == [
         (p.sample_time, p.discretization, p.locked) for p in POINTS

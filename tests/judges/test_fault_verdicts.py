@@ -202,7 +202,7 @@ def test_faults_ends_with_1_if_one_run_did_not_recover(
     code, said = command("faults", "paper_spmsm", "--json", "f.json", "--out", "p", "--seeds", "7", "--load", "3")
     ((folders, kinds, seeds, load, speed, *_),) = asked
     assert [folder.drive for folder in folders] == ["paper_spmsm"]
-    assert (kinds, seeds, load, speed) == (None, 7, 3.0, 1000.0)
+    assert (kinds, seeds, load, speed) == (None, 7, 3.0, None)
     assert Path("p/faults_d.svg").is_file()
     assert code == (bad is not None), said
     facts = read_json("f.json")

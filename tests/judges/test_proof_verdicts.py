@@ -14,7 +14,7 @@ import runtime.commands.words
 import runtime.proof.drives
 import runtime.proof.verify
 from model.drives.load import load_drive
-from runtime.proof.compare import Sigmas, relative_error, row_scale
+from runtime.proof.compare import Sigmas, relative_error, row_scale, scale_of
 from runtime.proof.link_cd import drift, drift_rows
 from runtime.proof.link_de import same_bits
 from runtime.proof.result import Divergence, IterationEffect, Link, Proof
@@ -188,17 +188,28 @@ def test_scales_are_the_rows_largest_or_its_natural_size() -> None:
         "output": [0.3, 0.6],
         "cross": [0.1 * 0.5, 4.0 * 0.5],
         "gain": [0.1 / 2.0, 4.0 / 2.0],
-        "difference": [0.01, 16.0 * 1e-4],
         "row": [0.01, 0.02],
     }
     for scale, natural in expected.items():
         found = row_scale(_stage(scale, (0, 1)), small, sigmas)
         np.testing.assert_allclose(found, [np.maximum(natural, [0.01, 0.02])], err_msg=scale)
         np.testing.assert_allclose(row_scale(_stage(scale, (0, 1)), large, sigmas), [np.maximum(natural, [7.0, 9.0])])
-    ill = replace(sigmas, condition=np.array([1000.0]))
-    np.testing.assert_allclose(row_scale(_stage("difference", (1,)), np.zeros((1, 2)), ill), [[16.0 * 3e-3]])
     matrix = np.array([[[0.5, -3.0], [1.0, 2.0]]])
     np.testing.assert_allclose(row_scale(_stage("row", (0, 0, 1, 1)), matrix, sigmas), [[3.0, 3.0, 2.0, 2.0]])
+
+
+def test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas() -> None:
+    """In its own unit: a covariance of A and rad/s by neither variance."""
+    stage = _stage("covariance", (0, 1, 1))
+    values = np.array([[[4.0, 0.1], [0.1, 1e-4]]])
+    sigmas = Sigmas(np.array([[20.0, 3.0]]), np.ones((1, 2)), np.ones(2), np.array([10.0]))
+    np.testing.assert_allclose(scale_of(stage, values, sigmas), [[4.0, 0.02, 1e-4]])
+    difference = _stage("difference", (0, 1, 1))
+    np.testing.assert_allclose(scale_of(difference, values, sigmas), [[4.0, 0.02, 9e-4]])
+    ill = replace(sigmas, condition=np.array([1e4]))
+    np.testing.assert_allclose(scale_of(difference, values, ill), [[12.0, 1.8, 0.27]])
+    row = _stage("row", (0, 1))
+    np.testing.assert_allclose(scale_of(row, np.array([[3.0, 4.0]]), sigmas), [[3.0, 4.0]])
 
 
 def test_a_deviation_is_relative_turns_with_the_circle_and_is_never_no_number() -> None:

@@ -215,7 +215,7 @@ def test_maps_are_shares_and_medians() -> None:
     drawn = {"R": np.array([0.5, 0.5, 0.5, 1.5, 1.5, 2.0]), "load": np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0])}
     one = group("ckf", [1, 0, 1, 0, 1, 1], drawn=drawn, steady_rms=[1.0, 99.0, 5.0, 9.0, 7.0, 20.0])
     pair = Range("R", 0.5, 2.0), Range("load", 1.0, 100.0, log=True)
-    shares, medians = (_cells(one, pair, what, 2) for what in ("locked", "steady_rms"))
+    shares, medians = (_cells(one, pair, what, 2) for what in ("good", "steady_rms"))
     np.testing.assert_allclose(shares, [[2 / 3, np.nan], [0.0, 1.0]])
     np.testing.assert_allclose(medians, [[3.0, np.nan], [np.nan, 13.5]])
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.drive.scenario import SCENARIOS, STEP_START, Scenario, find_scenario
+from model.drives.load import load_drive
+from model.schema import Rated
+from runtime.drive.scenario import SCENARIOS, Scenario, find_scenario, scenarios, step_start
 from runtime.recorded.data import FRAMES, read_recorded
 from runtime.recorded.units import RPM, SI, UNITS, find_unit
 from runtime.system.errors import UserError
@@ -149,18 +151,39 @@ def test_a_scenarios_reference_and_load() -> None:
 
 def test_the_papers_scenarios() -> None:
     """To 1000 r/min within 0.15 s; in the second 5 N m from 0.2 s on; 0.4 s in all."""
-    assert set(SCENARIOS) == {"no_load", "load_step"}
+    drive = load_drive("paper_spmsm")
+    assert set(SCENARIOS) == set(scenarios(drive)) == {"no_load", "load_step"}
     for name, load in (("no_load", 0.0), ("load_step", 5.0)):
-        task = find_scenario(name)
+        task = find_scenario(name, drive)
         assert (task.name, task.duration) == (name, 0.4)
         t = np.array([0.0, 0.075, 0.15, 0.1999, 0.2, 0.4])
         np.testing.assert_allclose(task.speed_reference(t) * 60 / (2 * math.pi), [0, 500, 1000, 1000, 1000, 1000])
         assert list(task.load_torque(t)) == [0, 0, 0, 0, load, load]
-    assert STEP_START.speed_reference(np.array([0.5e-3, 1e-3])) * 60 / (2 * math.pi) == pytest.approx([500, 1000])
-    assert (STEP_START.load, STEP_START.load_at) == (5.0, 0.2)
+    hardest = step_start(drive)
+    assert hardest.speed_reference(np.array([0.5e-3, 1e-3])) * 60 / (2 * math.pi) == pytest.approx([500, 1000])
+    assert (hardest.load, hardest.load_at, hardest.duration) == (5.0, 0.2, 0.4)
     for name in ("", "step_start", "no load"):
         with pytest.raises(UserError, match="no_load, load_step"):
-            find_scenario(name)
+            find_scenario(name, drive)
+
+
+def test_a_scenario_belongs_to_its_motor() -> None:
+    """Speed, load and times from [rated] and the speed loop; what is asked for takes their place."""
+    drive = load_drive("paper_spmsm")
+    slow = drive.control.model_copy(update={"speed_bandwidth": 20.0})
+    own = drive.model_copy(update={"rated": Rated(speed=200.0, torque=0.25), "control": slow})
+    task = find_scenario("load_step", own)
+    assert (task.speed * 2 * math.pi / 60, task.load) == pytest.approx((200.0, 0.25))
+    assert task.ramp == pytest.approx(0.008 * 200.0 / (0.5 * 1.5 * 4 * 0.175 * 20.0))  # J omega over half of the torque
+    assert (task.load_at - task.ramp, task.duration - task.load_at) == pytest.approx((0.15, 0.6))
+    assert task.least_band == pytest.approx(0.02 * task.speed)
+    asked = find_scenario("load_step", own, speed=60.0, load=0.1, ramp=0.5)
+    assert (asked.speed, asked.load, asked.ramp) == (60.0, 0.1, 0.5)
+    assert (asked.load_at, asked.duration) == pytest.approx((0.65, 1.25))
+    assert find_scenario("no_load", own, load=0.1).load == 0.0
+    for words in ({"speed": math.nan}, {"load": math.inf}, {"ramp": math.nan}, {"ramp": 0.0}, {"ramp": -1.0}):
+        with pytest.raises(UserError, match=next(iter(words))):
+            find_scenario("load_step", own, **words)
 
 
 @pytest.mark.parametrize(("ms", "told"), [(149, 0.0), (151, 90.0), (399, 90.0)])

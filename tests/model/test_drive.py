@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from model.drives.load import DRIVES, cautions, load_drive, shipped_drives
-from model.schema import DriveError
+from model.schema import DriveError, Rated
 from tests.conftest import variant
 
 pytestmark = pytest.mark.unit
@@ -134,6 +135,30 @@ def test_cautions_say_what_is_coarse() -> None:
         assert float(line.split("sample_time <= ")[1].split()[0]) == pytest.approx(longest, rel=1e-2)
         assert not cautions(variant(coarse, model={"sample_time": 0.999 * longest}))
         assert not cautions(variant(coarse, model={"discretization": "exact"}))
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"control": {"max_current": 100.1}}, "control.max_current = 100.1 A is beyond operating_box.current = 100 A"),
+        ({"operating_box": {"voltage": 179.5}}, "= 179.6 V is beyond operating_box.voltage = 179.5 V"),
+        (
+            {"rated": Rated(speed=201.0, torque=1.0)},
+            "rated.speed = 201 rad/s is beyond operating_box.speed",
+        ),
+        (
+            {"rated": Rated(speed=10.0, torque=21.0)},
+            "rated.torque = 21 N m is beyond operating_box.load_torque",
+        ),
+    ],
+)
+def test_what_the_box_excludes_is_cautioned(sections: dict[str, Any], words: str) -> None:
+    """The controller's limits and the rated task against the box beyond which the step rejects inputs."""
+    drive = load_drive("paper_spmsm")
+    rated = sections.pop("rated", None)
+    drive = variant(drive, **sections).model_copy(update={"rated": rated})
+    (line,) = cautions(drive)
+    assert words in line
 
 
 def test_a_return_that_float32_rounds_away_is_cautioned() -> None:

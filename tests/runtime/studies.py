@@ -13,7 +13,9 @@ from runtime.study.run import Study
 from runtime.study.statement import Statement, parse_ranges
 
 DRIVE = "spmsm_load_torque"
-SHORT = Scenario("short", ramp=0.03, load=3.0, load_at=0.05, duration=0.08)
+#: What suits the shipped drives.
+RATED = {"noise": 0.05, "load": 5.0, "speed": 1000.0}
+SHORT = Scenario("short", speed=1000.0, ramp=0.03, load=3.0, load_at=0.05, duration=0.08)
 VARY = ("theta=-90:90", "R=0.8:1.2", "noise=0.02:0.1:log", "load=0:3")
 
 
@@ -22,7 +24,9 @@ def stated(seed: int = 1, vary: tuple[str, ...] = VARY, drive: str = DRIVE) -> t
     packages = [pack(find_folder(drive), kind) for kind in ("ckf", "ickf")]
     subjects = tuple((package.drive, package.kind) for package in packages)
     digests = tuple(package.digest for package in packages)
-    return Statement(subjects, digests, SHORT, parse_ranges(vary), seed), packages
+    return Statement(
+        subjects, digests, (SHORT,) * len(subjects), (RATED,) * len(subjects), parse_ranges(vary), seed
+    ), packages
 
 
 def same_study(a: Study, b: Study) -> None:

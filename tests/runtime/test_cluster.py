@@ -83,4 +83,4 @@ def test_a_worker_with_another_version_is_refused() -> None:
 
     statement, packages = stated()
     with pytest.raises(UserError, match="another version of pmsm-ickf"):
-        _run_chunk(packages[0], _Task(SHORT, statement.cases(0, 1), "of other code"))
+        _run_chunk(packages[0], _Task(SHORT, statement.cases(0, 0, 1), "of other code"))

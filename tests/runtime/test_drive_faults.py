@@ -17,11 +17,11 @@ from runtime.drive.simulation import Conditions, numpy_controller
 from runtime.estimator.folder import find_folder
 from runtime.faults.catalogue import FAULTS
 from runtime.faults.loop import FAULT, PROBING, RESTING, RUNNING, FaultyLoop
-from runtime.faults.survey import SPEED_BAND, circumstances, judge, run_fault
+from runtime.faults.survey import circumstances, judge, run_fault
 from runtime.system.errors import UserError
 from tests.conftest import DRIVES
 
-TASK = Scenario("faults", load=5.0, duration=0.5)
+TASK = Scenario("faults", speed=1000.0, load=5.0, duration=0.5, least_band=20.0)
 FAULT_BY_NAME = {fault.name: fault for fault in FAULTS}
 
 #: Of spmsm_load_torque: status bits that must be among those said, by which sample, and the longest recovery in s. A
@@ -69,7 +69,7 @@ def test_recovers_and_says_so(name: str, loop: FaultyLoop) -> None:
 def test_a_rotor_that_turns_is_caught_at_any_angle(name: str, speed: float) -> None:
     """The load drives one direction and brakes the other."""
     loop = FaultyLoop(find_folder(name), "ickf")
-    task = Scenario("turning", speed=speed, load=5.0, duration=0.45)
+    task = Scenario("turning", speed=speed, load=5.0, duration=0.45, least_band=20.0)
     for seed in range(1, 4):
         recovery = judge(run_fault(loop, FAULT_BY_NAME["power_cycle"], task, seed), loop.module.SAMPLE_TIME)
         assert recovery.time <= 0.05  # NaN fails
@@ -88,7 +88,7 @@ def test_no_fault_no_reaction(loop: FaultyLoop) -> None:
     changes = np.flatnonzero(np.diff(run.mode))
     assert list(run.mode[[0, *(changes + 1)]]) == [RESTING, PROBING, RUNNING]
     assert not run.status.any()
-    assert np.max(np.abs(run.speed_error[changes[-1] + 1 :])) < SPEED_BAND
+    assert np.max(np.abs(run.speed_error[changes[-1] + 1 :])) < run.band
 
 
 def test_a_seed_makes_a_run(loop: FaultyLoop) -> None:
@@ -117,7 +117,7 @@ def test_c_and_numpy_keep_the_same_bits(drive: str, name: str) -> None:
     loop = FaultyLoop(find_folder(drive), "ickf")
     module = loop.module
     rows = FAULT_BY_NAME[name].rows(circumstances(loop.folder, TASK), np.random.default_rng(3))[:60]
-    short = Scenario("short", ramp=0.01, load=2.0, load_at=0.01, duration=0.03)
+    short = Scenario("short", speed=1000.0, ramp=0.01, load=2.0, load_at=0.01, duration=0.03, least_band=20.0)
     run = loop.run(short, rows, 0.015, reacting=False)
     gain = dict(zip(module.GAIN_NAMES, module.GAIN, strict=True)) | {"advance": module.ADVANCE_DELAYED}
     twin = numpy_controller(module, {}, tuple(gain.values()), Conditions(delay=1))
@@ -148,7 +148,7 @@ def test_command(tmp_path: Path) -> None:
 
 def test_what_does_not_recover_fails_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """No estimate is within nothing of the truth."""
-    monkeypatch.setattr("runtime.faults.survey.SPEED_BAND", 0.0)
+    monkeypatch.setattr("runtime.drive.scenario.REACHED_OF_RATED", 0.0)
     arguments = ["faults", "spmsm_load_torque", "--filters", "ckf", "--seeds", "1", "--only", "lost_sample"]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 1

@@ -18,7 +18,7 @@ from runtime.system.errors import UserError
 from tests.conftest import thoroughly
 
 RESTARTED = 0x20
-SHORT = Scenario("short", ramp=0.05, load=3.0, load_at=0.07, duration=0.13)
+SHORT = Scenario("short", speed=1000.0, ramp=0.05, load=3.0, load_at=0.07, duration=0.13)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,7 @@ def _expected(run: Run) -> dict[str, Any]:
         "angle_end": abs(run.angle_error[-1]),
         "lock_time": run.t[from_sample] if from_sample < len(run.t) else np.nan,
         "locked": run.locked,
+        "reached": run.reached,
         "status": np.bitwise_or.reduce(run.status),
         "finite": True,
     }
@@ -53,7 +54,7 @@ def _agree(found: dict[str, Any], expected: dict[str, Any]) -> None:
         assert found[name] == pytest.approx(expected[name], rel=1e-14), name
     for name in ("steady_rms", "angle", "angle_end", "lock_time"):
         assert found[name] == pytest.approx(expected[name], rel=1e-11, abs=1e-11, nan_ok=True), name
-    for name in ("locked", "status", "finite"):
+    for name in ("locked", "reached", "status", "finite"):
         assert found[name] == expected[name], name
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Run, Simulator
 from runtime.estimator.folder import find_folder
 from runtime.folders.stated import stated_drive
@@ -29,7 +28,7 @@ from runtime.replay.statistics import (
     mean_band,
 )
 from runtime.system.errors import UserError
-from tests.conftest import DRIVES
+from tests.conftest import DRIVES, TASKS
 from tests.runtime.test_cli import call
 
 
@@ -41,7 +40,7 @@ def start_of(drive: str, steps: int) -> Recorded:
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return Simulator(find_folder("spmsm_load_torque"), "ickf").run(SCENARIOS["load_step"])
+    return Simulator(find_folder("spmsm_load_torque"), "ickf").run(TASKS["load_step"])
 
 
 @pytest.fixture(scope="module")

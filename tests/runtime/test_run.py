@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from model.drives.load import shipped_drives
+from model.drives.load import load_drive, shipped_drives
 from runtime.cli import main
 from runtime.drive import experiment
 from runtime.drive.scenario import find_scenario
@@ -163,4 +163,8 @@ def test_the_first_floor_simulates_both_scenarios_with_the_drives_filters(monkey
     run_module._simulated("paper_spmsm", True)
     assert ("paper_spmsm", "no_load", experiment.KINDS) in seen
     assert seen[-1] == ("paper_spmsm",), "the sweep"
-    assert [find_scenario(arguments[1]).name for arguments in seen[:-1]] == ["no_load", "load_step", "load_step"]
+    assert [find_scenario(arguments[1], load_drive("paper_spmsm")).name for arguments in seen[:-1]] == [
+        "no_load",
+        "load_step",
+        "load_step",
+    ]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from model.drives.load import load_drive
 from model.loop.controller import Gains, design
@@ -16,13 +18,14 @@ from model.machines import MACHINES
 from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
 from model.schema import Drive
-from runtime.drive.motor import true_motor
-from runtime.drive.scenario import SCENARIOS, Scenario, find_scenario
+from runtime.drive.motor import longest_step, true_motor
+from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import find_folder
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
-from tests.conftest import DRIVES, variant
+from tests.conftest import DRIVES, TASKS, variant
+from tests.model.accepted import draw_drive
 
 HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
 
@@ -95,13 +98,61 @@ def test_plant_against_dop853(drive: Drive, factors: dict[str, float], simulator
     assert np.max(np.abs(our_trace - exact_trace) / scale) <= 1e-7
 
 
+def _quick_motor(seed: int) -> Drive:
+    """A drive whose simulated motor may need many steps a sample: any R / L, pole pairs and friction."""
+    rng = np.random.default_rng(seed)
+    machine = str(rng.choice(["surface", "salient", "salient_flux"]))
+    return draw_drive(rng, machine, "load_torque", "exact", [])
+
+
+def _refused(drive: Drive) -> bool:
+    folder = SimpleNamespace(drive="drawn", manifest={"parameters": drive.model_dump()})
+    try:
+        longest_step(folder)  # type: ignore[arg-type]
+    except UserError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_sample_of_any_motor_that_is_not_refused_is_within_1e_7(seed: int) -> None:
+    """Currents after one sample under a held voltage at a held speed, against the matrix exponential; numbers only."""
+    drive = next(d for k in range(50) if not _refused(d := _quick_motor(100 * seed + k)))
+    folder = SimpleNamespace(drive="drawn", manifest={"parameters": drive.model_dump()})
+    m, T = drive.motor, drive.model.sample_time
+    h = T / int(np.ceil(T / longest_step(folder) - 1e-9))  # type: ignore[arg-type]
+    omega_e = m.pole_pairs * drive.operating_box.speed
+    # On the rotor's axes the voltage equation at a held speed is linear: d i / dt = A i + b.
+    A = np.array(
+        [
+            [-m.stator_resistance / m.inductance_d, omega_e * m.inductance_q / m.inductance_d],
+            [-omega_e * m.inductance_d / m.inductance_q, -m.stator_resistance / m.inductance_q],
+        ]
+    )
+    size = np.linalg.norm(A * h, 2)
+    step = np.eye(2) + A * h + A @ A * h**2 / 2 + A @ A @ A * h**3 / 6 + A @ A @ A @ A * h**4 / 24
+    exact, ours = expm(A * T), np.linalg.matrix_power(step, round(T / h))
+    shape = max(m.inductance_q / m.inductance_d, m.inductance_d / m.inductance_q)
+    assert np.abs(ours - exact).max() <= 1e-7 * shape * max(1.0, T / h * size)
+
+
+def test_a_motor_too_quick_to_simulate_is_named() -> None:
+    quick = {"inductance_d": 1e-6, "inductance_q": 1e-6, "stator_resistance": 900.0}
+    drive = variant(load_drive("paper_spmsm"), motor=quick)
+    folder = SimpleNamespace(drive="quick", manifest={"parameters": drive.model_dump()})
+    with pytest.raises(UserError, match=r"the simulated motor, not the filter, cannot follow: L / R is 1\.1e-09 s"):
+        longest_step(folder)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     "conditions", [Conditions(), Conditions(sensored=True), HARD], ids=["averaged", "sensored", "pwm"]
 )
 @pytest.mark.parametrize("kind", ["ckf", "ickf"])
 def test_controller_c_and_numpy_twin_have_the_same_bits(drive: Drive, kind: str, conditions: Conditions) -> None:
     simulator = Simulator(find_folder(drive.name), kind)
-    short = Scenario("short", ramp=0.05, load=5.0, load_at=0.04, duration=0.06 if drive.name != "paper_spmsm" else 0.02)
+    short = Scenario(
+        "short", speed=1000.0, ramp=0.05, load=5.0, load_at=0.04, duration=0.06 if drive.name != "paper_spmsm" else 0.02
+    )
     a, b = (simulator.run(short, conditions, controller=controller) for controller in ("c", "numpy"))
     for name in ("x", "duty", "status", "u", "omega"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
@@ -110,13 +161,13 @@ def test_controller_c_and_numpy_twin_have_the_same_bits(drive: Drive, kind: str,
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", DRIVES)
 def test_twin_has_the_same_bits_over_a_whole_run(name: str, simulators: dict[str, Simulator]) -> None:
-    a, b = (simulators[name].run(SCENARIOS["load_step"], controller=controller) for controller in ("c", "numpy"))
+    a, b = (simulators[name].run(TASKS["load_step"], controller=controller) for controller in ("c", "numpy"))
     np.testing.assert_array_equal(a.x, b.x)
     np.testing.assert_array_equal(a.duty, b.duty)
 
 
 def _worst(simulator: Simulator, seeds: range = range(1, 6)) -> dict[str, float]:
-    runs = [simulator.run(SCENARIOS["load_step"], Conditions(seed=seed)) for seed in seeds]
+    runs = [simulator.run(TASKS["load_step"], Conditions(seed=seed)) for seed in seeds]
     assert all(run.locked for run in runs)
     return {key: max(run.figures()[key] for run in runs) for key in runs[0].figures()}
 
@@ -126,7 +177,7 @@ def test_paper_drive_reaches_the_papers_claim(simulators: dict[str, Simulator]) 
 
     Other noise gives other maxima: 12 to 23 and 7 to 10 r/min over eight seeds.
     """
-    figures = simulators["paper_spmsm"].run(SCENARIOS["load_step"]).figures()
+    figures = simulators["paper_spmsm"].run(TASKS["load_step"]).figures()
     assert figures["start"] <= 20
     assert figures["load_step"] <= 10
     several = _worst(simulators["paper_spmsm"], range(1, 9))
@@ -145,21 +196,21 @@ def test_load_torque_drive_is_five_times_better(simulators: dict[str, Simulator]
 @pytest.mark.parametrize("name", ["spmsm_load_torque", "ipmsm_flux"])
 def test_stays_locked_under_hard_conditions(name: str, simulators: dict[str, Simulator]) -> None:
     """PWM, 2 us of dead time, 12 bits, a sample of delay."""
-    run = simulators[name].run(SCENARIOS["load_step"], HARD)
+    run = simulators[name].run(TASKS["load_step"], HARD)
     assert run.locked
     assert abs(run.omega[-1] * RPM - 1000) < 30
 
 
 def test_lost_lock_is_said(simulators: dict[str, Simulator]) -> None:
     """Starting with the rotor half a turn from where the filter thinks it is."""
-    run = simulators["paper_spmsm"].run(SCENARIOS["no_load"], Conditions(theta=np.pi))
+    run = simulators["paper_spmsm"].run(TASKS["no_load"], Conditions(theta=np.pi))
     assert not run.locked
 
 
 def test_salient_drive_uses_its_reluctance(simulators: dict[str, Simulator]) -> None:
     """MTPA: under load the d current is negative, and for this torque the stator current is least there."""
     run = simulators["ipmsm_flux"].run(
-        Scenario("loaded", load=10.0, duration=0.5), Conditions(sensored=True, noise=0.0)
+        Scenario("loaded", speed=1000.0, load=10.0, duration=0.5), Conditions(sensored=True, noise=0.0)
     )
     turned = (run.i[-200:, 0] + 1j * run.i[-200:, 1]) * np.exp(-1j * run.theta[-200:])
     i_d, i_q = float(turned.real.mean()), float(turned.imag.mean())
@@ -172,7 +223,7 @@ def test_salient_drive_uses_its_reluctance(simulators: dict[str, Simulator]) -> 
 
 def test_speed_settles_without_offset_and_currents_respect_the_limit(simulators: dict[str, Simulator]) -> None:
     run = simulators["spmsm_load_torque"].run(
-        Scenario("jump", ramp=1e-3, load=5.0, duration=0.6), Conditions(sensored=True, noise=0.0)
+        Scenario("jump", speed=1000.0, ramp=1e-3, load=5.0, duration=0.6), Conditions(sensored=True, noise=0.0)
     )
     assert run.omega[-1] * RPM == pytest.approx(1000, abs=0.5)
     limit = load_drive("spmsm_load_torque").control.max_current
@@ -190,7 +241,7 @@ def test_gains_follow_from_motor_and_bandwidth() -> None:
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
 def test_recorded_data_format(suffix: str, tmp_path: Path, simulators: dict[str, Simulator]) -> None:
-    run: Run = simulators["spmsm_load_torque"].run(Scenario("short", duration=0.01))
+    run: Run = simulators["spmsm_load_torque"].run(Scenario("short", speed=1000.0, duration=0.01))
     path = tmp_path / f"run{suffix}"
     run.save(path)
     names = ["t", "u_alpha", "u_beta", "i_alpha", "i_beta", "omega", "theta", "load_torque"]
@@ -207,20 +258,20 @@ def test_recorded_voltage_is_the_mean_of_the_interval_that_ends(simulators: dict
     """Replaying the record through the filter gives the estimate the loop had: u and y mean what the contract says."""
     import runtime
 
-    run = simulators["spmsm_load_torque"].run(Scenario("short", duration=0.05))
+    run = simulators["spmsm_load_torque"].run(Scenario("short", speed=1000.0, duration=0.05))
     replayed = runtime.load("spmsm_load_torque", "ickf", "c", "float32").run(run.u, run.i)
     np.testing.assert_allclose(replayed.x[:, 2], run.x[:, 2], atol=1e-3)
 
 
 def test_unknown_words_are_refused(simulators: dict[str, Simulator], tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no scenario 'dance'"):
-        find_scenario("dance")
+        find_scenario("dance", load_drive("paper_spmsm"))
     with pytest.raises(UserError, match="has no filter 'pf'"):
         Simulator(find_folder("paper_spmsm"), "pf")
     with pytest.raises(UserError, match="controller 'rust'"):
-        simulators["paper_spmsm"].run(Scenario("x", duration=0.001), controller="rust")
+        simulators["paper_spmsm"].run(Scenario("x", speed=1000.0, duration=0.001), controller="rust")
     with pytest.raises(UserError, match="recorded data is"):
-        simulators["paper_spmsm"].run(Scenario("x", duration=0.001)).save(tmp_path / "x.xlsx")
+        simulators["paper_spmsm"].run(Scenario("x", speed=1000.0, duration=0.001)).save(tmp_path / "x.xlsx")
 
 
 def test_claims_agree_only_where_the_numbers_do(simulators: dict[str, Simulator]) -> None:
@@ -229,7 +280,7 @@ def test_claims_agree_only_where_the_numbers_do(simulators: dict[str, Simulator]
 
     ckf = Simulator(find_folder("paper_spmsm"), "ckf")
     for seed, agrees in ((1, True), (6, False)):
-        runs = [s.run(SCENARIOS[n], Conditions(seed=seed)) for n in SCENARIOS for s in (ckf, simulators["paper_spmsm"])]
+        runs = [s.run(TASKS[n], Conditions(seed=seed)) for n in TASKS for s in (ckf, simulators["paper_spmsm"])]
         found = {claim.what: claim.why for claim in claims(runs)}
         assert found["start, ICKF"].startswith("agrees") == agrees
         assert "both filters are one" in found["start, CKF"]

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from runtime.study.statement import VARIABLES, Statement, parse_range, parse_ran
 from runtime.system.errors import UserError
 from tests import forked
 from tests.runtime.processes import ROOT, finish, start
-from tests.runtime.studies import DRIVE, SHORT, VARY, same_study, stated
+from tests.runtime.studies import DRIVE, VARY, same_study, stated
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def test_draws_are_even_and_independent() -> None:
 
 
 def test_both_inductances_vary_together_and_angles_turn_into_radians() -> None:
-    cases = stated(vary=("L=0.9:1.1", "theta=180"))[0].cases(0, 5)
+    cases = stated(vary=("L=0.9:1.1", "theta=180"))[0].cases(0, 0, 5)
     np.testing.assert_array_equal(cases.L_d, cases.L_q)
     np.testing.assert_allclose(cases.theta, np.pi)
 
@@ -78,6 +79,7 @@ def test_both_inductances_vary_together_and_angles_turn_into_radians() -> None:
         ("R=1.2:0.8", "write R=0.8:1.2"),
         ("R=-1:1", "cannot be below 0.001"),
         ("noise=-0.1:0.1", "cannot be below 0"),
+        ("R=1:rated", "no rated R is known; there are those of noise, load, speed"),
         ("noise=0:0.1:log", "a logarithmic range begins above 0"),
     ],
 )
@@ -94,6 +96,24 @@ def test_ranges_that_contradict_each_other() -> None:
         parse_ranges(["L=1", "L_q=0.8:1.2"])
     for name in VARIABLES:
         assert parse_range(f"{name}=0.5:1") == parse_range(str(parse_range(f"{name}=0.5:1")))
+    for text in ("load=0:1:rated", "noise=0.4:2:log:rated", "speed=1:rated"):
+        assert str(parse_range(text)) == text
+        assert parse_range(text).rated
+        assert parse_range(text).unit == "of rated"
+
+
+def test_shares_of_the_rated_belong_to_each_drive() -> None:
+    """One draw of shares; noise, load and speed are those of the drive that runs."""
+    statement, _ = stated(vary=("load=0:1:rated", "speed=0.5:1:rated", "noise=2:rated", "R=1.1"))
+    own = replace(statement, rated=(statement.rated[0], {"noise": 0.001, "load": 0.2, "speed": 9000.0}))
+    usual, small = own.cases(0, 0, 50), own.cases(1, 0, 50)
+    share = own.draw(0, 50)["load"]
+    np.testing.assert_allclose(usual.load, 5.0 * share)
+    np.testing.assert_allclose(small.load, 0.2 * share)
+    np.testing.assert_allclose(np.asarray(small.speed) / 9000.0, np.asarray(usual.speed) / 1000.0)
+    assert np.all(np.asarray(usual.noise) == 0.1)
+    assert np.all(np.asarray(small.noise) == 0.002)
+    assert own.digest != statement.digest
 
 
 def test_unknown_words_of_a_study() -> None:
@@ -102,9 +122,9 @@ def test_unknown_words_of_a_study() -> None:
     with pytest.raises(UserError, match="no scenario 'dance'"):
         state_study([DRIVE], ["ckf"], "dance", VARY, 1)
     statement, packages = state_study([DRIVE], ["ckf"], "load_step", ["L_q=1.1"], 1)
-    cases = statement.cases(0, 1)
+    cases = statement.cases(0, 0, 1)
     with pytest.raises(UserError, match="has one inductance"):
-        running.run_package(packages[0], statement.scenario, cases)
+        running.run_package(packages[0], statement.scenarios[0], cases)
 
 
 # --- what is done stays done
@@ -187,7 +207,14 @@ def test_changed_code_is_another_study(tmp_path: Path) -> None:
     files = dict(packages[0].files)
     name = f"{DRIVE}_ckf_foc.c"
     changed = type(packages[0])(DRIVE, "ckf", tuple({**files, name: files[name] + "\n"}.items()))
-    other = Statement(statement.subjects, (changed.digest, statement.digests[1]), SHORT, statement.ranges, 1)
+    other = Statement(
+        statement.subjects,
+        (changed.digest, statement.digests[1]),
+        statement.scenarios,
+        statement.rated,
+        statement.ranges,
+        1,
+    )
     with pytest.raises(UserError, match="holds another study"):
         run_study(other, [changed, packages[1]], 4, tmp_path)
 
@@ -207,7 +234,9 @@ def _group(kind: str, locked: Any, start: Any, index: Any = None) -> Group:
     locked = np.asarray(locked, dtype=bool)
     columns = {name: np.asarray(start, dtype=float) for name in ("start", "load_step", "steady_rms", "angle")}
     zeros = np.zeros(len(locked))
-    outcomes = Outcomes(**columns, angle_end=zeros, lock_time=zeros, locked=locked, status=zeros, finite=locked)
+    outcomes = Outcomes(
+        **columns, angle_end=zeros, lock_time=zeros, locked=locked, reached=locked, status=zeros, finite=locked
+    )
     index = np.arange(len(locked)) if index is None else np.asarray(index)
     return Group("d", kind, index, {"theta": np.linspace(-90, 90, len(locked))}, outcomes)
 

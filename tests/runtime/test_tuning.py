@@ -65,7 +65,7 @@ def test_a_tunings_figures_are_those_of_a_fleet_with_it(optuna: Any, tmp_path: P
     lines = tomllib.loads(tuned.lines)
     tuning = {"Q": lines["process_noise"], "R": lines["measurement_noise"]}
     cases = Cases(seed=statement.draw(FRESH, CHECK_RUNS)["seed"], noise=0.05, tuning=tuning)
-    outcomes = Fleet(find_folder("ipmsm_flux"), "ckf").run(statement.scenario, cases)
+    outcomes = Fleet(find_folder("ipmsm_flux"), "ckf").run(statement.scenarios[0], cases)
     means = [float(getattr(outcomes, name).mean()) for name in ("start", "steady_rms", "load_step")]
     assert means == pytest.approx(tuned.check_recommended.values, rel=1e-3)  # the lines have five digits
 
