@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -184,6 +185,35 @@ def _interval(share: Mapping[str, float]) -> str:
     return f"{100 * share['rate']:.1f} ({100 * share['low']:.1f} .. {100 * share['high']:.1f})"
 
 
+def condense_map(found: Mapping[str, Facts]) -> Facts:
+    """Of each drive good runs and largest angle by speed: exact data, R a tenth off, everything; the worst corner."""
+    kept = []
+    for facts in found.values():
+        cells, rows = facts["cells"], []
+        for speed in sorted({cell["speed"] for cell in cells}):
+            here = [cell for cell in cells if cell["speed"] == speed]
+            exact = [cell for cell in here if cell["R"] == cell["psi_m"] == 1.0]
+            tenth = [cell for cell in here if 0.9 <= cell["R"] <= 1.1 and cell["psi_m"] == 1.0]
+            row = [
+                [statistics.fmean(cell["success"] for cell in some), max(cell["angle"] for cell in some)]
+                for some in (exact, tenth, here)
+            ]
+            rows.append([speed, *row])
+        who = {key: facts[key] for key in ("drive", "filter", "runs", "rated")}
+        kept.append({**who, "speeds": rows, "worst": cells[0]})
+    return kept
+
+
+def map_table(kept: Facts) -> str:
+    """A row a drive and speed."""
+    rows = []
+    for facts in kept:
+        for speed, *groups in facts["speeds"]:
+            cells = [f"{100 * good:.1f} ({angle:.1f})" for good, angle in groups]
+            rows.append([f"`{facts['drive']}`", facts["filter"], speed, *cells])
+    return markdown(["drive", "filter", "r/min", "exact data", "R 10 % off", "R 20 %, psi_m 5 % off"], rows)
+
+
 def condense_faults(found: Mapping[str, Facts]) -> Facts:
     """Of each fault, drive and filter: runs that recover, median and worst time; the same where nobody reacts."""
     kept = []
@@ -284,6 +314,15 @@ SUBJECTS: dict[str, Subject] = {
         of_each_drive("pmsm-ickf study run DRIVE --runs 1000 --seed 1 --out {out} --json {json}"),
         condense_study,
         study_table,
+    ),
+    "map": Subject(
+        "Where a drive holds",
+        "Load step at no load to rated load, from a known angle, averaged inverter, 8 runs a cell; the true motor's R "
+        "and psi_m off the filter's. Good runs in %, over all loads (largest angle error, degrees electrical; 180: "
+        "lost). `pmsm-ickf study map DRIVE` draws each cell.",
+        of_each_drive("pmsm-ickf study map DRIVE --out {out} --json {json}"),
+        condense_map,
+        map_table,
     ),
     "angles": Subject(
         "The angle unknown at the start",

@@ -16,6 +16,7 @@ from model.drives.load import shipped_drives
 from runtime.commands.terminal import console, counting
 from runtime.commands.words import DRIVE, Drives, Json
 from runtime.study.statement import USUAL, VARIABLES
+from runtime.system.files import write_text
 
 
 class RunByDefault(TyperGroup):
@@ -32,7 +33,7 @@ app = typer.Typer(
     cls=RunByDefault,
     no_args_is_help=False,
     help="Monte Carlo: thousands of closed loops, drawn at random. 'study DRIVE...' runs them ('study run --help' "
-    "lists its options); 'study tune DRIVE' looks for a better tuning.",
+    "lists its options); 'study tune DRIVE' looks for a better tuning; 'study map DRIVE' draws where it holds.",
 )
 
 VARY_HELP = (
@@ -150,6 +151,41 @@ def tune(
             f"interrupted after {len(tuned.points)} of {trials} trials; the same command goes on.", highlight=False
         )
         raise typer.Exit(130)
+
+
+@app.command("map")
+def draw_map(
+    drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
+    kind: Annotated[
+        str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Of each cell.")] = 8,
+    seed: Seed = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Page and figure. Default: build/map/<drive>.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Where a drive holds: success and angle error over speed x load x wrong R and psi_m, the worst corner first."""
+    from runtime.study.map import draw_map as draw
+    from runtime.study.map import map_facts
+    from runtime.study.map_page import speed_table, write_map
+    from runtime.style.figures import pyplot
+
+    pyplot()
+    with bar("runs") as tell:
+        found = draw(drive, kind, runs, seed, tell)
+    console.print(speed_table(found))
+    worst = found.corners[0]
+    console.print(
+        f"Worst: {worst.speed:.4g} r/min, {worst.load:.3g} N m, R {worst.R:g}, psi_m {worst.psi_m:g}: "
+        f"{worst.success:.0%} of {found.runs} runs good.",
+        highlight=False,
+    )
+    page = write_map(found, out or Path("build") / "map" / found.drive)
+    console.print(f"Page: {page}", highlight=False, soft_wrap=True, markup=False)
+    if json is not None:
+        write_text(json, json_module.dumps(map_facts(found), indent=2) + "\n")
 
 
 @contextmanager

@@ -39,6 +39,11 @@ class Situations:
     iterates: list[dict[str, Array]]
     counts: Array
 
+    @property
+    def condition(self) -> Array:
+        """Of Pyy, (N,)."""
+        return np.asarray(np.linalg.cond(self.iterates[0]["Pyy"] if self.iterates else self.stages["Pyy"]))
+
 
 def reference_run(
     name: str,
@@ -174,7 +179,7 @@ def _lanes(values: Any, count: int) -> Array:
 def _sigmas(s: Situations, R: Array) -> Sigmas:
     Pyy = s.iterates[0]["Pyy"] if s.iterates else s.stages["Pyy"]
     state, innovation = (np.sqrt(np.einsum("kii->ki", c)) for c in (s.stages["P_pred"], Pyy))
-    return Sigmas(state, innovation, np.sqrt(R), np.linalg.cond(Pyy))
+    return Sigmas(state, innovation, np.sqrt(R), s.condition)
 
 
 def _take(sigmas: Sigmas, lanes: Array) -> Sigmas:

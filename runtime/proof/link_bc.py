@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from model.filters.program import FilterStep
 from runtime.estimator.numpy_backend import NumpyBackend
+from runtime.proof.compare import covariance_scale, minuend_scale
 from runtime.proof.link_ab import Situations
 from runtime.proof.result import Divergence, Link, Row
 
@@ -65,7 +66,7 @@ def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str,
         pairs.append(("33", "|x^{j+1} - x^j|^2", c.change_error))
     pairs += [
         ("25, 34", "x", _state_error(b.x, c.x, b.P, fast.ANGLE)),
-        ("26, 32", "P", _covariance_error(b.P, c.P)),
+        ("26, 32", "P", _covariance_error(b.P, c.P, b.P_pred, situations)),
     ]
     rows = [Row(equation, stage, "", float(error.max()), ALLOWED, int(error.size)) for equation, stage, error in pairs]
     rows.append(_counted(b.counts, c.counts))
@@ -128,9 +129,15 @@ def _state_error(expected: Array, found: Array, P: Array, angle: int) -> Array:
     return _finite(np.abs(difference) / scale)
 
 
-def _covariance_error(expected: Array, found: Array) -> Array:
-    sigma = np.sqrt(np.einsum("kii->ki", expected))
-    return _finite(np.abs(found - expected) / (sigma[:, :, None] * sigma[:, None, :]))
+def _covariance_error(
+    expected: Array, found: Array, minuend: Array | None = None, situations: Situations | None = None
+) -> Array:
+    """Relative to sigma_i sigma_j; of P, which the literal form takes from P_pred, to a share of P_pred's at least."""
+    scale = covariance_scale(expected)
+    if minuend is not None and situations is not None:
+        sigma = np.sqrt(np.einsum("kii->ki", minuend))
+        scale = np.maximum(scale, minuend_scale(sigma, situations.condition))
+    return _finite(np.abs(found - expected) / scale)
 
 
 def _finite(error: Array) -> Array:

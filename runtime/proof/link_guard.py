@@ -28,6 +28,9 @@ Array = NDArray[Any]
 
 #: As links A-B and B-C allow together, in sigmas of the prediction: the same float64 steps, three on end.
 ALLOWED = 2e-9
+#: The gain is known to the roundings of Pyy times its condition, an estimate to that share of an innovation of some
+#: sigmas: where Pyy is so ill-conditioned that three such roundings are more than is allowed, they are.
+PER_CONDITION = 3 * float(np.finfo(float).eps) / ALLOWED
 
 REJECTED, NOT_CONVERGED = 1, 2
 
@@ -145,8 +148,12 @@ def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[A
     x_found, P_found, status_found, counts_found = (np.stack([s[k] for s in found], axis=1) for k in range(4))
     dx = x_found - x
     dx[..., angle] = np.remainder(dx[..., angle] + np.pi, 2 * np.pi) - np.pi
-    error_x = np.abs(dx) / np.maximum(predicted, np.abs(x))
-    error_P = np.abs(P_found - P) / np.maximum(covariance_scale(P), minuend_scale(predicted, condition))
+    # What one sample's rounding leaves in x and P the next ones carry on: the scales only grow.
+    known = predicted * np.maximum(1.0, PER_CONDITION * condition[..., None])
+    scale_x = np.maximum(np.maximum.accumulate(known, axis=1), np.abs(x))
+    carried = np.maximum.accumulate(minuend_scale(predicted, condition), axis=1)
+    error_x = np.abs(dx) / scale_x
+    error_P = np.abs(P_found - P) / np.maximum(covariance_scale(P), carried)
     outside = ~((x_found[..., angle] >= -np.pi) & (x_found[..., angle] < np.pi))
     bits = REJECTED | NOT_CONVERGED
     rows = (
