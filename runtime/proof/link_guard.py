@@ -119,8 +119,8 @@ def _three_samples(u: Array, y: Array, faults: list[tuple[int, float]], box: Map
 
 def _by_hand(
     reference: Reference, parameters: Mapping[str, Any], x: Array, P: Array, u: Array, y: Array
-) -> list[tuple[Array, Array, int, int, Array, float]]:
-    """After each sample estimate, covariance, status and iterations; sigmas of its prediction and condition of Pyy."""
+) -> list[tuple[Array, Array, int, int, Array, float, Array]]:
+    """After each sample x, P, status, iterations; sigmas of its prediction, condition of Pyy, |x - x_pred|."""
     box, held, said = parameters["operating_box"], np.zeros(2), []
     reference.x, reference.P = x.copy(), P.copy()
     for u_k, y_k in zip(u, y, strict=True):
@@ -137,22 +137,24 @@ def _by_hand(
         sigma = np.sqrt(np.diag(stages["P_pred"]))
         Pyy = stages["iterates"][0]["Pyy"] if "iterates" in stages else stages.get("Pyy")
         condition = 0.0 if Pyy is None else float(np.linalg.cond(Pyy))
-        said.append((reference.x.copy(), reference.P.copy(), status, count, sigma, condition))
+        moved = np.abs(reference.x - stages.get("x_pred", reference.x))
+        said.append((reference.x.copy(), reference.P.copy(), status, count, sigma, condition, moved))
     return said
 
 
 def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[Any], found: list[Any]) -> Link:
-    x, P, status, counts, predicted, condition = (
-        np.array([[s[k] for s in samples] for samples in wanted]) for k in range(6)
+    x, P, status, counts, predicted, condition, moved = (
+        np.array([[s[k] for s in samples] for samples in wanted]) for k in range(7)
     )
     x_found, P_found, status_found, counts_found = (np.stack([s[k] for s in found], axis=1) for k in range(4))
     dx = x_found - x
     dx[..., angle] = np.remainder(dx[..., angle] + np.pi, 2 * np.pi) - np.pi
-    # What one sample's rounding leaves in x and P the next ones carry on: the scales only grow.
-    known = predicted * np.maximum(1.0, PER_CONDITION * condition[..., None])
-    scale_x = np.maximum(np.maximum.accumulate(known, axis=1), np.abs(x))
+    # What the rounding of one sample leaves in P the next ones carry on, and their gain is known no better than that.
     carried = np.maximum.accumulate(minuend_scale(predicted, condition), axis=1)
-    error_x = np.abs(dx) / scale_x
+    unsure = np.einsum("bkii->bki", carried[:, :-1]) / predicted[:, 1:] ** 2
+    by_gain = np.maximum.accumulate(moved * np.pad(unsure.max(axis=2), ((0, 0), (1, 0)))[..., None], axis=1)
+    known = predicted * np.maximum(1.0, PER_CONDITION * condition[..., None])
+    error_x = np.abs(dx) / np.maximum(np.maximum(known, by_gain), np.abs(x))
     error_P = np.abs(P_found - P) / np.maximum(covariance_scale(P), carried)
     outside = ~((x_found[..., angle] >= -np.pi) & (x_found[..., angle] < np.pi))
     bits = REJECTED | NOT_CONVERGED

@@ -16,6 +16,7 @@ import runtime.drive.simulate
 import runtime.folders.generate
 from runtime.drive.experiment import HARD, KINDS, SweepPoint, changed, run_facts, simulate
 from runtime.drive.figures import run_figure, sweep_figure
+from runtime.drive.motor import parse_factors
 from runtime.drive.simulation import Conditions, Run
 from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_cell, sweep_table
 from runtime.folders.generate import InMemory
@@ -342,6 +343,24 @@ def test_simulate_ends_with_1_if_one_run_lost_lock(
     )
     with np.load("o/no_load_ckf.npz") as file:
         np.testing.assert_allclose(file["omega"] * RPM, 1000.0)
+
+
+@pytest.mark.parametrize(
+    "words", [{"theta": math.nan}, {"noise": math.inf}, {"dead_time": math.nan}, {"range": -math.inf}]
+)
+def test_conditions_that_are_no_numbers(words: dict[str, float]) -> None:
+    with pytest.raises(UserError, match="is not a finite number"):
+        Conditions(**words)  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="--offset nan is not a finite number"):
+        Conditions(offset=(math.nan, 0.0))
+
+
+@pytest.mark.parametrize("text", ["R", "R=a", "R=nan", "R=0", "R=-1", "R=inf", "D=1.1", "R=1.1,L=x"])
+def test_factors_that_are_none(text: str) -> None:
+    with pytest.raises(UserError, match="--factors"):
+        parse_factors(text)
+    assert parse_factors("") == {}
+    assert parse_factors(" psi_m = 0.9, L_q=1.2 ") == {"psi_m": 0.9, "L_q": 1.2}
 
 
 def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,9 +38,9 @@ def made(changes: dict[int, dict[str, float]] | None = None) -> Map:
 def test_a_cell_is_the_runs_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of eight cells run again alone, with the motor, speed, load and seeds that it names."""
     for name, values in (
-        ("SPEEDS", (0.02, 1.0)),
+        ("SPEEDS", (0.02, 0.2)),
         ("LOADS", (0.0, 1.0)),
-        ("RESISTANCES", (1.0, 1.2)),
+        ("RESISTANCES", (0.8, 1.0)),
         ("FLUXES", (1.0,)),
     ):
         monkeypatch.setattr(mapping, name, values)
@@ -52,8 +52,9 @@ def test_a_cell_is_the_runs_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (cell.locked, cell.success) == (np.mean(alone.locked), np.mean(alone.locked & alone.reached))
         expected = [angle if locked else 180.0 for angle, locked in zip(alone.angle, alone.locked, strict=True)]
         assert cell.angle == pytest.approx(max(expected))
-    assert {(cell.speed, cell.load) for cell in found.cells} == {(20.0, 0.0), (20.0, 5.0), (1000.0, 0.0), (1000.0, 5.0)}
-    assert {cell.success for cell in found.cells} == {0.0, 1.0}, "R 20 % off loses the loaded rotor at 20 r/min"
+    assert {(cell.speed, cell.load) for cell in found.cells} == {(20.0, 0.0), (20.0, 5.0), (200.0, 0.0), (200.0, 5.0)}
+    outcomes = {(cell.locked, cell.success) for cell in found.cells}
+    assert outcomes == {(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)}, "R 20 % off: lost at 20 r/min, a wrong speed at 200"
 
 
 def test_the_grid_has_the_order_of_its_axes() -> None:
