@@ -295,6 +295,7 @@ def test_facts_of_a_run() -> None:
     lost = replace(_wild(), x=np.full((400, 4), np.nan))
     assert run_facts(lost)["start"] is None, "JSON knows no NaN"
     assert run_facts(run(angle_error=90.0))["locked"] is False
+    assert run_facts(run(speed=500.0))["reached"] is False
 
 
 def test_conditions_that_the_page_names() -> None:
