@@ -138,7 +138,8 @@ def firmware_table(kept: Facts) -> str:
 
 def condense_loop(found: Mapping[str, Facts]) -> Facts:
     """The runs of each drive."""
-    return [run | {"drive": facts["drive"]} for facts in found.values() for run in facts["runs"]]
+    every = [run | {"drive": facts["drive"]} for facts in found.values() for run in facts["runs"]]
+    return [{key: value for key, value in run.items() if key not in ("task", "status")} for run in every]
 
 
 def loop_table(kept: Facts) -> str:
