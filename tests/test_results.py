@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def load_results() -> ModuleType:
+    sys.path.insert(0, str(ROOT / "benchmarks"))
     spec = importlib.util.spec_from_file_location("results", ROOT / "benchmarks" / "results.py")
     assert spec is not None
     assert spec.loader is not None

@@ -104,6 +104,15 @@ def sweep() -> list[SweepPoint]:
     ]
 
 
+#: A sample-time sweep.
+POINTS = [
+    SweepPoint(1e-4, "euler", False, {"start": 500.0}),
+    SweepPoint(1e-4, "exact", True, {"start": 12.34}),
+    SweepPoint(2e-5, "euler", True, {"start": 30.06}),
+    SweepPoint(2e-5, "exact", True, {"start": 11.0}),
+]
+
+
 def check(state: Any = "passed", name: str = "a gate", **more: Any) -> Check:
     return Check(name, "a subject", state, more.pop("figure", "a figure"), "measured", tuple(more.pop("detail", ())))
 

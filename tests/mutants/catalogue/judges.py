@@ -127,7 +127,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("lost called not reached", 'return "LOST LOCK"', "pass", "test_lock"),
         ("the filter blamed for the motor", "if not np.all(np.isfinite(self.omega)):", "if False:", "test_lock_needs_a_true_speed_that_is_a_number"),
         ("every sample counts as set", "self.status & bit))", "self.status | bit))", "test_remarks_count_the_status"),
-        ("numbers that are none", "if value is not None and not math.isfinite(value):", "if False:", "test_conditions_that_are_no_numbers"),
+        ("numbers that are none", "if value is not None and not math.isfinite(value):", "if False:", "tests/judges/test_drive_commands.py::test_conditions_that_are_no_numbers"),
         ("mean error of the start", '"start": float(np.max(np.abs(', '"start": float(np.mean(np.abs(', "test_figures_against_a_loop_over_samples"),
         ("mean square for rms", "float(np.sqrt(np.mean(error[late] ** 2)))", "float(np.mean(error[late] ** 2))", "test_figures_against_a_loop_over_samples"),
         ("steady over all of it", "self.t[-1] - LATE)", "self.t[-1] - 10 * LATE)", "test_figures_against_a_loop_over_samples"),
@@ -185,26 +185,26 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     )),
     "runtime/drive/motor.py": ("units", (
         ("a step of any length", "STEP_SHARE = 12.5e-6, 0.05", "STEP_SHARE = 12.5e-6, 5.0", "tests/runtime/test_simulation.py"),
-        ("L is one inductance", '("L_d", "L_q") if name == "L"', '("L_d",) if name == "L"', "tests/judges/test_drive_figures.py::test_simulate_hands_its_options_on"),
+        ("L is one inductance", '("L_d", "L_q") if name == "L"', '("L_d",) if name == "L"', "tests/judges/test_drive_commands.py::test_simulate_hands_its_options_on"),
     )),
     "model/drives/load.py": ("units", (
         ("no word of what the box excludes", "if value > limit\n", "if False\n", "tests/model/test_drive.py"),
         ("voltage from leg to leg", "c.dc_link / math.sqrt(3.0), \"voltage\"", "c.dc_link, \"voltage\"", "tests/model/test_drive.py"),
     )),
     "runtime/commands/simulate.py": ("drive_figures", (
-        ("one locked run is enough", "if not all_hold(", "if not any(", "test_simulate_ends_with_1_if_one_run_lost_lock"),
+        ("one locked run is enough", "if not all_hold(", "if not any(", "tests/judges/test_drive_commands.py::test_simulate_ends_with_1_if_one_run_lost_lock"),
         ("no run is enough", "if not all_hold(", "if not all(", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_run_is_no_lock"),
-        ("inverter's conditions are dropped", '"dead_time": dead_time', '"dead_time": 0.0', "test_simulate_hands_its_options_on"),
+        ("inverter's conditions are dropped", '"dead_time": dead_time', '"dead_time": 0.0', "tests/judges/test_drive_commands.py::test_simulate_hands_its_options_on"),
     )),
     "runtime/commands/compare.py": ("drive_figures", (
-        ("compare ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "test_compare_ends_with_1_if_one_lost_lock"),
+        ("compare ends with 0", "raise typer.Exit(1)", "raise typer.Exit(0)", "tests/judges/test_drive_commands.py::test_compare_ends_with_1_if_one_lost_lock"),
     )),
     "runtime/commands/generate.py": ("drive_figures", (
-        ("stale is not told", 'any(item.state == "stale"', 'all(item.state == "stale"', "test_generate_check_ends_with_1_on_any_difference"),
+        ("stale is not told", 'any(item.state == "stale"', 'all(item.state == "stale"', "tests/judges/test_drive_commands.py::test_generate_check_ends_with_1_on_any_difference"),
     )),
     "runtime/folders/generate.py": ("drive_figures", (
-        ("stale is unchanged", '"stale" if check else', '"unchanged" if check else', "test_generate_check_ends_with_1_on_any_difference"),
-        ("--check writes", "if diff and not check:", "if diff:", "test_generate_check_ends_with_1_on_any_difference"),
+        ("stale is unchanged", '"stale" if check else', '"unchanged" if check else', "tests/judges/test_drive_commands.py::test_generate_check_ends_with_1_on_any_difference"),
+        ("--check writes", "if diff and not check:", "if diff:", "tests/judges/test_drive_commands.py::test_generate_check_ends_with_1_on_any_difference"),
     )),
     "runtime/recorded/units.py": ("units", (
         ("degrees a second are radians", '"deg/s": _TURN', '"deg/s": 1.0', "test_a_unit_is_what_it_is"),
