@@ -346,7 +346,7 @@ def _identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep]
         "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
         "input_sha256": drive.sha256,
         "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
-        "parameters": drive.model_dump(exclude={"sha256", "name"}),
+        "parameters": drive.stated,
         "states": [{"name": state.name, "unit": state.unit} for state in model.states],
     }
 

@@ -39,6 +39,9 @@ Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
 Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
+DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
+SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
+SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
 Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
@@ -71,7 +74,7 @@ class Model(_Section):
     mechanics: Literal["constant_speed", "load_torque"] = "constant_speed"
     discretization: Literal["euler", "exact"]
     sample_time: SampleTime
-    adaptive: list[Literal["magnet_flux", "stator_resistance"]] = []
+    adaptive: list[Literal["magnet_flux", "stator_resistance", "dead_time_voltage"]] = []
     adaptive_time: SlowTime = 1.0
 
     @property
@@ -133,6 +136,17 @@ class Control(_Section):
     speed_bandwidth: Bandwidth = 60.0
 
 
+class Inverter(_Section):
+    """What the inverter takes from the voltage that is commanded (:mod:`model.inverter`).
+
+    ``switching_frequency``: by default one period a sample. ``switch_drop``: of a switch or diode that conducts.
+    """
+
+    dead_time: DeadTime = 0.0
+    switching_frequency: SwitchingFrequency = None
+    switch_drop: SwitchDrop = 0.0
+
+
 class Budget(_Section):
     """Limits of a step's cost; ``generate`` fails beyond. Cycles are computed from published ones (150 MHz C28x).
 
@@ -160,6 +174,7 @@ class Drive(_Section):
     filter: Filter
     operating_box: OperatingBox = OperatingBox()
     control: Control = Control()
+    inverter: Inverter | None = None
     budget: Budget = Budget()
     rated: Rated | None = None
     sha256: str = ""
@@ -179,3 +194,25 @@ class Drive(_Section):
                 "machine 'surface' needs them equal. Did you mean machine = 'salient' or 'salient_flux'?"
             )
         return self
+
+    @model_validator(mode="after")
+    def _dead_time_fits_period(self) -> Drive:
+        inverter = self.inverter
+        if inverter is not None and inverter.dead_time * self.switching_frequency > 0.25:
+            raise ValueError(
+                f"inverter.dead_time = {inverter.dead_time:g} s is more than a quarter of a switching period at "
+                f"{self.switching_frequency:g} Hz. Did you mean {inverter.dead_time / 1e3:g} s?"
+            )
+        return self
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The sections as a manifest keeps them; a section that may be left out and is, is not told."""
+        sections = self.model_dump(mode="json", exclude={"sha256", "name"})
+        return {name: section for name, section in sections.items() if section is not None}
+
+    @property
+    def switching_frequency(self) -> float:
+        """Switching periods a second, Hz: one a sample unless ``[inverter]`` says otherwise."""
+        stated = self.inverter.switching_frequency if self.inverter else None
+        return stated or 1.0 / self.model.sample_time

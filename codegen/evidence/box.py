@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from model.inverter import STATE, fading_current, takes_voltage
 from model.machines import find_machine
+from model.machines.adaptive import own_value
 from model.machines.base import Parameters, Rotor
 from model.machines.state_space import StateSpaceModel
 from model.quantities import Constants
@@ -54,7 +56,7 @@ def sample_box(drive: Drive, model: StateSpaceModel, count: int, seed: int = 1) 
     u = np.clip(rng.uniform(-voltage, voltage, (2, count)), -held(voltage), held(voltage))
     root = np.linalg.cholesky(P)
     truth = x + np.einsum("bij,jb->ib", root, rng.uniform(-1.5, 1.5, (n, count)))
-    step = ca.Function("step", [model.x, model.u], [model.numeric(model.f)]).map(count)
+    step = ca.Function("step", [model.x, model.u], [model.numeric(model.f_commanded)]).map(count)
     observe = ca.Function("observe", [model.x], [model.numeric(model.h)]).map(count)
     y = np.array(observe(step(truth, u)))
     y += np.sqrt(drive.filter.measurement_noise)[:, None] * rng.uniform(-1.5, 1.5, (2, count))
@@ -78,14 +80,24 @@ def held(limit: float) -> float:
 def _states(drive: Drive, rng: np.random.Generator, count: int) -> np.ndarray:
     box = drive.operating_box
     i = rng.uniform(-0.7 * box.current, 0.7 * box.current, (2, count))
+    if takes_voltage(drive):  # a third of them where the legs' signs are none, or just are
+        i[:, ::3] *= min(1.0, 3.0 * fading_current(drive) / box.current)
     omega = rng.uniform(-box.speed, box.speed, count)
     theta = rng.uniform(-np.pi, np.pi, count) * (1 - 1e-6)
     rows = [*electrical_states(drive, i, theta), omega, theta]
     if drive.model.mechanics == "load_torque":
         rows.append(rng.uniform(-box.load_torque, box.load_torque, count))
     for word in drive.model.adaptive:
-        rows.append(getattr(drive.motor, word) * rng.uniform(*ADAPTIVE_SHARE, count))
+        rows.append(_slow(drive, word, drive.filter.initial_covariance[len(rows)], rng, count))
     return np.vstack(rows)
+
+
+def _slow(drive: Drive, word: str, variance: float, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Values of an adaptive state; the inverter's voltage from none to twice what is stated, or to three sigmas."""
+    value = own_value(drive, word)
+    if word == STATE:
+        return rng.uniform(0.0, max(2.0 * value, 3.0 * float(np.sqrt(variance))), count)
+    return value * rng.uniform(*ADAPTIVE_SHARE, count)
 
 
 def electrical_states(drive: Drive, i: np.ndarray, theta: np.ndarray) -> np.ndarray:

@@ -151,7 +151,7 @@ def _corner_state(drive: Drive, corner: tuple[float, float, float, float, float,
 
 def _segment(title: str, drive: Drive, model: StateSpaceModel, x_0: Array, P_0: Array, u: Array) -> Segment:
     """Measurements belong to a motor that starts at x_0 and obeys the model, give or take a sigma."""
-    step = ca.Function("step", [model.x, model.u], [model.numeric(model.f)])
+    step = ca.Function("step", [model.x, model.u], [model.numeric(model.f_commanded)])
     observe = ca.Function("observe", [model.x], [model.numeric(model.h)])
     u = coarse(u)
     limit = 0.9 * drive.operating_box.current

@@ -97,14 +97,15 @@ def turns_freely(model: StateSpaceModel) -> bool:
 
     f and h are analytic, so an identity that holds at random points holds everywhere.
     """
-    n = len(model.states)
-    f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
+    f = ca.Function("f", model.arguments, [model.numeric(model.f)])
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
     rng = np.random.default_rng(1)
     for _ in range(DRAWS):
-        x, u, angle = rng.normal(size=n), rng.normal(size=2), float(rng.uniform(-3, 3))
-        moved, image = _turned(x, angle, model.angle), _call(f, x, u)
-        pairs = [(_turned(image, angle, model.angle), _call(f, moved, _turned(u, angle)))]
+        x, *inputs = (rng.normal(size=column.numel()) for column in model.arguments)
+        angle = float(rng.uniform(-3, 3))
+        moved, image = _turned(x, angle, model.angle), _call(f, x, *inputs)
+        after = _call(f, moved, *(_turned(vector, angle) for vector in inputs))
+        pairs = [(_turned(image, angle, model.angle), after)]
         pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
         for expected, found in pairs:
             if np.max(np.abs(expected - found)) > ROUNDING * max(1.0, float(np.max(np.abs(expected)))):

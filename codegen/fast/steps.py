@@ -22,9 +22,10 @@ from codegen.passes import PIPELINES, Pipelines, run_passes, weight
 from model.filters import build_filter
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import CUBATURE, Rule
+from model.filters.inverter import f_inputs, inverter_calls
 from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns
 from model.filters.ukf import UNSCENTED
-from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
+from model.machines.state_space import OUTPUTS, StateSpaceModel
 
 Vector = list[Expr]
 
@@ -60,9 +61,10 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Opt
     else:
         (measurement,) = _cheapest([[builder.measurement_update()] for builder in builders], options)
         update = _calls(split_turns(measurement, "_pred"))
-    before = _calls(_time_update(model, "ckf" if kind == "ickf" else kind, options))
+    time_update = _calls(_time_update(model, "ckf" if kind == "ickf" else kind, options))
     choice = If(ACCEPTED, (*update, average()), (Call(builders[0].coast()),))
-    body: tuple[Node, ...] = (Guard(), *before, watch_pivots(model), choice, *look_at_result(model))
+    before: tuple[Node, ...] = (Guard(), *inverter_calls(model), *time_update)
+    body: tuple[Node, ...] = (*before, watch_pivots(model), choice, *look_at_result(model))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
 
 
@@ -107,16 +109,16 @@ class FilterBuilder(SigmaPoints):
         b = GraphBuilder(name, f"Time update{', eq. 13-18' if self.is_paper else ' of the ' + self.kind.upper()}")
         x, L, D = self._inputs(b, "x", "LD", "", "")
         Q = b.input("Q", [f"Q_{i}" for i in range(self.n)])
-        u = b.input("u", [quantity.name for quantity in INPUTS])
-        f, named = self.model.propagate(ca.vertsplit(self.model.x), ca.vertsplit(self.model.u))
-        tape = Tape(self.model, [self.model.x, self.model.u], f, named)
-        here, frame = tape.at(b, [x, u]), None
+        inputs = f_inputs(b, self.model)
+        f, named = self.model.propagate(*map(ca.vertsplit, self.model.arguments))
+        tape = Tape(self.model, self.model.arguments, f, named)
+        here, frame = tape.at(b, [x, *inputs]), None
         if self.turning:
-            frame = tape.frame(b, [x, u])
-        run = self.along(b, tape, x, L, D, [u], number("15"), [f"{s}_next" for s in self.states], frame)
+            frame = tape.frame(b, [x, *inputs])
+        run = self.along(b, tape, x, L, D, inputs, number("15"), [f"{s}_next" for s in self.states], frame)
         columns = [[row[c] for row in L] for c in range(self.n)]
         turned = zip(*(frame.into(column) if frame else column for column in columns), strict=True)
-        dependent = find_dependent_rows(b, tape, [x, u], [list(row) for row in turned])
+        dependent = find_dependent_rows(b, tape, [x, *inputs], [list(row) for row in turned])
         offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, dependent=dependent)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]

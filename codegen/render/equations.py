@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from model.machines.base import Parameters
-from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel, build
+from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, StateSpaceModel, build
 from model.quantities import Constant
 from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
@@ -70,20 +70,17 @@ def readable(drive: Drive) -> Readable:
     drive : Drive
     """
     model = build(drive)
-    f = _lines(model.propagate, model, [f"{state.name}_next" for state in model.states], with_input=True)
-    h = _lines(model.measure, model, [f"y_{quantity.name}" for quantity in OUTPUTS], with_input=False)
+    f = _lines(model.propagate, model.arguments, [f"{state.name}_next" for state in model.states])
+    h = _lines(model.measure, [model.x], [f"y_{quantity.name}" for quantity in OUTPUTS])
     H = to_sympy(model.H)
     for symbol, expression in reversed(h[:-2]):
         H = H.subs(_in_full(expression, h), symbol)
     return Readable(f, h, H, model.constants, _latex_names(model))
 
 
-def _lines(
-    function: Callable[..., Any], model: StateSpaceModel, names: list[str], with_input: bool
-) -> list[tuple[sp.Symbol, sp.Expr]]:
+def _lines(function: Callable[..., Any], arguments: list[Any], names: list[str]) -> list[tuple[sp.Symbol, sp.Expr]]:
     """Definitions of a function's named intermediates, then its rows in terms of them."""
-    point = ca.vertsplit(model.x)
-    values, named = function(point, ca.vertsplit(model.u)) if with_input else function(point)
+    values, named = function(*map(ca.vertsplit, arguments))
     return to_sympy_lines(dict(named), dict(zip(names, values, strict=True)))
 
 
@@ -95,7 +92,7 @@ def _in_full(expression: sp.Expr, lines: list[tuple[sp.Symbol, sp.Expr]]) -> sp.
 
 
 def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
-    names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS)}
+    names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS, *SIGNS)}
     names |= {f"{state.name}_next": f"{state.symbol}'" for state in model.states}
     names |= {f"y_{quantity.name}": f"y_{k + 1}" for k, quantity in enumerate(OUTPUTS)}
     names |= {constant.name: rf"\mathtt{{{constant.name}}}".replace("_", r"\_") for constant in model.constants}

@@ -20,7 +20,19 @@ from pydantic import BaseModel, ValidationError
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
-from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Rated, Unit
+from model.schema import (
+    Budget,
+    Control,
+    Drive,
+    DriveError,
+    Filter,
+    Inverter,
+    Model,
+    Motor,
+    OperatingBox,
+    Rated,
+    Unit,
+)
 
 DRIVES = Path(__file__).parent
 
@@ -239,6 +251,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "filter": Filter,
     "operating_box": OperatingBox,
     "control": Control,
+    "inverter": Inverter,
     "budget": Budget,
     "rated": Rated,
 }

@@ -8,8 +8,9 @@ import casadi as ca
 
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
+from model.filters.inverter import f_inputs, inverter_calls
 from model.filters.program import BlockBuilder, Call, FilterStep, Guard, If
-from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
+from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
 
 
@@ -24,7 +25,7 @@ def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
     update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))
-    return FilterStep("ekf", "jacobian", model, (Guard(), Call(time_update(model)), update))
+    return FilterStep("ekf", "jacobian", model, (Guard(), *inverter_calls(model), Call(time_update(model)), update))
 
 
 def time_update(model: StateSpaceModel) -> Block:
@@ -38,7 +39,7 @@ def time_update(model: StateSpaceModel) -> Block:
     Returns
     -------
     Block
-        ``x`` (n), ``P`` (n(n+1)/2, packed), ``Q`` (n, the diagonal), ``u`` (2, V) -> ``x_pred``, ``P_pred``.
+        ``x`` (n), ``P`` (n(n+1)/2, packed), ``Q`` (n, the diagonal), f's inputs -> ``x_pred``, ``P_pred``.
     """
     states = [state.name for state in model.states]
     n = len(states)
@@ -46,11 +47,11 @@ def time_update(model: StateSpaceModel) -> Block:
     x = b.input("x", states)
     P = unpack(b.input("P", packed_names("P", n)), n)
     Q = b.input("Q", [f"Q_{i}" for i in range(n)])
-    u = b.input("u", [quantity.name for quantity in INPUTS])
-    x_pred, named = model.propagate(x, u)
+    inputs = f_inputs(b, model)
+    x_pred, named = model.propagate(x, *inputs)
     b.working("EKF", named, "here")
     b.stage("x_pred", "EKF", "x_pred = f(x, u)", x_pred, [f"{s}_pred" for s in states], scale="state")
-    F = ca.substitute(model.F, ca.vertcat(model.x, model.u), ca.vertcat(*x, *u))
+    F = ca.substitute(model.F, ca.vertcat(*model.arguments), ca.vertcat(*x, *(v for vector in inputs for v in vector)))
     rows = b.matrix("F", "EKF", "F = df/dx", [[F[i, j] for j in range(n)] for i in range(n)])
     FP = b.matrix("FP", "EKF", "F P", _product(rows, P), scale="none")
     P_pred = _product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])

@@ -26,6 +26,7 @@ from model.filters.cubature import (
     unpack,
     wrapped,
 )
+from model.filters.inverter import inverter_calls
 from model.filters.program import BlockBuilder, Call, Copy, FilterStep, Guard, If, Node, Repeat
 from model.filters.sigma_point import time_update
 from model.machines.state_space import OUTPUTS, StateSpaceModel
@@ -52,7 +53,8 @@ def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
     else:
         head: tuple[Node, ...] = (Call(_factor(model)),) if gain == "cubature" else ()
         update = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(_finish(model)))
-    step = (Guard(), Call(time_update(model)), If(ACCEPTED, update, (Call(coast(model)),)))
+    before = (*inverter_calls(model), Call(time_update(model)))
+    step: tuple[Node, ...] = (Guard(), *before, If(ACCEPTED, update, (Call(coast(model)),)))
     return FilterStep("ickf", gain, model, step, proof)
 
 

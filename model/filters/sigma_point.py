@@ -22,8 +22,9 @@ from model.filters.cubature import (
     spread,
     unpack,
 )
+from model.filters.inverter import f_inputs
 from model.filters.program import BlockBuilder
-from model.machines.state_space import INPUTS, OUTPUTS, StateSpaceModel
+from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
 
 
@@ -48,12 +49,12 @@ def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     x = b.input("x", states)
     P = unpack(b.input("P", packed_names("P", n)), n)
     Q = b.input("Q", [f"Q_{i}" for i in range(n)])
-    u = b.input("u", [quantity.name for quantity in INPUTS])
+    inputs = f_inputs(b, model)
 
     S = b.lower("S", eq("13"), "S = chol(P)", cholesky(P, model.order))
     X = points(b, rule, eq("14"), S, x, model, "")
     record_points(b, "X", eq("14"), f"X_i = x +- {rule.reach_text} S_i", X, states, "state")
-    X_prop = _propagated(b, model, eq("15"), X, u)
+    X_prop = _propagated(b, model, eq("15"), X, inputs)
     record_points(b, "X_prop", eq("15"), "X_i' = f(X_i, u)", X_prop, [f"{s}_next" for s in states], "state")
     x_pred = mean(b, rule, eq("16"), X_prop, states)
     meaning = "x_pred = mean X_i', about the first point"
@@ -68,11 +69,13 @@ def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     return b.build()
 
 
-def _propagated(b: BlockBuilder, model: StateSpaceModel, equation: str, X: list[Vector], u: Vector) -> list[Any]:
+def _propagated(
+    b: BlockBuilder, model: StateSpaceModel, equation: str, X: list[Vector], inputs: list[Vector]
+) -> list[Any]:
     """f at every point, its intermediates named."""
     X_prop = []
     for side, point in zip(sides(len(X)), X, strict=True):
-        value, named = model.propagate(point, u)
+        value, named = model.propagate(point, *inputs)
         b.working(equation, named, side)
         X_prop.append(value)
     return X_prop

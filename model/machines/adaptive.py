@@ -7,14 +7,29 @@ from typing import Any
 
 import casadi as ca
 
+from model.inverter import STATE, lost_voltage
 from model.machines.base import Parameters
 from model.quantities import Constants, Quantity
+from model.schema import Drive
 
 #: A drive file's word, the state it adds, and the parameter that state takes the place of.
 ADAPTIVE: dict[str, tuple[Quantity, str]] = {
     "magnet_flux": (Quantity("magnet_flux", r"\psi_m", "Wb", "magnet flux linkage, wandering"), "psi_m"),
     "stator_resistance": (Quantity("stator_resistance", "R_s", "ohm", "stator resistance, wandering"), "R"),
+    STATE: (Quantity(STATE, "V_d", "V", "voltage a leg loses to dead time and switches, wandering"), "V_d"),
 }
+
+
+def own_value(drive: Drive, word: str) -> float:
+    """What an adaptive state starts at and returns to: the drive file's value, Wb, ohm or V.
+
+    Parameters
+    ----------
+    drive : Drive
+    word : str
+        One of :data:`ADAPTIVE`.
+    """
+    return lost_voltage(drive) if word == STATE else float(getattr(drive.motor, word))
 
 
 @dataclass(frozen=True)
@@ -42,7 +57,7 @@ class Adaptive:
         Parameters
         ----------
         values : list of SX
-            One a word, in the drive file's order: Wb or ohm.
+            One a word, in the drive file's order: Wb, ohm or V.
         """
         names = [ADAPTIVE[word][1] for word in self.words]
         return replace(self.motor, **dict(zip(names, values, strict=True)))
@@ -56,11 +71,12 @@ class Adaptive:
         Parameters
         ----------
         values : list of SX
-            One a word, in the drive file's order: Wb or ohm.
+            One a word, in the drive file's order: Wb, ohm or V.
         """
         after = []
         for word, value in zip(self.words, values, strict=True):
-            own = self.constant(f"OWN_{word.upper()}", getattr(self.motor, ADAPTIVE[word][1]), f"the motor's {word}")
+            whose = "drive" if word == STATE else "motor"
+            own = self.constant(f"OWN_{word.upper()}", getattr(self.motor, ADAPTIVE[word][1]), f"the {whose}'s {word}")
             back = self.constant("RETURN", ca.SX(self.rate), "T / adaptive_time, to a power of two")
             after.append(value + back * (own - value))
         return after

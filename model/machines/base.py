@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
+from model.inverter import fading_current, lost_voltage
 from model.quantities import Constants, Quantity
 from model.schema import Drive
 
@@ -30,6 +31,8 @@ class Parameters:
     J: Any
     D: Any
     T: Any
+    V_d: Any = 0.0  # V, what the inverter takes from a leg
+    I_0: Any = 1.0  # A, below which it takes less
 
     @classmethod
     def numeric(cls, drive: Drive) -> Parameters:
@@ -50,6 +53,8 @@ class Parameters:
             J=ca.SX(m.inertia),
             D=ca.SX(m.friction),
             T=ca.SX(drive.model.sample_time),
+            V_d=ca.SX(lost_voltage(drive)),
+            I_0=ca.SX(fading_current(drive)),
         )
 
     @classmethod

@@ -8,9 +8,11 @@ from typing import Any
 
 import casadi as ca
 
+from model.inverter import STATE, takes_voltage
 from model.machines import Machine, find_machine
-from model.machines.adaptive import Adaptive
-from model.machines.base import Named, Parameters, Rotor
+from model.machines.adaptive import Adaptive, own_value
+from model.machines.base import Named, Pair, Parameters, Rotor
+from model.machines.lost_voltage import LostVoltage
 from model.machines.mechanics import MECHANICS, Mechanics
 from model.quantities import Constant, Constants, Quantity
 from model.schema import Drive
@@ -25,9 +27,18 @@ OUTPUTS = (
 )
 
 
+#: What f takes where V_d is a state: the voltage as it is commanded, and which way each leg falls short of it.
+SIGNS = (
+    Quantity("g_alpha", r"g_\alpha", "1", "Clarke transform of the legs' current signs, alpha axis"),
+    Quantity("g_beta", r"g_\beta", "1", "Clarke transform of the legs' current signs, beta axis"),
+)
+
+
 @dataclass(frozen=True)
 class StateSpaceModel:
-    """x' = f(x, u), y = h(x), symbolic.
+    """x' = f(x, v), y = h(x), symbolic; v is the voltage applied.
+
+    ``lost`` says what of a commanded u that is (:mod:`model.machines.lost_voltage`); None: all of it.
 
     ``propagate`` and ``measure`` may be called at any symbolic point and give the value (a list of
     scalars) with the named intermediates; ``f, h, F, H`` are their values and Jacobians at ``x, u``.
@@ -39,6 +50,7 @@ class StateSpaceModel:
     adaptive: Adaptive
     _constants: Constants
     root_order: tuple[str, ...] = ()
+    lost: LostVoltage | None = None
 
     @property
     def states(self) -> tuple[Quantity, ...]:
@@ -63,7 +75,7 @@ class StateSpaceModel:
     @property
     def constants(self) -> list[Constant]:
         """The folded constants that f and h use, in order of appearance."""
-        _ = self.f, self.h
+        _ = self.f_commanded, self.h
         return list(self._constants.items.values())
 
     def numeric(self, expression: Any) -> Any:
@@ -81,7 +93,40 @@ class StateSpaceModel:
         """The meaning of "exact" for this machine, in words."""
         return self.machine.exact_meaning
 
-    def propagate(self, x: list[Any], u: list[Any]) -> tuple[list[Any], Named]:
+    @property
+    def inputs(self) -> dict[str, tuple[Quantity, ...]]:
+        """What f takes beside the state, by the names its arrays have in a step.
+
+        ``u`` is the voltage as commanded, ``v`` the one applied. Where V_d is a state each point has its own, so that f
+        takes u and the signs ``g``, which the points share.
+        """
+        if self.lost is None:
+            return {"u": INPUTS}
+        return {"u": INPUTS, "g": SIGNS} if STATE in self.adaptive.words else {"v": INPUTS}
+
+    def applied(self, x: list[Any], u: list[Any]) -> tuple[dict[str, Pair], Named]:
+        """What f takes for a commanded voltage where the state is x, its arrays by name.
+
+        The signs are those of the current the filter believes in at the beginning of the interval: one point's, not
+        each point's own. They jump where a current passes zero, so that no spread of points around a jump says what
+        they do; a point of its own is six clamps dearer a column, and estimates no better.
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order: an estimate.
+        u : list of Any
+            Mean voltage over the interval as commanded, V.
+        """
+        commanded = u[0], u[1]
+        if self.lost is None:
+            return {"u": commanded}, {}
+        g, named = self.lost.signs(self.measure(x)[0])
+        if STATE in self.adaptive.words:
+            return {"u": commanded, "g": g}, named
+        return {"v": self.lost.remaining(commanded, g, self.lost.constant_voltage)}, named
+
+    def propagate(self, x: list[Any], u: list[Any], g: list[Any] | None = None) -> tuple[list[Any], Named]:
         """f: the state one sample later, eq. 6 and 7.
 
         Parameters
@@ -89,8 +134,13 @@ class StateSpaceModel:
         x : list of Any
             State, in the model's order.
         u : list of Any
-            Mean voltage over the interval, V.
+            Mean voltage over the interval, V: the one applied, or with ``g`` the one commanded.
+        g : list of Any, optional
+            What V_d, a state, is taken of.
         """
+        if self.lost is not None and g is not None:
+            V_d = self._mechanical(x)[1][self.adaptive.words.index(STATE)]
+            u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), V_d))
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
         sample = machine.euler if self.discretization == "euler" else machine.exact
@@ -147,13 +197,25 @@ class StateSpaceModel:
 
     @cached_property
     def u(self) -> Any:
-        """The inputs v_alpha, v_beta (V), an SX column of symbols."""
+        """The commanded v_alpha, v_beta (V), an SX column of symbols."""
         return ca.vertcat(*(ca.SX.sym(quantity.name) for quantity in INPUTS))
 
     @cached_property
+    def arguments(self) -> list[Any]:
+        """What f takes: the state, then an SX column of symbols for each of ``inputs``."""
+        columns = {name: ca.vertcat(*(ca.SX.sym(q.name) for q in entries)) for name, entries in self.inputs.items()}
+        return [self.x, *({**columns, "u": self.u}[name] for name in columns)]
+
+    @cached_property
     def f(self) -> Any:
-        """f(x, u), an SX column."""
-        return ca.vertcat(*self.propagate(ca.vertsplit(self.x), ca.vertsplit(self.u))[0])
+        """f of :attr:`arguments`, an SX column."""
+        return ca.vertcat(*self.propagate(*(ca.vertsplit(column) for column in self.arguments))[0])
+
+    @cached_property
+    def f_commanded(self) -> Any:
+        """The state one sample after x under a commanded voltage u, an SX column of both alone."""
+        x, u = ca.vertsplit(self.x), ca.vertsplit(self.u)
+        return ca.vertcat(*self.propagate(x, *map(list, self.applied(x, u)[0].values()))[0])
 
     @cached_property
     def h(self) -> Any:
@@ -188,11 +250,12 @@ def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel
     model = drive.model
     adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants)
     order = tuple(drive.filter.root_order or ())
-    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order)
+    lost = LostVoltage(parameters, constants) if takes_voltage(drive) else None
+    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost)
 
 
 def default_initial_state(drive: Drive) -> list[float]:
-    """Standstill, angle 0, no current (flux states then hold the magnet's flux), the motor's data for adaptive states.
+    """Standstill, angle 0, no current (flux states then hold the magnet's flux), the drive's data for adaptive states.
 
     Unless the drive file says otherwise.
 
@@ -210,5 +273,5 @@ def default_initial_state(drive: Drive) -> list[float]:
         return list(drive.filter.initial_state)
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
     z = machine.electrical_state((ca.SX(0), ca.SX(0)), Rotor.at(ca.SX(0)))
-    slow = [getattr(drive.motor, word) for word in drive.model.adaptive]
+    slow = [own_value(drive, word) for word in drive.model.adaptive]
     return [float(z[0]), float(z[1])] + [0.0] * len(MECHANICS[drive.model.mechanics].states) + slow

@@ -109,10 +109,7 @@ def drive_folder(word: str | Path) -> GeneratedFolder:
     if not named.generated:
         raise UserError(missing(named))
     folder = GeneratedFolder(named.path)
-    parameters = folder.manifest["parameters"]
-    stated = named.drive.model_dump(mode="json")
-    changed = any(stated[section] != values for section, values in parameters.items())
-    if changed or machine_text(folder) != named.drive.machine_text:
+    if folder.manifest["parameters"] != named.drive.stated or machine_text(folder) != named.drive.machine_text:
         raise UserError(f"'{named.path}' is stale: '{named.word}' says otherwise. Run: {named.advice}")
     return folder
 

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import sympy as sp
 
 from codegen.render.equations import equations
+from model.inverter import takes_voltage
+from model.machines.base import Parameters
+from model.machines.state_space import build
 from model.schema import Drive
+from model.to_sympy import to_sympy
 from runtime.proof.identity import identical, is_derivative
 from runtime.proof.result import Link, Row
 
 R, L_d, L_q, psi_m, p, J, D, T = sp.symbols("R L_d L_q psi_m p J D T", real=True)
 omega, theta, T_L, v_alpha, v_beta = sp.symbols("omega theta load_torque v_alpha v_beta", real=True)
 #: Motor data that may be states: what stands for them then.
-SLOW = {word: sp.Symbol(word, real=True) for word in ("magnet_flux", "stator_resistance")}
+SLOW = {word: sp.Symbol(word, real=True) for word in ("magnet_flux", "stator_resistance", "dead_time_voltage")}
+#: The inverter: what a leg loses, V, and the current below which it loses less, A; the directions in which it does.
+V_d, I_0 = sp.symbols("V_d I_0", real=True)
+g_alpha, g_beta = sp.symbols("g_alpha g_beta", real=True)
+#: Stands for the square root of 3, which no field of numbers modulo a prime need have; it is nowhere squared.
+ROOT_3 = sp.Symbol("root_3", real=True)
 
 
 @dataclass(frozen=True)
@@ -131,7 +142,7 @@ def second_statement(
     discretization : {"euler", "exact"}
     mechanics : {"constant_speed", "load_torque"}
     adaptive : sequence of str, optional
-        Motor data that are states: "magnet_flux", "stator_resistance".
+        Data that are states: "magnet_flux", "stator_resistance", "dead_time_voltage".
     return_rate : float, optional
         Share of the way back to the motor's datum that such a state goes in a sample.
 
@@ -144,6 +155,8 @@ def second_statement(
     letter = "psi" if machine == "salient_flux" else "i"
     a, b = sp.symbols(f"{letter}_alpha {letter}_beta", real=True)
     z, v = a + sp.I * b, v_alpha + sp.I * v_beta
+    if "dead_time_voltage" in adaptive:  # then f is given the voltage commanded
+        v -= SLOW["dead_time_voltage"] * (g_alpha + sp.I * g_beta)
     known = {"magnet_flux": psi_m, "stator_resistance": R} | {word: SLOW[word] for word in adaptive}
     motor = Second(machine, exact, known["magnet_flux"], known["stator_resistance"])
     z_next = motor.advance(z, v)
@@ -161,11 +174,49 @@ def second_statement(
     else:  # friction alone takes speed: J domega = -D omega dt
         turned = (omega - omega_next) * J / D
     states += [SLOW[word] for word in adaptive]
-    own = {"magnet_flux": psi_m, "stator_resistance": R}
+    own = {"magnet_flux": psi_m, "stator_resistance": R, "dead_time_voltage": V_d}
     slow = [SLOW[word] + (own[word] - SLOW[word]) * sp.Rational(return_rate) for word in adaptive]
     load = [T_L] if mechanics == "load_torque" else []
     f = sp.Matrix([*_parts(z_next), omega_next, theta + p * turned, *load, *slow])
     return sp.Matrix(states), f, sp.Matrix(_parts(motor.current(z, theta)))
+
+
+def second_inverter(i: sp.Matrix) -> sp.Matrix:
+    """The direction in which the voltage falls short, in units of V_d: each of three legs against its own current.
+
+    Parameters
+    ----------
+    i : Matrix, (2, 1)
+        Stator current, A.
+    """
+    half, high = sp.Rational(1, 2), ROOT_3 / 2
+    legs = [sp.Matrix([1, 0]), sp.Matrix([-half, high]), sp.Matrix([-half, -high])]
+    against = [sp.Max(-1, sp.Min(1, leg.dot(i) / I_0)) for leg in legs]
+    return sp.Rational(2, 3) * sum((share * leg for share, leg in zip(against, legs, strict=True)), sp.zeros(2, 1))
+
+
+def _inverter_row(drive: Drive) -> Row:
+    """What the model makes of a commanded voltage: u - V_d g(i), or g alone where V_d is a state."""
+    model = build(drive, Parameters.symbolic())
+    applied = model.applied(ca.vertsplit(model.x), ca.vertsplit(model.u))[0]
+    ((name, ours),) = ((name, pair) for name, pair in applied.items() if name != "u")
+    wanted = second_inverter(to_sympy(model.h))
+    if name == "v":
+        wanted = sp.Matrix([v_alpha, v_beta]) - V_d * wanted
+    pairs = zip(_exact(to_sympy(ca.vertcat(*ours))), _exact(wanted), strict=True)
+    return Row("-", name, "entries that differ", float(sum(not identical(a, b) for a, b in pairs)), 0.0, 2)
+
+
+def _exact(formula: sp.Matrix) -> sp.Matrix:
+    """The geometry of three legs, which CasADi has as float64 and prints to 15 digits, as what it is."""
+    exact = [ROOT_3 / 2, ROOT_3 / 3, sp.Rational(2, 3)]
+    values = [math.sqrt(3) / 2, 1 / math.sqrt(3), 2 / 3]
+    named = {}
+    for number in formula.atoms(sp.Rational):
+        for value, meant in zip(values, exact, strict=True):
+            if abs(abs(number) - value) < 1e-14:
+                named[number] = sp.sign(number) * meant
+    return formula.xreplace(named)
 
 
 def _seen_from(z: sp.Expr, angle: sp.Expr) -> sp.Expr:
@@ -205,4 +256,6 @@ def compare_derivations(drive: Drive) -> Link:
         pairs = [(theirs[i, k], mine[i], letter) for i in range(len(mine)) for k, letter in enumerate(x)]
         different = sum(not is_derivative(*pair) for pair in pairs)
         rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(pairs)))
+    if takes_voltage(drive):
+        rows.append(_inverter_row(drive))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

@@ -1,15 +1,17 @@
 """Whether two formulas are the same function: exact arithmetic at random points of a finite field.
 
-Sines, cosines and exponentials are replaced by letters bound by sin^2 + cos^2 = 1 alone, which makes a formula a
-rational function with rational coefficients. Two different ones of degree d agree at a random point modulo a prime P
-with a chance of at most d / P (Schwartz 1980, Zippel 1979): below 1e-15 here, for one point; three are taken. Nothing
-is rounded, and nothing need be simplified, which for a salient machine's Jacobian takes minutes.
+Sines, cosines, exponentials and extrema are replaced by letters bound by sin^2 + cos^2 = 1 alone, which makes a
+formula a rational function with rational coefficients. Two different ones of degree d agree at a random point modulo a
+prime P with a chance of at most d / P (Schwartz 1980, Zippel 1979): below 1e-15 here, for one point; three are taken.
+Nothing is rounded, and nothing need be simplified, which for a salient machine's Jacobian takes minutes.
 
 >>> a, b = sp.symbols("a b")
 >>> identical((a + b) ** 2, a**2 + 2 * a * b + b**2), identical((a + b) ** 2, a**2 + b**2)
 (True, False)
 >>> identical(sp.sin(a) ** 2 * b, b - b * sp.cos(a) ** 2)
 True
+>>> identical(sp.Max(-1, a + b), sp.Max(b + a, -1)), identical(sp.Max(-1, a), sp.Min(-1, a))
+(True, False)
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ POINTS = 3
 def identical(a: sp.Expr, b: sp.Expr) -> bool:
     """Whether a and b are the same rational function of their letters, sines, cosines and exponentials.
 
-    Related exponentials, exp(x) and exp(x / 2) say, count as unrelated: a True is never wrong for that.
+    Related exponentials, exp(x) and exp(x / 2) say, count as unrelated, and a least or largest of some values as a
+    letter that belongs to these values alone: a True is never wrong for that.
 
     Parameters
     ----------
@@ -117,6 +120,8 @@ class _Point:
             return int(number.p) * pow(int(number.q), -1, PRIME)
         if isinstance(e, sp.Symbol):
             return self._drawn(str(e))
+        if isinstance(e, sp.Min | sp.Max):  # known by what it is taken of
+            return self._drawn(f"{e.func.__name__} {sorted(self.value(term) for term in e.args)}")
         if isinstance(e, sp.exp):  # known by its argument, 1.0 x and x alike
             return self._drawn(f"exp {sp.nsimplify(e.args[0], rational=True)}")
         if isinstance(e, sp.sin | sp.cos):  # the circle's rational points

@@ -20,6 +20,7 @@ from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.compare import covariance_scale, minuend_scale
+from runtime.proof.inverter import lost_volts
 from runtime.proof.motors import Plant
 from runtime.proof.reference import Reference, make_reference
 from runtime.proof.result import Link, Row
@@ -248,7 +249,10 @@ def _start(parameters: Mapping[str, Any], motor: Plant, x_0: Array) -> list[Row]
     stated = parameters["filter"].get("initial_state")
     if stated is not None:
         return [_same("x_0 as stated", x_0, np.array(stated))]
-    slow = [parameters["motor"][word] for word in parameters["model"].get("adaptive", ())]
+    slow = [
+        lost_volts(parameters) if word == "dead_time_voltage" else parameters["motor"][word]
+        for word in parameters["model"].get("adaptive", ())
+    ]
     mechanical = np.zeros(len(x_0) - 2 - len(slow))
     # 1e-6 of an ampere: x_0 is held to 1e-16 of a flux linkage, over an inductance of 1e-6 H at least.
     at_rest = float(np.max(np.abs(motor.h(x_0))))

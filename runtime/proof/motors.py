@@ -14,6 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.proof.inverter import lost_volts
+
 Array = NDArray[Any]
 
 QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -22,8 +24,8 @@ QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 class Plant(Protocol):
     """A discrete motor: x' = f(x, u), y = h(x), H = dh/dx.
 
-    x (n, ...) and u (2, ...): what follows the first axis are motors side by side. An H that is the same everywhere
-    may stay (2, n).
+    x (n, ...) and u (2, ...), the voltage that arrives: what follows the first axis are motors side by side. An H
+    that is the same everywhere may stay (2, n).
     """
 
     def f(self, x: Array, u: Array) -> Array:
@@ -57,7 +59,7 @@ class Plant(Protocol):
 class MotorData:
     """SI units; ``p`` pole pairs, ``T`` sample time. ``loaded``: the load torque is a fifth state.
 
-    ``slow``: which of ``psi`` and ``R`` are states, in their order at the state's end.
+    ``slow``: which of ``psi``, ``R`` and ``V_d`` are states, in their order at the state's end.
     """
 
     R: float
@@ -72,6 +74,7 @@ class MotorData:
     loaded: bool
     slow: tuple[str, ...] = ()
     slow_rate: float = 0.0
+    V_d: float = 0.0
 
     def now(self, x: Array, name: str) -> Any:
         """``psi`` or ``R`` where the state is x.
@@ -136,12 +139,10 @@ class SurfaceMotor:
         w_e = d.p * w
         R, psi = d.now(x, "R"), d.now(x, "psi")
         if not d.exact:  # (7)
-            i = np.array(
-                [
-                    (1 - d.T * R / d.L_d) * i_alpha + d.T * psi / d.L_d * w_e * np.sin(th) + d.T / d.L_d * u[0],
-                    (1 - d.T * R / d.L_d) * i_beta - d.T * psi / d.L_d * w_e * np.cos(th) + d.T / d.L_d * u[1],
-                ]
-            )
+            i = [
+                (1 - d.T * R / d.L_d) * i_alpha + d.T * psi / d.L_d * w_e * np.sin(th) + d.T / d.L_d * u[0],
+                (1 - d.T * R / d.L_d) * i_beta - d.T * psi / d.L_d * w_e * np.cos(th) + d.T / d.L_d * u[1],
+            ]
             return np.array([*i, *d.mechanics(x, self.torque(x[:2], th, psi))])
         # (1) with the back-EMF held at the middle of the interval: a linear equation, solved exactly at the motor's R.
         z = d.T * d.R / d.L_d
@@ -371,7 +372,7 @@ MOTORS: dict[str, type[SurfaceMotor] | type[SalientMotor] | type[SalientFluxMoto
     "salient": SalientMotor,
     "salient_flux": SalientFluxMotor,
 }
-SLOW = {"magnet_flux": "psi", "stator_resistance": "R"}
+SLOW = {"magnet_flux": "psi", "stator_resistance": "R", "dead_time_voltage": "V_d"}
 
 
 def make_motor(parameters: Mapping[str, Any]) -> Plant:
@@ -395,4 +396,5 @@ def motor_data(parameters: Mapping[str, Any]) -> MotorData:
         loaded={"constant_speed": False, "load_torque": True}[model.get("mechanics", "constant_speed")],
         slow=tuple(SLOW[word] for word in model.get("adaptive", ())),
         slow_rate=2.0 ** round(math.log2(model["sample_time"] / model.get("adaptive_time", 1.0))),
+        V_d=lost_volts(parameters),
     )

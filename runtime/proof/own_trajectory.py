@@ -14,6 +14,7 @@ from model.machines.base import Parameters, Rotor
 from model.quantities import Constants
 from model.rating import inverter_voltage, mtpa_current, rating, sensor_noise
 from model.schema import Drive
+from runtime.proof.inverter import commanded
 from runtime.proof.trajectory import Motion, Trajectory, locus, make_trajectory, noisy
 
 Array = NDArray[np.float64]
@@ -89,7 +90,8 @@ def trajectory_of(
     z, i = _loaded(drive, machine, theta, torque)
     v = _driven(drive, machine, z[:, ::2], omega, theta)
     t = np.arange(1, steps + 1) * np.float64(T)
-    return Trajectory(t, v.T, noisy(i[:, 2::2].T, noise), omega[2::2], theta[2::2], z[:, 2::2].T)
+    u = commanded(drive.model_dump(), v.T, i[:, 1::2].T)
+    return Trajectory(t, u, noisy(i[:, 2::2].T, noise), omega[2::2], theta[2::2], z[:, 2::2].T)
 
 
 def _loaded(drive: Drive, machine: Machine, theta: Array, torque: Array) -> tuple[Array, Array]:

@@ -1,7 +1,8 @@
 """Link A: the paper's equations in plain NumPy float64, by hand, with loops.
 
 The second opinion. It imports nothing of model, codegen or CasADi, nor do the motors of :mod:`runtime.proof.motors`
-it filters (numbers in brackets are the paper's equations). Readability before speed.
+it filters and their inverter, :mod:`runtime.proof.inverter` (numbers in brackets are the paper's equations).
+Readability before speed.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.proof.inverter import LossyInverter, make_inverter
 from runtime.proof.motors import Plant, make_motor
 
 Array = NDArray[Any]
@@ -37,6 +39,8 @@ class Reference:
     N_max: int
     eps: float
     order: list[int]  # of the states in the factors of P
+    inverter: LossyInverter | None = None
+    shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage in this step, in units of V_d
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -71,6 +75,9 @@ class Reference:
         self.x[..., 3] = wrap(self.x[..., 3])
 
     def _predict(self, u: Array) -> tuple[Array, Array]:
+        if self.inverter:  # which way it falls short is the estimate's word, for all points alike
+            self.shortfall = self.inverter.shortfall(self._h(self.x))
+            self.stages |= {"g": self.shortfall[..., None, :], "v": self._applied(self.x, u)[..., None, :]}
         predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
         return predict(u)
 
@@ -85,8 +92,13 @@ class Reference:
         return x_pred, P_pred
 
     def _f(self, x: Array, u: Array) -> Array:
-        """The motor's f, whose states are the first axis."""
-        return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(u, -1, 0))), 0, -1)
+        """The motor's f, whose states are the first axis, of the voltage that arrives."""
+        v = self._applied(x, u)
+        return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(v, -1, 0))), 0, -1)
+
+    def _applied(self, x: Array, u: Array) -> Array:
+        """What the inverter leaves of a voltage, as far as a state x knows."""
+        return u - self.inverter.voltage(x) * self.shortfall if self.inverter else u
 
     def _h(self, x: Array) -> Array:
         return np.moveaxis(np.asarray(self.motor.h(np.moveaxis(x, -1, 0))), 0, -1)
@@ -174,8 +186,12 @@ class Reference:
         """df/dx: the motor's own F where it has one (what is no formula in NumPy takes no complex step)."""
         own = getattr(self.motor, "F", None)
         if own:
-            F = np.asarray(own(np.moveaxis(self.x, -1, 0), np.moveaxis(u, -1, 0)))
-            return np.moveaxis(F, (0, 1), (-2, -1))
+            at = np.moveaxis(self.x, -1, 0), np.moveaxis(self._applied(self.x, u), -1, 0)
+            F = np.moveaxis(np.asarray(own(*at)), (0, 1), (-2, -1)).copy()
+            if self.inverter and self.inverter.place is not None:  # V_d acts through the voltage
+                B = np.moveaxis(np.asarray(self.motor.B(*at)), (0, 1), (-2, -1))  # type: ignore[attr-defined]
+                F[..., self.inverter.place] -= times(B, self.shortfall)
+            return F
         return jacobian(lambda x: self._f(x, u), self.x)
 
     def _ekf_update(self, x_pred: Array, P_pred: Array, y: Array) -> tuple[Array, Array]:
@@ -330,4 +346,5 @@ def make_reference(
         N_max=tuning["max_iterations"],
         eps=tuning["tolerance"],
         order=_order(parameters),
+        inverter=make_inverter(parameters),
     )

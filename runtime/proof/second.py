@@ -77,8 +77,10 @@ class CasadiMotor:
     """f, h, F and H of a model, called with numbers."""
 
     def __init__(self, model: StateSpaceModel) -> None:
-        x, u = model.x, model.u
-        self._f, self._F = (ca.Function("f", [x, u], [model.numeric(e)]) for e in (model.f, ca.densify(model.F)))
+        x, v, *signs = model.arguments
+        exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v))]
+        exprs = [ca.substitute(e, g, ca.DM.zeros(2)) for e in exprs for g in signs] or exprs  # the voltage that arrives
+        self._f, self._F, self._B = (ca.Function("f", [x, v], [model.numeric(e)]) for e in exprs)
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
 
     def f(self, x: Array, u: Array) -> Array:
@@ -115,6 +117,18 @@ class CasadiMotor:
         """
         return _beside(self._F(x, u), x)
 
+    def B(self, x: Array, u: Array) -> Array:
+        """Return df/du, (n, 2).
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        u : ndarray
+            Voltages, V, (N, 2).
+        """
+        return _beside(self._B(x, u), x, columns=2)
+
     def H(self, x: Array) -> Array:
         """Return dh/dx, (2, n).
 
@@ -126,10 +140,10 @@ class CasadiMotor:
         return _beside(self._H(x), x)
 
 
-def _beside(found: ca.DM, x: Array) -> Array:
-    """CasADi's matrices (m, lanes n) for x (n, lanes), one after the other, as (m, n, lanes)."""
+def _beside(found: ca.DM, x: Array, columns: int = 0) -> Array:
+    """CasADi's matrices (m, lanes n) for x (n, lanes), one after the other, as (m, n, lanes); or n ``columns``."""
     matrices = np.array(found)
-    return np.moveaxis(matrices.reshape(len(matrices), *x.shape[1:], len(x)), -1, 1)
+    return np.moveaxis(matrices.reshape(len(matrices), *x.shape[1:], columns or len(x)), -1, 1)
 
 
 class StatedMotor:

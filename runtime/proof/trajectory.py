@@ -1,8 +1,9 @@
 """A PMSM trajectory to prove on: accelerate, then take a step of load, each of a size that suits the drive.
 
 Made backwards, without a controller, and in closed form: a prescribed motion asks for a torque, the torque for
-currents, currents and angle give flux linkages, and the voltage is what moves one flux linkage to the next. So u is
-exactly the mean over each interval, for any motor, sample time and shipped machine.
+currents, currents and angle give flux linkages, and the voltage is what moves one flux linkage to the next. That
+voltage is exactly the mean over each interval, for any motor, sample time and shipped machine; u is what to command for
+it to arrive.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.proof.inverter import commanded
+
 Array = NDArray[np.float64]
 
 #: Points of the table from torque to current; between two of them the current is at most 1e-6 from the curve.
@@ -22,7 +25,7 @@ TABLE = 2000
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Recorded data: t (N,) s; u (N, 2) V, mean over the interval ending at t; y (N, 2) A with noise; truth.
+    """Recorded data: t (N,) s; u (N, 2) V, commanded, mean over the interval ending at t; y (N, 2) A with noise; truth.
 
     omega (N,) rad/s mechanical, theta (N,) rad electrical (unwrapped), psi (N, 2) Wb.
     """
@@ -105,7 +108,8 @@ def make_trajectory(
     mean_i = (i[:-1:2] + 4 * i[1::2] + i[2::2]) / 6  # Simpson over each interval
     v = (psi[2::2] - psi[:-1:2]) / T + m["stator_resistance"] * mean_i
     measured = noisy(_pairs(i[2::2]), noise, seed)
-    return Trajectory(half[2::2], _pairs(v), measured, omega[2::2], theta[2::2], _pairs(psi[2::2]))
+    u = commanded(parameters, _pairs(v), _pairs(mean_i))
+    return Trajectory(half[2::2], u, measured, omega[2::2], theta[2::2], _pairs(psi[2::2]))
 
 
 def noisy(i: Array, noise: float = 0.05, seed: int = 1) -> Array:

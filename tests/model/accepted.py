@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 
 from model.drives.load import parse_drive
-from model.schema import Drive, Model, Motor
+from model.schema import Control, Drive, Inverter, Model, Motor
 
 #: Machines of each word, and what else the equations hang on.
 MACHINES = ("surface", "salient", "salient_flux")
-ADAPTIVE = ([], ["magnet_flux"], ["stator_resistance"], ["stator_resistance", "magnet_flux"])
+ADAPTIVE = (
+    [],
+    ["magnet_flux"],
+    ["stator_resistance", "dead_time_voltage"],
+    ["dead_time_voltage", "stator_resistance", "magnet_flux"],
+)
 
 
 def accepted(section: Any, key: str) -> tuple[float, float]:
@@ -54,4 +59,17 @@ def draw_drive(rng: np.random.Generator, machine: str, mechanics: str, discretiz
     model |= {key: evenly(rng, *accepted(Model, key)) for key in ("sample_time", "adaptive_time")}
     tuning = {"kinds": ["ckf"], "initial_covariance": [1.0] * states, "process_noise": [1.0] * states}
     tuning["measurement_noise"] = [1.0, 1.0]
-    return parse_drive({"name": "drawn", "motor": draw_motor(rng, machine), "model": model, "filter": tuning}, "drawn")
+    drawn = {"name": "drawn", "motor": draw_motor(rng, machine), "model": model, "filter": tuning}
+    return parse_drive(drawn | draw_inverter(rng, model["sample_time"]), "drawn")
+
+
+def draw_inverter(rng: np.random.Generator, T: float) -> dict[str, Any]:
+    """What two inverters of three take of a voltage; of the third nothing is said."""
+    if rng.random() < 0.3:
+        return {}
+    control = {key: evenly(rng, *accepted(Control, key)) for key in ("dc_link", "max_current")}
+    said = {"switch_drop": rng.uniform(*accepted(Inverter, "switch_drop"))}
+    if rng.random() < 0.5:
+        said["switching_frequency"] = evenly(rng, *accepted(Inverter, "switching_frequency"))
+    longest = min(accepted(Inverter, "dead_time")[1], 0.25 / said.get("switching_frequency", 1 / T))
+    return {"control": control, "inverter": said | {"dead_time": evenly(rng, 1e-9, longest)}}

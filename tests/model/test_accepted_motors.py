@@ -14,11 +14,13 @@ from scipy.linalg import expm
 
 from model.loop.controller import clarke_block
 from model.machines import MACHINES as CLASSES
+from model.machines.adaptive import own_value
 from model.machines.base import Parameters, Rotor
 from model.machines.mechanics import MECHANICS
 from model.machines.state_space import StateSpaceModel, build
 from model.quantities import Constants
-from model.schema import Drive
+from model.schema import Drive, Inverter
+from runtime.proof.inverter import LossyInverter, make_inverter
 from runtime.proof.motors import make_motor
 from tests.model.accepted import ADAPTIVE, MACHINES, draw_drive, draw_motor, evenly
 
@@ -45,6 +47,12 @@ def letters(drive: Drive) -> dict[str, Any]:
     in_words = {"magnet flux linkage": found["psi_m"], "sample time": found["T"]}
     in_words |= {"the motor's stator resistance": found["R"], "the motor's stator_resistance": found["R"]}
     in_words["the motor's magnet_flux"] = found["psi_m"]
+    stated = drive.inverter or Inverter()
+    inverter = {"V_dc": drive.control.dc_link, "t_d": stated.dead_time, "V_drop": stated.switch_drop}
+    inverter |= {"I_0": max(6.0, drive.control.max_current / 50)}  # of a sensor whose variance is 1
+    found |= {name: mpf(value) for name, value in inverter.items()}
+    found["f_sw"] = mpf(stated.switching_frequency) if stated.switching_frequency else 1 / found["T"]
+    in_words["the drive's dead_time_voltage"] = found["V_dc"] * found["t_d"] * found["f_sw"] + found["V_drop"]
     return found | {"z": z, "a": mpmath.exp(-z), "exp": mpmath.exp} | in_words
 
 
@@ -84,7 +92,18 @@ def test_every_folded_constant_is_its_formula_to_the_last_digits() -> None:
                 elif constant.formula.startswith("exp"):  # of a rounded argument
                     size *= 1 - mpmath.log(true)
                 assert abs(constant.value - true) <= 4 * EPS * size + 1e-300, (constant, float(true), drive.motor)
-    assert {"DECAY_I", "GAIN_V", "GAIN_HALF_Q", "LOSS_D", "MAGNET_TURN", "SALIENCY", "ADVANCE", "GAIN_OMEGA"} <= seen
+    assert {
+        "DECAY_I",
+        "GAIN_V",
+        "GAIN_HALF_Q",
+        "LOSS_D",
+        "MAGNET_TURN",
+        "SALIENCY",
+        "ADVANCE",
+        "GAIN_OMEGA",
+        "V_DEAD",
+        "SIGN_PER_A",
+    } <= seen
 
 
 # --- f, h and their Jacobians against the motors by hand
@@ -101,7 +120,7 @@ def draw_point(rng: np.random.Generator, drive: Drive, model: StateSpaceModel) -
     else:
         z = z / m.inductance_d
     torque = 1.5 * m.pole_pairs * m.magnet_flux**2 / m.inductance_q
-    slow = [getattr(m, word) * rng.uniform(0.5, 1.5) for word in drive.model.adaptive]
+    slow = [(own_value(drive, word) or 1.0) * rng.uniform(0.5, 1.5) for word in drive.model.adaptive]
     load = [torque * rng.normal()] if drive.model.mechanics == "load_torque" else []
     return np.array([*z, omega, theta, *load, *slow]), m.magnet_flux / T * rng.normal(0, 1, 2)
 
@@ -123,13 +142,18 @@ def test_f_h_and_their_jacobians_are_those_of_the_motors_by_hand() -> None:
         model, hand = build(drive), make_motor(drive.model_dump())
         outputs = [model.numeric(ca.densify(e)) for e in (model.f, model.h, model.F, model.H)]
         x, u = draw_point(rng, drive, model)
-        f, h, F, H = (np.array(value) for value in ca.Function("model", [model.x, model.u], outputs)(x, u))
+        inverter = make_inverter(drive.model_dump()) or LossyInverter(0.0, 1.0, None)
+        g = inverter.shortfall(hand.h(x))
+        arrives = {"u": u, "g": g, "v": u - inverter.V_d * g}
+        given = [arrives[name] for name in model.inputs]
+        f, h, F, H = (np.array(value) for value in ca.Function("model", model.arguments, outputs)(x, *given))
         reach = np.where(np.arange(len(x)) == model.angle, 1.0, np.abs(x))
         L_d, L_q = drive.motor.inductance_d, drive.motor.inductance_q
         allowed = 1e-14 * (10 + max(L_d / L_q, L_q / L_d))
         by_u = by_complex_step(lambda v, x=x, hand=hand: hand.f(x, v), u)
+        size = np.abs(u) + np.abs(inverter.voltage(x) * g)
         for ours, jacobian, function, driven in (
-            (f, F, lambda x, u=u, hand=hand: hand.f(x, u), np.abs(by_u) @ np.abs(u)),
+            (f, F, lambda x, u=u, g=g, by=inverter, hand=hand: hand.f(x, u - by.voltage(x) * g), np.abs(by_u) @ size),
             (h, H, hand.h, 0.0),
         ):
             theirs = by_complex_step(function, x)

@@ -11,11 +11,11 @@ import pytest
 
 from model.drives.load import load_drive, parse_drive
 from model.machines import MACHINES
-from model.machines.adaptive import ADAPTIVE
+from model.machines.adaptive import ADAPTIVE, own_value
 from model.machines.base import Parameters, Rotor
 from model.machines.state_space import build, default_initial_state
 from model.quantities import ConstantError, Constants, united
-from model.schema import Drive, DriveError
+from model.schema import Drive, DriveError, Inverter
 from runtime.proof.identity import identical
 from tests.conftest import variant
 
@@ -26,7 +26,7 @@ MODELS = list(itertools.product(["constant_speed", "load_torque"], ["euler", "ex
 
 def _images(drive: Drive, points: list[tuple[Any, Any]], **model: Any) -> list[np.ndarray]:
     built = build(variant(drive, model=model))
-    f = ca.Function("f", [built.x, built.u], [built.numeric(built.f)])
+    f = ca.Function("f", [built.x, built.u], [built.numeric(built.f_commanded)])
     return [np.array(f(x, u)).ravel() for x, u in points]
 
 
@@ -71,11 +71,12 @@ def test_salient_and_salient_flux_agree_to_the_rules_order(discretization: str) 
 @pytest.mark.parametrize(("mechanics", "discretization"), MODELS)
 def test_adaptive_data_at_their_motors_values_change_nothing(machine: str, mechanics: str, discretization: str) -> None:
     drive = load_drive("spmsm_load_torque" if machine == "surface" else "ipmsm")
+    drive = drive.model_copy(update={"inverter": Inverter(dead_time=2e-6, switch_drop=1.0)})
     points = _points(4 if mechanics == "constant_speed" else 5)
     settings = {"machine": machine, "mechanics": mechanics, "discretization": discretization}
     plain = _images(drive, points, **settings)
     words = list(ADAPTIVE)
-    slow = [getattr(drive.motor, word) for word in words]
+    slow = [own_value(drive, word) for word in words]
     with_slow = [(np.array([*x, *slow]), u) for x, u in points]
     adaptive = _images(drive, with_slow, adaptive=words, **settings)
     for expected, found in zip(plain, adaptive, strict=True):
@@ -127,7 +128,7 @@ def test_wrong_adaptive_words_are_one_line() -> None:
     with pytest.raises(DriveError, match="names 'magnet_flux' twice"):
         parse_drive(data, "mine.toml")
     data["model"]["adaptive"] = ["inertia"]
-    with pytest.raises(DriveError, match=r"model.adaptive\[0\] = 'inertia' is none of 'magnet_flux' or 'stator_res"):
+    with pytest.raises(DriveError, match=r"model.adaptive\[0\] = 'inertia' is none of 'magnet_flux', 'stator_res"):
         parse_drive(data, "mine.toml")
 
 

@@ -82,6 +82,8 @@ def _state(name: str, parameters: dict[str, Any]) -> Interval:
         return Interval.within(_flux(parameters))
     if name in motor:  # an adaptive state: a motor's value, at most doubled
         return Interval(0.0, 2.0 * motor[name])
+    if name == "dead_time_voltage":  # a leg loses at most what a leg has
+        return Interval.within(parameters["control"]["dc_link"])
     sizes = {"i_alpha": "current", "i_beta": "current", "omega": "speed", "load_torque": "load_torque"}
     return Interval.within(box[sizes[name]])
 

@@ -1,0 +1,54 @@
+"""What comes before the time update where the inverter is part of the model: from the voltage commanded to f's inputs.
+
+A block of its own, once a step and at the estimate alone (:meth:`StateSpaceModel.applied` says why): the time update
+after it has points and derivatives of f as before, and its symmetry under a turn of the stator frame, which the signs
+of three legs do not have.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from model.filters.program import BlockBuilder, Call
+from model.machines.state_space import INPUTS, StateSpaceModel
+
+_MEANING = {
+    "v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs",
+    "g": "g(h(x)): the Clarke transform of the legs' saturated signs",
+}
+
+
+def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
+    """The call of the block, none where the voltage applied is the one commanded.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+        Says what f takes beside the state.
+    """
+    made = [name for name in model.inputs if name != "u"]
+    if not made:
+        return ()
+    b = BlockBuilder("inverter", "Inverter: what dead time and switches leave of the voltage")
+    x = b.input("x", [state.name for state in model.states])
+    commanded = [quantity.name for quantity in INPUTS]
+    u = ca.vertsplit(model.u) if "u" in model.inputs else b.input("u", commanded)  # the first hands u on unread
+    applied, named = model.applied(x, u)
+    b.working("", named, "here")
+    for name in made:
+        b.stage(name, "", _MEANING[name], list(applied[name]), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
+        b.output(name, list(applied[name]))
+    return (Call(b.build()),)
+
+
+def f_inputs(b: Any, model: StateSpaceModel) -> list[list[Any]]:
+    """What f takes beside the state, declared as a block's inputs: scalars, one list an array.
+
+    Parameters
+    ----------
+    b : BlockBuilder or GraphBuilder
+    model : StateSpaceModel
+    """
+    return [b.input(name, [q.name for q in quantities]) for name, quantities in model.inputs.items()]

@@ -1,0 +1,52 @@
+"""The voltage that an inverter keeps back, as the equations see it: :mod:`model.inverter` in letters or constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from model.inverter import clarke, legs, saturated
+from model.machines.base import Named, Pair, Parameters
+from model.quantities import Constants
+
+
+@dataclass(frozen=True)
+class LostVoltage:
+    """v = u - V_d g(i), g the Clarke transform of the legs' saturated current signs."""
+
+    par: Parameters
+    constant: Constants
+
+    @property
+    def constant_voltage(self) -> Any:
+        """V_d as the drive file has it."""
+        return self.constant("V_DEAD", self.par.V_d, "V_dc t_d f_sw + V_drop, V: what a leg loses")
+
+    def signs(self, i: list[Any]) -> tuple[Pair, Named]:
+        """g, and what it is made of.
+
+        Parameters
+        ----------
+        i : list of Any, (2,)
+            Stator current, A.
+        """
+        scale = self.constant("SIGN_PER_A", 1 / self.par.I_0, "1 / I_0, 1/A: below I_0 a leg's sign fades")
+        phases, _ = legs((scale * i[0], scale * i[1]))
+        signs = [saturated(phase) for phase in phases]
+        g = clarke(signs)
+        named = {f"sign_{leg}": sign for leg, sign in zip("abc", signs, strict=True)}
+        return g, {**named, "g_alpha": g[0], "g_beta": g[1]}
+
+    @staticmethod
+    def remaining(u: Pair, g: Pair, V_d: Any) -> Pair:
+        """The voltage applied, V.
+
+        Parameters
+        ----------
+        u : Pair
+            Commanded, V.
+        g : Pair
+        V_d : SX
+            V.
+        """
+        return u[0] - V_d * g[0], u[1] - V_d * g[1]
