@@ -25,6 +25,7 @@ from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
 from model.filters import FilterStep
+from model.inverter import STATE
 from model.loop.controller import (
     SENSED_MAX,
     TRANSFORM,
@@ -101,7 +102,8 @@ def controller_context(about: Description, printer: CPrinter | PythonPrinter) ->
         "sensed_max": printer.format_literal(SENSED_MAX),
         "omega": names.index("omega"),
         "theta": names.index(ANGLE),
-        "gains": tuple(Gains.names()),
+        "gains": tuple(Gains.names(about.drive)),
+        "estimated": names.index(STATE) if STATE in names else None,
         "gain_values": [printer.format_literal(value) for value in design(about.drive).values],
         "advance_delayed": printer.format_literal(design(about.drive, delay=1).advance),
     }
@@ -125,6 +127,7 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
         "p": p,
         "omega_place": state_place(p, "omega"),
         "theta_place": state_place(p, ANGLE),
+        "estimated_place": state_place(p, STATE),
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,

@@ -2,6 +2,9 @@
 
 Clarke -> (filter) -> Park -> speed PI -> current PI with decoupling -> inverse Park -> SVPWM. Gains are data
 (:class:`Gains`), computed from motor data and the bandwidths a drive file states.
+
+What the inverter takes from the voltage (:mod:`model.inverter`) is added to the duty cycles, with the same signs and,
+where the model has it, by the same number V_d: the drive file's, or the filter's estimate of it.
 """
 
 from __future__ import annotations
@@ -13,7 +16,9 @@ from typing import Any
 import casadi as ca
 
 from model.filters.program import BlockBuilder
+from model.inverter import STATE, clarke, fading_current, legs, lost_voltage, saturated, takes_voltage
 from model.machines.base import Pair, Rotor
+from model.machines.lost_voltage import constant_voltage
 from model.machines.state_space import StateSpaceModel
 from model.quantities import Block, Constant, Constants
 from model.schema import Drive
@@ -27,8 +32,6 @@ TRANSFORM = (
     Constant("SQRT_3_BY_2", SQRT_3 / 2, "sqrt(3) / 2", None),
 )
 
-#: Where dead-time compensation reaches its full size, A: six sigmas of a current sensor with 0.05 A noise.
-DEAD_CURRENT = 0.3
 #: V: a DC link measured lower, or not a number, counts as this much; duty cycles and integrators stay finite.
 LEAST_LINK = 1.0
 #: rad: a sensed angle beyond is none; up to here the error of sine and cosine is proved.
@@ -49,7 +52,7 @@ class Gains:
     current_q_p: float  # V/A
     current_i: float  # V/A per sample
     max_current: float  # A
-    dead_share: float  # dead time over T; 0: no compensation
+    dead_share: float  # dead time over T, or (``compensation``) the share of V_d that is made up for; 0: none
     dead_current: float  # A: below it the compensation fades, as the sign of a noisy current is no sign
     advance: float  # s
 
@@ -59,9 +62,16 @@ class Gains:
         return astuple(self)
 
     @classmethod
-    def names(cls) -> list[str]:
-        """Return the gains' names in the order of the struct."""
-        return [field.name for field in fields(cls)]
+    def names(cls, drive: Drive | None = None) -> list[str]:
+        """Return the gains' names in the order of the struct.
+
+        Parameters
+        ----------
+        drive : Drive, optional
+            Where its model has V_d, what stands in the place of ``dead_share`` is a share of that.
+        """
+        own = {"dead_share": "compensation"} if drive is not None and takes_voltage(drive) else {}
+        return [own.get(field.name, field.name) for field in fields(cls)]
 
 
 def design(drive: Drive, delay: int = 0) -> Gains:
@@ -82,8 +92,8 @@ def design(drive: Drive, delay: int = 0) -> Gains:
         current_q_p=c.current_bandwidth * m.inductance_q,
         current_i=c.current_bandwidth * m.stator_resistance * T,
         max_current=c.max_current,
-        dead_share=0.0,
-        dead_current=DEAD_CURRENT,
+        dead_share=1.0 if takes_voltage(drive) else 0.0,
+        dead_current=fading_current(drive),
         advance=(0.5 + delay) * T,
     )
 
@@ -153,8 +163,10 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     """The regulators and the modulator.
 
     Inputs: ``i`` alpha-beta currents (A); ``rotor`` speed (mechanical rad/s) and electrical angle (rad), estimated or
-    sensed; ``command`` speed reference (rad/s), DC link (V); ``gain`` as :class:`Gains`; ``integrator`` speed (N m), d
-    and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` their alpha-beta voltage (V); ``integrator``.
+    sensed, and the V_d that is estimated, if it is; ``command`` speed reference (rad/s), DC link (V); ``gain`` as
+    :class:`Gains`; ``integrator`` speed (N m), d and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` the
+    voltage (V) the filter is told of: the one that arrives where the compensation is right or, where the model has V_d,
+    the one the duty cycles command; ``integrator``.
 
     Parameters
     ----------
@@ -164,9 +176,9 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     """
     b = BlockBuilder("control", "Field-oriented control")
     i = b.input("i", ["i_alpha", "i_beta"])
-    omega, theta = b.input("rotor", ["omega", "theta"])
+    omega, theta, *estimated = b.input("rotor", ["omega", "theta", *([STATE] if STATE in drive.model.adaptive else [])])
     omega_ref, v_dc = b.input("command", ["omega_ref", "v_dc"])
-    gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names()]))
+    gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
     z_speed, z_d, z_q = b.input("integrator", ["integral_speed", "integral_d", "integral_q"])
 
     motor = drive.motor
@@ -204,8 +216,17 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
     v = Rotor.at(acting).to_stator((v_d_lim, v_q_lim))
     _record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
-    duty = _svpwm(b, v, v_link, _dead_time(b, gain, i))
+    lost = gain.dead_share
+    if takes_voltage(drive):
+        V_d = estimated[0] if estimated else constant_voltage(constants, ca.SX(lost_voltage(drive)))
+        lost = lost * V_d / v_link
+        _record(b, "share of a leg's duty cycle that the inverter takes", {"lost_share": lost})
+    duty = _svpwm(b, v, v_link, _dead_time(b, gain, lost, i))
     b.output("duty", duty)
+    if takes_voltage(drive):
+        v_alpha, v_beta = clarke(duty)
+        v = v_link * v_alpha, v_link * v_beta
+        _record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})
     b.output("v", list(v))
     b.output("integrator", [z_speed, z_d, z_q])
     return b.build()
@@ -293,17 +314,16 @@ def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torq
     return i_d, i_q
 
 
-def _dead_time(b: BlockBuilder, gain: Any, i: list[Any]) -> list[Any]:
-    """The part of each leg's duty cycle that dead time takes: its share of T, with the sign of the leg's current."""
-    half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[1]
-    phases = [i[0], half + cross, half - cross]
+def _dead_time(b: BlockBuilder, gain: Any, lost: Any, i: list[Any]) -> list[Any]:
+    """The part of each leg's duty cycle that the inverter takes, with the sign of the leg's current."""
+    phases, parts = legs(i)
     names = ["i_a", "i_b", "i_c"]
-    signs = [ca.fmax(-1.0, ca.fmin(1.0, phase / gain.dead_current)) for phase in phases]
-    _record(b, "dead-time compensation", {"minus_half_i_alpha": half, "cross_i_beta": cross})
+    signs = [saturated(phase / gain.dead_current) for phase in phases]
+    _record(b, "dead-time compensation", parts)
     _record(
         b, "", {**dict(zip(names, phases, strict=True)), **{f"sign_{n}": s for n, s in zip(names, signs, strict=True)}}
     )
-    return [gain.dead_share * sign for sign in signs]
+    return [lost * sign for sign in signs]
 
 
 def _svpwm(b: BlockBuilder, v: Pair, v_link: Any, lost: list[Any]) -> list[Any]:

@@ -10,17 +10,25 @@ from model.machines.base import Named, Pair, Parameters
 from model.quantities import Constants
 
 
+def constant_voltage(constant: Constants, V_d: Any) -> Any:
+    """V_d as the drive file has it: one number by one name in filter and controller.
+
+    Parameters
+    ----------
+    constant : Constants
+        Collects those of the filter or of the controller.
+    V_d : SX
+        V.
+    """
+    return constant("V_DEAD", V_d, "V_dc t_d f_sw + V_drop, V: what a leg loses")
+
+
 @dataclass(frozen=True)
 class LostVoltage:
     """v = u - V_d g(i), g the Clarke transform of the legs' saturated current signs."""
 
     par: Parameters
     constant: Constants
-
-    @property
-    def constant_voltage(self) -> Any:
-        """V_d as the drive file has it."""
-        return self.constant("V_DEAD", self.par.V_d, "V_dc t_d f_sw + V_drop, V: what a leg loses")
 
     def signs(self, i: list[Any]) -> tuple[Pair, Named]:
         """g, and what it is made of.

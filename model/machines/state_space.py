@@ -12,7 +12,7 @@ from model.inverter import STATE, takes_voltage
 from model.machines import Machine, find_machine
 from model.machines.adaptive import Adaptive, own_value
 from model.machines.base import Named, Pair, Parameters, Rotor
-from model.machines.lost_voltage import LostVoltage
+from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
 from model.quantities import Constant, Constants, Quantity
 from model.schema import Drive
@@ -124,7 +124,7 @@ class StateSpaceModel:
         g, named = self.lost.signs(self.measure(x)[0])
         if STATE in self.adaptive.words:
             return {"u": commanded, "g": g}, named
-        return {"v": self.lost.remaining(commanded, g, self.lost.constant_voltage)}, named
+        return {"v": self.lost.remaining(commanded, g, constant_voltage(self._constants, self.lost.par.V_d))}, named
 
     def propagate(self, x: list[Any], u: list[Any], g: list[Any] | None = None) -> tuple[list[Any], Named]:
         """f: the state one sample later, eq. 6 and 7.

@@ -247,7 +247,9 @@ class Simulator:
         gain = dict(zip(names, self.module.GAIN, strict=True))
         if conditions.delay:
             gain["advance"] = self.module.ADVANCE_DELAYED
-        if conditions.inverter == "pwm" and conditions.compensate:
+        if "compensation" in gain:  # the model has what the inverter takes
+            gain["compensation"] *= conditions.compensate
+        elif conditions.inverter == "pwm" and conditions.compensate:
             gain["dead_share"] = conditions.dead_time / self.module.SAMPLE_TIME
         return tuple(gain[name] for name in names)
 

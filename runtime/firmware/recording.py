@@ -94,7 +94,7 @@ def controller_recording(folder: GeneratedFolder, steps: int) -> Recording:
     at = round(LOAD_AT / folder.module.SAMPLE_TIME) - shares[1] // 4
     loaded, sensored = slice(at, at + shares[1]), slice(at + shares[1], at + shares[1] + shares[2])
     spoilt = slice(sensored.stop, sensored.stop + shares[3])
-    compensated = {_gain(folder, "dead_share"): 0.02}
+    compensated = {_gain(folder, "dead_share"): 0.02} if "dead_share" in folder.module.GAIN_NAMES else {}
     turned = float(np.remainder(run.theta[sensored.start] + np.pi, 2 * np.pi) - np.pi)
     sensors = {"sensored": 1, "sensed[0]": float(run.omega[sensored.start]), "sensed[1]": turned}
     segments = [

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.proof.inverter import make_inverter
+
 Array = NDArray[Any]
 
-#: Where dead-time compensation reaches its full size, A; least DC link, V; largest sensed angle, rad.
+#: Where dead-time compensation of a drive that says nothing of its inverter reaches its full size, A; least DC link, V;
+#: largest sensed angle, rad.
 DEAD_CURRENT, LEAST_LINK, SENSED_MAX = 0.3, 1.0, 1000.0
 #: A third of a turn.
 THIRD = np.exp(2j * math.pi / 3)
@@ -32,7 +35,9 @@ def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
     speed, current = c["speed_bandwidth"], c["current_bandwidth"]
     J, R = m["inertia"], m["stator_resistance"]
     regulators = [2 * speed * J, speed * speed * J * T, current * m["inductance_d"], current * m["inductance_q"]]
-    return np.array([*regulators, current * R * T, c["max_current"], 0.0, DEAD_CURRENT, T / 2 + delay * T])
+    inverter = make_inverter(parameters)
+    dead = [1.0, inverter.fading] if inverter else [0.0, DEAD_CURRENT]
+    return np.array([*regulators, current * R * T, c["max_current"], *dead, T / 2 + delay * T])
 
 
 def clarke(phase: Array) -> complex:
@@ -52,7 +57,7 @@ def clarke(phase: Array) -> complex:
 class Sample:
     """One sample by hand.
 
-    Duty cycles (3,), the voltage they stand for (V), integrators (3,), and on the way the largest torque and the torque
+    Duty cycles (3,), the voltage (V) the filter is told of, integrators (3,), and on the way the largest torque and the torque
     that is asked for (N m).
     """
 
@@ -67,6 +72,7 @@ def control(
     parameters: Mapping[str, Any],
     i: complex,
     rotor: Array,
+    x: Array,
     command: Array,
     gain: Array,
     integrator: Array,
@@ -82,6 +88,8 @@ def control(
         Stator current, A.
     rotor : ndarray, (2,)
         Mechanical speed, rad/s, and electrical angle, rad.
+    x : ndarray, (n,)
+        The filter's state, where V_d may be in it, V.
     command : ndarray, (2,)
         Speed reference, rad/s, and DC link, V.
     gain : ndarray, (9,)
@@ -113,8 +121,11 @@ def control(
     v_stator = limited * np.exp(1j * (theta + omega_e * advance))
     legs, currents = (np.real(x * THIRD ** -np.arange(3)) for x in (v_stator, i))
     middle = (legs.max() + legs.min()) / 2
-    duty = 0.5 + (legs - middle) / link + dead_share * np.clip(currents / dead_current, -1, 1)
-    return Sample(np.clip(duty, 0, 1), complex(v_stator), np.array([z_speed, z_d, z_q]), limit, torque)
+    inverter = make_inverter(parameters)
+    lost = dead_share * float(np.ravel(inverter.voltage(x))[0]) / link if inverter else dead_share
+    duty = np.clip(0.5 + (legs - middle) / link + lost * np.clip(currents / dead_current, -1, 1), 0, 1)
+    told = link * 2 / 3 * np.sum(duty * THIRD ** np.arange(3)) if inverter else v_stator
+    return Sample(duty, complex(told), np.array([z_speed, z_d, z_q]), limit, torque)
 
 
 def torque_of(motor: Mapping[str, Any], i_dq: complex) -> float:

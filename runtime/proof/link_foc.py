@@ -105,7 +105,7 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
     math, errors = module.MATH["float64"], []
     for seed, (sensored, delay, dead) in enumerate(settings()):
         gains = gains_of(parameters, delay)
-        gains[6] = dead
+        gains[6] = dead * (50 if gains[6] else 1)  # of a V_d that the model has: all or none of it
         c = module.new_controller(np.float64, gains, sensored, delay)
         for phase, command, sensed in zip(*inputs(parameters, seed), strict=True):
             before = deepcopy(c)
@@ -188,7 +188,7 @@ def _sample(
         else:
             status |= COMMAND_REJECTED
     gains = np.array(c.gain, dtype=float)
-    sample = control(parameters, i, rotor, held, gains, np.array(c.integrator, dtype=float), i_ref)
+    sample = control(parameters, i, rotor, x, held, gains, np.array(c.integrator, dtype=float), i_ref)
     return sample, held, status
 
 
@@ -205,8 +205,8 @@ def _bits(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str
         gains = gains_of(parameters, delay)
         loaded += int(np.sum(np.asarray(list(c.gain), single) != np.asarray(gains, single)))
         loaded += int(c.delay != delay) + int(c.sensored != 0) + int(list(c.sensed) != [0.0, 0.0])
-        gains[6] = dead
-        c.gain[6], c.sensored = single(dead), sensored
+        gains[6] = dead * (50 if gains[6] else 1)
+        c.gain[6], c.sensored = single(gains[6]), sensored
         twin = module.new_controller(single, gains, sensored, delay)
         loaded += int(_words(c, module) != _words(twin, module))
         duty = ffi.new("float[3]")
