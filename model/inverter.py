@@ -29,7 +29,9 @@ STATE = "dead_time_voltage"
 #: A: below it the signs fade where nothing is said of the inverter: six sigmas of a current sensor with 0.05 A noise.
 UNTOLD_CURRENT = 0.3
 #: The signs fade below so many sigmas of the current sensor, and below this share of the largest current.
-FADING_SIGMAS, FADING_SHARE = 6.0, 0.02
+FADING_SIGMAS, FADING_SHARE = 3.0, 0.005
+#: V_d as a state is not learnt from currents below this share of the largest.
+SEEN_SHARE = 0.05
 
 
 def lost_voltage(drive: Drive) -> float:
@@ -67,6 +69,20 @@ def fading_current(drive: Drive) -> float:
         return UNTOLD_CURRENT
     sigma = math.sqrt(drive.filter.measurement_noise[0])
     return max(FADING_SIGMAS * sigma, FADING_SHARE * drive.control.max_current)
+
+
+def seeing_current(drive: Drive) -> float:
+    """The current from which on what a leg loses shows, A; from sqrt(2) times it on in full.
+
+    Of a current that passes zero within a period, or hangs there, a real inverter takes less than g says, and a filter
+    that learnt from it would believe in a better inverter than it has.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its control section gives the largest current, A.
+    """
+    return SEEN_SHARE * drive.control.max_current
 
 
 def legs(vector: Any) -> tuple[list[Any], dict[str, Any]]:

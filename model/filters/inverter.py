@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
-
 from model.filters.program import BlockBuilder, Call
 from model.machines.state_space import INPUTS, StateSpaceModel
 
-_MEANING = {
-    "v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs",
-    "g": "g(h(x)): the Clarke transform of the legs' saturated signs",
-}
+#: Where V_d is a constant, and where it is a state.
+_MEANINGS = (
+    {"v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs"},
+    {"v": "v = u - (1 - seen) V_d g(h(x)), V_d the estimate's", "g": "seen g(h(x)): what each point's own V_d acts on"},
+)
 
 
 def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
@@ -28,17 +27,14 @@ def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
     model : StateSpaceModel
         Says what f takes beside the state.
     """
-    made = [name for name in model.inputs if name != "u"]
-    if not made:
+    if model.lost is None:
         return ()
     b = BlockBuilder("inverter", "Inverter: what dead time and switches leave of the voltage")
     x = b.input("x", [state.name for state in model.states])
-    commanded = [quantity.name for quantity in INPUTS]
-    u = ca.vertsplit(model.u) if "u" in model.inputs else b.input("u", commanded)  # the first hands u on unread
-    applied, named = model.applied(x, u)
+    applied, named = model.applied(x, b.input("u", [quantity.name for quantity in INPUTS]))
     b.working("", named, "here")
-    for name in made:
-        b.stage(name, "", _MEANING[name], list(applied[name]), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
+    for name, meaning in _MEANINGS[len(applied) - 1].items():
+        b.stage(name, "", meaning, list(applied[name]), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
         b.output(name, list(applied[name]))
     return (Call(b.build()),)
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from model.inverter import fading_current, lost_voltage
+from model.inverter import fading_current, lost_voltage, seeing_current
 from model.quantities import Constants, Quantity
 from model.schema import Drive
 
@@ -33,6 +33,7 @@ class Parameters:
     T: Any
     V_d: Any = 0.0  # V, what the inverter takes from a leg
     I_0: Any = 1.0  # A, below which it takes less
+    I_1: Any = 1.0  # A, below which that says little of V_d
 
     @classmethod
     def numeric(cls, drive: Drive) -> Parameters:
@@ -55,6 +56,7 @@ class Parameters:
             T=ca.SX(drive.model.sample_time),
             V_d=ca.SX(lost_voltage(drive)),
             I_0=ca.SX(fading_current(drive)),
+            I_1=ca.SX(seeing_current(drive)),
         )
 
     @classmethod

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
+
 from model.inverter import clarke, legs, saturated
 from model.machines.base import Named, Pair, Parameters
 from model.quantities import Constants
@@ -44,6 +46,18 @@ class LostVoltage:
         g = clarke(signs)
         named = {f"sign_{leg}": sign for leg, sign in zip("abc", signs, strict=True)}
         return g, {**named, "g_alpha": g[0], "g_beta": g[1]}
+
+    def seen(self, i: list[Any]) -> Any:
+        """How much of what is lost says something of V_d: 0 below I_1, 1 from sqrt(2) I_1 on.
+
+        Parameters
+        ----------
+        i : list of Any, (2,)
+            Stator current, A.
+        """
+        formula = "1 / (I_1 I_1), 1/A^2: below I_1 nothing is seen of V_d"
+        scale = self.constant("SEEN_PER_A_SQ", 1 / (self.par.I_1 * self.par.I_1), formula)
+        return ca.fmax(0.0, ca.fmin(1.0, scale * (i[0] * i[0] + i[1] * i[1]) - 1))
 
     @staticmethod
     def remaining(u: Pair, g: Pair, V_d: Any) -> Pair:

@@ -27,10 +27,10 @@ OUTPUTS = (
 )
 
 
-#: What f takes where V_d is a state: the voltage as it is commanded, and which way each leg falls short of it.
+#: What f takes where V_d is a state: the direction in which it acts.
 SIGNS = (
-    Quantity("g_alpha", r"g_\alpha", "1", "Clarke transform of the legs' current signs, alpha axis"),
-    Quantity("g_beta", r"g_\beta", "1", "Clarke transform of the legs' current signs, beta axis"),
+    Quantity("g_alpha", r"g_\alpha", "1", "direction in which V_d acts, alpha axis"),
+    Quantity("g_beta", r"g_\beta", "1", "direction in which V_d acts, beta axis"),
 )
 
 
@@ -97,19 +97,22 @@ class StateSpaceModel:
     def inputs(self) -> dict[str, tuple[Quantity, ...]]:
         """What f takes beside the state, by the names its arrays have in a step.
 
-        ``u`` is the voltage as commanded, ``v`` the one applied. Where V_d is a state each point has its own, so that f
-        takes u and the signs ``g``, which the points share.
+        ``u`` is the voltage as commanded, ``v`` the one applied. Where V_d is a state each point has its own: f takes
+        it off v times the direction ``g``, which the points share.
         """
         if self.lost is None:
             return {"u": INPUTS}
-        return {"u": INPUTS, "g": SIGNS} if STATE in self.adaptive.words else {"v": INPUTS}
+        return {"v": INPUTS, "g": SIGNS} if STATE in self.adaptive.words else {"v": INPUTS}
 
     def applied(self, x: list[Any], u: list[Any]) -> tuple[dict[str, Pair], Named]:
         """What f takes for a commanded voltage where the state is x, its arrays by name.
 
         The signs are those of the current the filter believes in at the beginning of the interval: one point's, not
-        each point's own. They jump where a current passes zero, so that no spread of points around a jump says what
-        they do; a point of its own is six clamps dearer a column, and estimates no better.
+        each point's own. They jump where a current passes zero, so that a spread of points about a jump says little of
+        what they do, and they do not turn with the stator frame as the motor does.
+
+        Where V_d is a state, g is only as long as V_d shows (:meth:`LostVoltage.seen`); the rest is taken off at the
+        estimate's V_d, which no point moves.
 
         Parameters
         ----------
@@ -121,10 +124,21 @@ class StateSpaceModel:
         commanded = u[0], u[1]
         if self.lost is None:
             return {"u": commanded}, {}
-        g, named = self.lost.signs(self.measure(x)[0])
-        if STATE in self.adaptive.words:
-            return {"u": commanded, "g": g}, named
-        return {"v": self.lost.remaining(commanded, g, constant_voltage(self._constants, self.lost.par.V_d))}, named
+        i = self.measure(x)[0]
+        g, named = self.lost.signs(i)
+        if STATE not in self.adaptive.words:
+            V_d = constant_voltage(self._constants, self.lost.par.V_d)
+            return {"v": self.lost.remaining(commanded, g, V_d)}, named
+        seen = self.lost.seen(i)
+        hidden = (1 - seen) * self._voltage(x)
+        return {"v": self.lost.remaining(commanded, g, hidden), "g": (seen * g[0], seen * g[1])}, {
+            **named,
+            "seen": seen,
+        }
+
+    def _voltage(self, x: list[Any]) -> Any:
+        """V_d, the state."""
+        return self._mechanical(x)[1][self.adaptive.words.index(STATE)]
 
     def propagate(self, x: list[Any], u: list[Any], g: list[Any] | None = None) -> tuple[list[Any], Named]:
         """f: the state one sample later, eq. 6 and 7.
@@ -134,13 +148,12 @@ class StateSpaceModel:
         x : list of Any
             State, in the model's order.
         u : list of Any
-            Mean voltage over the interval, V: the one applied, or with ``g`` the one commanded.
+            Mean voltage over the interval, V: the one applied, or what ``g`` takes V_d, a state, off.
         g : list of Any, optional
-            What V_d, a state, is taken of.
+            The direction in which V_d acts.
         """
         if self.lost is not None and g is not None:
-            V_d = self._mechanical(x)[1][self.adaptive.words.index(STATE)]
-            u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), V_d))
+            u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), self._voltage(x)))
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
         sample = machine.euler if self.discretization == "euler" else machine.exact

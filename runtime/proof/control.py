@@ -57,8 +57,8 @@ def clarke(phase: Array) -> complex:
 class Sample:
     """One sample by hand.
 
-    Duty cycles (3,), the voltage (V) the filter is told of, integrators (3,), and on the way the largest torque and the torque
-    that is asked for (N m).
+    Duty cycles (3,), the voltage (V) the filter is told of, integrators (3,), and on the way the largest torque and the
+    torque that is asked for (N m).
     """
 
     duty: Array

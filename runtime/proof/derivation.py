@@ -22,8 +22,9 @@ R, L_d, L_q, psi_m, p, J, D, T = sp.symbols("R L_d L_q psi_m p J D T", real=True
 omega, theta, T_L, v_alpha, v_beta = sp.symbols("omega theta load_torque v_alpha v_beta", real=True)
 #: Motor data that may be states: what stands for them then.
 SLOW = {word: sp.Symbol(word, real=True) for word in ("magnet_flux", "stator_resistance", "dead_time_voltage")}
-#: The inverter: what a leg loses, V, and the current below which it loses less, A; the directions in which it does.
-V_d, I_0 = sp.symbols("V_d I_0", real=True)
+#: The inverter: what a leg loses, V, and the currents below which it loses less and
+#: below which that says little, A; the direction in which it does.
+V_d, I_0, I_1 = sp.symbols("V_d I_0 I_1", real=True)
 g_alpha, g_beta = sp.symbols("g_alpha g_beta", real=True)
 #: Stands for the square root of 3, which no field of numbers modulo a prime need have; it is nowhere squared.
 ROOT_3 = sp.Symbol("root_3", real=True)
@@ -195,16 +196,24 @@ def second_inverter(i: sp.Matrix) -> sp.Matrix:
     return sp.Rational(2, 3) * sum((share * leg for share, leg in zip(against, legs, strict=True)), sp.zeros(2, 1))
 
 
-def _inverter_row(drive: Drive) -> Row:
-    """What the model makes of a commanded voltage: u - V_d g(i), or g alone where V_d is a state."""
+def _inverter_rows(drive: Drive) -> list[Row]:
+    """What the model makes of a commanded voltage: u - V_d g; or g as far as V_d shows, and the rest taken off."""
     model = build(drive, Parameters.symbolic())
     applied = model.applied(ca.vertsplit(model.x), ca.vertsplit(model.u))[0]
-    ((name, ours),) = ((name, pair) for name, pair in applied.items() if name != "u")
-    wanted = second_inverter(to_sympy(model.h))
-    if name == "v":
-        wanted = sp.Matrix([v_alpha, v_beta]) - V_d * wanted
-    pairs = zip(_exact(to_sympy(ca.vertcat(*ours))), _exact(wanted), strict=True)
-    return Row("-", name, "entries that differ", float(sum(not identical(a, b) for a, b in pairs)), 0.0, 2)
+    i = to_sympy(model.h)
+    g = second_inverter(i)
+    if "g" in applied:
+        shown = sp.Max(0, sp.Min(1, i.dot(i) / I_1**2 - 1))
+        off, wanted = SLOW["dead_time_voltage"] * (1 - shown), {"g": shown * g}
+    else:
+        off, wanted = V_d, {}
+    wanted["v"] = sp.Matrix([v_alpha, v_beta]) - off * g
+    rows = []
+    for name, ours in applied.items():
+        pairs = zip(_exact(to_sympy(ca.vertcat(*ours))), _exact(wanted[name]), strict=True)
+        different = sum(not identical(a, b) for a, b in pairs)
+        rows.append(Row("-", name, "entries that differ", float(different), 0.0, 2))
+    return rows
 
 
 def _exact(formula: sp.Matrix) -> sp.Matrix:
@@ -257,5 +266,5 @@ def compare_derivations(drive: Drive) -> Link:
         different = sum(not is_derivative(*pair) for pair in pairs)
         rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(pairs)))
     if takes_voltage(drive):
-        rows.append(_inverter_row(drive))
+        rows += _inverter_rows(drive)
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

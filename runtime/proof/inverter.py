@@ -22,11 +22,15 @@ LEGS = np.exp(2j * math.pi / 3 * np.arange(3))
 
 @dataclass(frozen=True)
 class LossyInverter:
-    """``V_d`` V, unless the state has it at ``place``; a leg's sign is linear below ``fading`` A."""
+    """``V_d`` V, unless the state has it at ``place``; a leg's sign is linear below ``fading`` A.
+
+    A state V_d is learnt from ``showing`` A on, in full where the square is twice as much.
+    """
 
     V_d: float
     fading: float
     place: int | None
+    showing: float
 
     def shortfall(self, i: Array) -> Array:
         """In which direction and how far, in units of V_d, the voltage falls short: (..., 2) of currents (..., 2).
@@ -40,6 +44,11 @@ class LossyInverter:
         against = np.clip(np.real(z[..., None] * np.conj(LEGS)) / self.fading, -1, 1)
         sum_of_legs = 2 / 3 * (against * LEGS).sum(axis=-1)
         return np.stack([sum_of_legs.real, sum_of_legs.imag], axis=-1)
+
+    def shown(self, i: Array) -> Array:
+        """The share of it that says something of a V_d that is a state: (..., 1) of currents (..., 2); else all."""
+        square = np.sum(i * i, axis=-1, keepdims=True) / self.showing**2
+        return np.clip(square - 1.0, 0.0, 1.0) if self.place is not None else np.ones_like(square)
 
     def voltage(self, x: Array) -> Any:
         """V_d where the state is x (..., n), V."""
@@ -75,7 +84,8 @@ def make_inverter(parameters: Mapping[str, Any]) -> LossyInverter | None:
         return None
     noise = math.sqrt(parameters["filter"]["measurement_noise"][0])
     place = slow.index("dead_time_voltage") - len(slow) if estimated else None
-    return LossyInverter(V_d, max(6 * noise, parameters["control"]["max_current"] / 50), place)
+    most = parameters["control"]["max_current"]
+    return LossyInverter(V_d, max(3 * noise, most / 200), place, most / 20)
 
 
 def commanded(parameters: Mapping[str, Any], v: Array, i: Array) -> Array:

@@ -40,7 +40,7 @@ class Reference:
     eps: float
     order: list[int]  # of the states in the factors of P
     inverter: LossyInverter | None = None
-    shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage in this step, in units of V_d
+    shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of V_d
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -75,9 +75,13 @@ class Reference:
         self.x[..., 3] = wrap(self.x[..., 3])
 
     def _predict(self, u: Array) -> tuple[Array, Array]:
-        if self.inverter:  # which way it falls short is the estimate's word, for all points alike
-            self.shortfall = self.inverter.shortfall(self._h(self.x))
-            self.stages |= {"g": self.shortfall[..., None, :], "v": self._applied(self.x, u)[..., None, :]}
+        if self.inverter:  # the estimate's word for all points alike: which way, and at its own V_d what does not show
+            i = self._h(self.x)
+            way, shown = self.inverter.shortfall(i), self.inverter.shown(i)
+            estimated = self.inverter.place is not None
+            u = u - self.inverter.voltage(self.x) * (1 - shown if estimated else 1) * way
+            self.shortfall = shown * way if estimated else np.zeros(2)
+            self.stages |= {"g": self.shortfall[..., None, :], "v": u[..., None, :]}
         predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
         return predict(u)
 
@@ -97,7 +101,7 @@ class Reference:
         return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(v, -1, 0))), 0, -1)
 
     def _applied(self, x: Array, u: Array) -> Array:
-        """What the inverter leaves of a voltage, as far as a state x knows."""
+        """What a state's own V_d leaves of a voltage."""
         return u - self.inverter.voltage(x) * self.shortfall if self.inverter else u
 
     def _h(self, x: Array) -> Array:

@@ -49,7 +49,7 @@ def letters(drive: Drive) -> dict[str, Any]:
     in_words["the motor's magnet_flux"] = found["psi_m"]
     stated = drive.inverter or Inverter()
     inverter = {"V_dc": drive.control.dc_link, "t_d": stated.dead_time, "V_drop": stated.switch_drop}
-    inverter |= {"I_0": max(6.0, drive.control.max_current / 50)}  # of a sensor whose variance is 1
+    inverter |= {"I_0": max(3.0, drive.control.max_current / 200), "I_1": drive.control.max_current / 20}
     found |= {name: mpf(value) for name, value in inverter.items()}
     found["f_sw"] = mpf(stated.switching_frequency) if stated.switching_frequency else 1 / found["T"]
     in_words["the drive's dead_time_voltage"] = found["V_dc"] * found["t_d"] * found["f_sw"] + found["V_drop"]
@@ -142,9 +142,9 @@ def test_f_h_and_their_jacobians_are_those_of_the_motors_by_hand() -> None:
         model, hand = build(drive), make_motor(drive.model_dump())
         outputs = [model.numeric(ca.densify(e)) for e in (model.f, model.h, model.F, model.H)]
         x, u = draw_point(rng, drive, model)
-        inverter = make_inverter(drive.model_dump()) or LossyInverter(0.0, 1.0, None)
-        g = inverter.shortfall(hand.h(x))
-        arrives = {"u": u, "g": g, "v": u - inverter.V_d * g}
+        inverter = make_inverter(drive.model_dump()) or LossyInverter(0.0, 1.0, None, 1.0)
+        g = inverter.shortfall(hand.h(x)) if "g" in model.inputs else np.zeros(2)
+        arrives = {"u": u, "g": g, "v": u}
         given = [arrives[name] for name in model.inputs]
         f, h, F, H = (np.array(value) for value in ca.Function("model", model.arguments, outputs)(x, *given))
         reach = np.where(np.arange(len(x)) == model.angle, 1.0, np.abs(x))
