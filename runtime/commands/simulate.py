@@ -18,7 +18,13 @@ def simulate(
     scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load, load_step, or all.")] = "all",
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
-    dead_time: Annotated[float, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s (pwm).")] = 0.0,
+    dead_time: Annotated[
+        float | None, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s; default: the drive file's.")
+    ] = None,
+    switch_drop: Annotated[
+        float | None, typer.Option(metavar="V", min=0, help="Drop of a switch in V; default: the drive file's.")
+    ] = None,
+    min_pulse: Annotated[float, typer.Option(metavar="S", min=0, help="Shortest pulse in s (pwm).")] = 0.0,
     delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
     noise: Annotated[
         float | None, typer.Option(metavar="A", min=0, help="Current sensor noise, rms; 0.05 or the filter's if less.")
@@ -46,8 +52,8 @@ def simulate(
     from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_table, task_line
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
+    conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse, "factors": parse_factors(factors)}
     conditions |= {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
-    conditions["factors"] = parse_factors(factors)
     task, kinds = {"speed": speed, "load": load, "ramp": ramp}, filters.split(",")
     caution([drive])
     with working() as progress:

@@ -20,6 +20,7 @@ typedef struct {
     int substeps;       /* Runge-Kutta steps a sample */
     double h;           /* s, their width */
     double v_dc;        /* V */
+    double lost;        /* share of the DC link that a leg loses against its current */
     const double *share;
     int load_from;      /* the load acts from this sample on */
     int start_until;    /* first sample that does not count as start */
@@ -136,6 +137,30 @@ static void order(const lanes_f64 *__restrict speed, double share, double v_dc, 
     }
 }
 
+/* Legs less what they lose against their currents. */
+static void lose(const lanes *__restrict duty, const lanes_f64 *__restrict i, double lost, lanes_f64 *__restrict leg)
+{
+    int lane, k;
+    for (lane = 0; lane < LANES; lane++) {
+        const double a = i[0].of[lane], b = 0.5 * (ROOT_3 * i[1].of[lane] - i[0].of[lane]);
+        const double phase[3] = {a, b, -a - b};
+        for (k = 0; k < 3; k++) {
+            const int sign = ((phase[k] > 0.0) ? 1 : 0) - ((phase[k] < 0.0) ? 1 : 0);
+            leg[k].of[lane] = (double)duty[k].of[lane] - lost * sign;
+        }
+    }
+}
+
+static void invert_legs(const lanes_f64 *__restrict leg, double v_dc, lanes_f64 *__restrict v)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const double a = leg[0].of[lane], b = leg[1].of[lane], c = leg[2].of[lane];
+        v[0].of[lane] = v_dc * (2.0 * a - b - c) / 3.0;
+        v[1].of[lane] = v_dc * (b - c) / ROOT_3;
+    }
+}
+
 /* The averaged inverter. */
 static void invert(const lanes *__restrict duty, double v_dc, lanes_f64 *__restrict v)
 {
@@ -144,6 +169,24 @@ static void invert(const lanes *__restrict duty, double v_dc, lanes_f64 *__restr
         const double a = (double)duty[0].of[lane], b = (double)duty[1].of[lane], c = (double)duty[2].of[lane];
         v[0].of[lane] = v_dc * (2.0 * a - b - c) / 3.0;
         v[1].of[lane] = v_dc * (b - c) / ROOT_3;
+    }
+}
+
+/* Inverter and motor until the next sample; what is lost is looked at anew in every Runge-Kutta step. */
+static void actuate(group *g, const fleet_task *t, const lanes *duty, const lanes_f64 *load)
+{
+    lanes_f64 i[2], torque[1], leg[3], v[2];
+    int n;
+    if (t->lost <= 0.0) {
+        invert(duty, t->v_dc, v);
+        PLANT_(advance)(g->s, g->motor, v, load, t->h, t->substeps);
+        return;
+    }
+    for (n = 0; n < t->substeps; n++) {
+        PLANT_(outputs)(g->s, g->motor, i, torque);
+        lose(duty, i, t->lost, leg);
+        invert_legs(leg, t->v_dc, v);
+        PLANT_(advance)(g->s, g->motor, v, load, t->h, 1);
     }
 }
 
@@ -240,15 +283,14 @@ void fleet_run(const fleet_task *t, const fleet_runs *r, int first, int count)
         const int here = (left < LANES) ? left : LANES;
         begin(&g, r, from, here);
         for (k = 0; k < t->steps; k++) {
-            lanes_f64 i[2], torque[1], v[2];
+            lanes_f64 i[2], torque[1];
             lanes phase[2], command[2], duty[3];
             PLANT_(outputs)(g.s, g.motor, i, torque);
             sense(i, &g.sigma, draw(&g, k), phase);
             order(&g.speed, t->share[k], t->v_dc, command);
             JOIN(FOC, _lanes_step)(&g.control, phase, command, duty);
             judge_sample(&g, t, k);
-            invert(duty, t->v_dc, v);
-            PLANT_(advance)(g.s, g.motor, v, (k >= t->load_from) ? &g.load : &NO_LOAD, t->h, t->substeps);
+            actuate(&g, t, duty, (k >= t->load_from) ? &g.load : &NO_LOAD);
         }
         end(&g, r, from, here);
     }

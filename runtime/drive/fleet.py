@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.rating import sensor_noise
 from runtime.drive.motor import FACTORS, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
-from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator, controller_declarations
+from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator, controller_declarations, inverter_of
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
@@ -272,7 +272,10 @@ class Fleet:
         substeps = int(np.ceil(T / longest_step(self.folder) - 1e-9))
         task = self._ffi.new("fleet_task *")
         task.steps, task.substeps, task.h = steps, substeps, T / substeps
-        task.v_dc = self.folder.manifest["parameters"]["control"]["dc_link"]
+        parameters = self.folder.manifest["parameters"]
+        task.v_dc = parameters["control"]["dc_link"]
+        dead_time, drop = inverter_of(parameters)
+        task.lost = dead_time / self.folder.module.SAMPLE_TIME + drop / task.v_dc
         task.share = self._ffi.cast("double *", share.ctypes.data)
         task.load_from = _first(t >= scenario.load_at - 1e-12)
         task.start_until = int(np.count_nonzero(start))

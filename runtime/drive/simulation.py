@@ -47,7 +47,7 @@ class Conditions:
     """
 
     inverter: str = "averaged"  # averaged | pwm
-    dead_time: float = 0.0
+    dead_time: float | None = None  # None: as the drive file has it
     delay: int = 0
     noise: float | None = None  # rms of each of the two current sensors
     offset: tuple[float, float] = (0.0, 0.0)
@@ -58,6 +58,8 @@ class Conditions:
     theta: float = 0.0
     seed: int = 1
     factors: Mapping[str, float] = field(default_factory=dict)  # on the true motor: R, L_d, L_q, psi_m, J
+    switch_drop: float | None = None  # V; None: as the drive file has it
+    min_pulse: float = 0.0  # s, pwm alone
 
     def __post_init__(self) -> None:
         for name in ("dead_time", "noise", "range", "theta"):
@@ -232,7 +234,8 @@ class Simulator:
         m.duty_next[0:3] = [0.5, 0.5, 0.5]
         m.T = self.module.SAMPLE_TIME
         m.v_dc = parameters["control"]["dc_link"]
-        m.dead_time = conditions.dead_time
+        m.dead_time, m.drop = inverter_of(parameters, conditions.dead_time, conditions.switch_drop)
+        m.min_pulse = conditions.min_pulse
         m.offset[0:2] = list(conditions.offset)
         m.range = conditions.range or RANGE_SHARE * parameters["control"]["max_current"]
         m.step = 2 * m.range / 2**conditions.bits if conditions.bits else 0.0
@@ -249,8 +252,8 @@ class Simulator:
             gain["advance"] = self.module.ADVANCE_DELAYED
         if "compensation" in gain:  # the model has what the inverter takes
             gain["compensation"] *= conditions.compensate
-        elif conditions.inverter == "pwm" and conditions.compensate:
-            gain["dead_share"] = conditions.dead_time / self.module.SAMPLE_TIME
+        elif conditions.compensate:
+            gain["dead_share"] = (conditions.dead_time or 0.0) / self.module.SAMPLE_TIME
         return tuple(gain[name] for name in names)
 
     def _run_c(
@@ -323,6 +326,26 @@ class Simulator:
             if k % 1000 == 999:
                 progress((k + 1) / steps)
         return rows, x, duty, status
+
+
+def inverter_of(
+    parameters: Mapping[str, Any], dead_time: float | None = None, drop: float | None = None
+) -> tuple[float, float]:
+    """Dead time of a carrier period of one sample, s, and switch drop, V: as a drive file has them, unless stated.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Sections of the drive file.
+    dead_time : float, optional
+        s.
+    drop : float, optional
+        V.
+    """
+    known = parameters.get("inverter") or {"dead_time": 0.0, "switching_frequency": None, "switch_drop": 0.0}
+    periods = (known["switching_frequency"] or 0.0) * parameters["model"]["sample_time"] or 1.0  # a sample
+    own = known["dead_time"] * periods
+    return own if dead_time is None else dead_time, known["switch_drop"] if drop is None else drop
 
 
 @dataclass(frozen=True)

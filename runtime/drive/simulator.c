@@ -18,6 +18,8 @@ typedef struct {
     double T;            /* s */
     double v_dc;         /* V */
     double dead_time;    /* s */
+    double drop;         /* V, of a switch or diode that conducts */
+    double min_pulse;    /* s: a shorter pulse is left out */
     double offset[2];    /* A, of the two current sensors */
     double step;         /* A, of one count of the converter; 0: no quantisation */
     double range;        /* A, full scale of the converter */
@@ -58,6 +60,56 @@ static void advance(simulator *m, const double leg[3], double load, double lengt
     JOIN(PLANT, _advance)(m->s, m->motor, v, load, length / n, n);
 }
 
+static int sign_of(double value)
+{
+    return ((value > 0.0) ? 1 : 0) - ((value < 0.0) ? 1 : 0);
+}
+
+static void phase_currents(const simulator *m, double phase[3])
+{
+    double i[2], torque[1];
+    JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
+    phase[0] = i[0];
+    phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
+    phase[2] = -phase[0] - phase[1];
+}
+
+/* Legs less `lost`, a share of the DC link, against their currents. */
+static void conduct(simulator *m, const double leg[3], double lost, double load, double length)
+{
+    double phase[3], left[3];
+    int k;
+    if (lost <= 0.0) {
+        advance(m, leg, load, length);
+        return;
+    }
+    phase_currents(m, phase);
+    for (k = 0; k < 3; k++) {
+        left[k] = leg[k] - lost * sign_of(phase[k]);
+    }
+    advance(m, left, load, length);
+}
+
+/* The averaged inverter. What it loses is looked at anew in every Runge-Kutta step: currents pass zero. */
+static void averaged(simulator *m, double load)
+{
+    const double lost = m->dead_time / m->T + m->drop / m->v_dc;
+    const int n = (lost > 0.0) ? (int)ceil(m->T / m->h_max - 1e-9) : 1;
+    int k;
+    for (k = 0; k < n; k++) {
+        conduct(m, m->duty, lost, load, m->T / n);
+    }
+}
+
+/* A pulse too short for the switches is left out, a gap too short is filled. */
+static double switched(const simulator *m, double duty)
+{
+    if (duty * m->T < m->min_pulse) {
+        return 0.0;
+    }
+    return ((1.0 - duty) * m->T < m->min_pulse) ? 1.0 : duty;
+}
+
 /* Half a carrier period in which every leg changes state once: at `edge` (s from its start) from `before`. */
 static void half_period(simulator *m, const double edge[3], double before, double load)
 {
@@ -74,23 +126,20 @@ static void half_period(simulator *m, const double edge[3], double before, doubl
                 next = k;
             }
         }
-        advance(m, leg, load, edge[next] - at);
+        conduct(m, leg, m->drop / m->v_dc, load, edge[next] - at);
         at = edge[next];
         leg[next] = 1.0 - before;
         done[next] = 1;
     }
-    advance(m, leg, load, 0.5 * m->T - at);
+    conduct(m, leg, m->drop / m->v_dc, load, 0.5 * m->T - at);
 }
 
 /* Dead time: a leg whose current flows out (i > 0) turns on late, one whose current flows in turns off late. */
 static void dead_time(const simulator *m, int rising, double edge[3])
 {
-    double i[2], torque[1], phase[3];
+    double phase[3];
     int k;
-    JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
-    phase[0] = i[0];
-    phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
-    phase[2] = -phase[0] - phase[1];
+    phase_currents(m, phase);
     for (k = 0; k < 3; k++) {
         if ((phase[k] > 0.0) == (rising != 0)) {
             edge[k] = fmin(0.5 * m->T, edge[k] + m->dead_time);
@@ -108,8 +157,11 @@ void simulator_actuate(simulator *m, const float duty[3], double load)
         m->duty_next[k] = (double)duty[k];
     }
     if (!m->switching) {
-        advance(m, m->duty, load, m->T);
+        averaged(m, load);
         return;
+    }
+    for (k = 0; k < 3; k++) {
+        m->duty[k] = switched(m, m->duty[k]);
     }
     for (k = 0; k < 3; k++) {
         edge[k] = 0.5 * m->T * (1.0 - m->duty[k]);

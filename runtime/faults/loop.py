@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.rating import sensor_noise
 from runtime.drive.motor import longest_step, true_motor
 from runtime.drive.scenario import Scenario
-from runtime.drive.simulation import SIMULATOR, controller_declarations, simulator_struct
+from runtime.drive.simulation import SIMULATOR, controller_declarations, inverter_of, simulator_struct
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
@@ -150,7 +150,9 @@ class FaultyLoop:
         getattr(self._library, f"{self.folder.drive}_plant_rest")(m.motor, 0.0, m.s)
         m.duty_next[0:3] = [0.5, 0.5, 0.5]
         m.T = self.module.SAMPLE_TIME
-        m.v_dc = self.folder.manifest["parameters"]["control"]["dc_link"]
+        parameters = self.folder.manifest["parameters"]
+        m.v_dc = parameters["control"]["dc_link"]
+        m.dead_time, m.drop = inverter_of(parameters)
         m.h_max = longest_step(self.folder)
         m.delay = 1
         return m
