@@ -52,12 +52,13 @@ def simulate(
     from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_table, task_line
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
-    conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse, "factors": parse_factors(factors)}
-    conditions |= {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
+    conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse}
+    others = {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
+    setting = {**conditions, **others, "factors": parse_factors(factors)}
     task, kinds = {"speed": speed, "load": load, "ramp": ramp}, filters.split(",")
     caution([drive])
     with working() as progress:
-        result = simulate_drive(drive, scenario, kinds, conditions, controller, sweep, json, out, progress, task)
+        result = simulate_drive(drive, scenario, kinds, setting, controller, sweep, json, out, progress, task)
     for asked in dict.fromkeys(run.scenario for run in result.runs):
         console.print(task_line(asked), highlight=False)
     console.print(runs_table(result.runs))

@@ -17,7 +17,7 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.probe import Entries, c_entries, first_parted, locate, numpy_entries, parted
 from runtime.proof.result import Divergence, Link, Row
-from runtime.proof.starts import PIECES, Start, from_box, pieces
+from runtime.proof.starts import Start, from_box, pieces
 
 Array = NDArray[Any]
 
@@ -71,7 +71,8 @@ class Bits:
         """Compare the lane form as batches run it: from every start, all lanes side by side."""
         backend = CBackend(self.folder, self.step.kind, "float32")
         steps = len(self.starts[-1].u)
-        data = f"{steps} steps of {PIECES} lanes and {self.singles[0].lanes} draws, lane form, {find_compiler()[0]}"
+        lanes, draws = self.starts[-1].lanes, self.singles[0].lanes
+        data = f"{steps} steps of {lanes} lanes and {draws} draws, lane form, {find_compiler()[0]}"
         rows = self._from_starts(backend)
         first = self._first_lane(self.expected[-1], self._run(backend, self.starts[-1]))
         return self._link("NumPy float32 = each lane of a batch in C, bit for bit", data, rows, first)

@@ -18,8 +18,20 @@ from runtime.estimator.numpy_backend import NumpyBackend
 
 Array = NDArray[Any]
 
-#: Pieces the trajectory is cut into: no multiple of any vector's length.
+#: Pieces the trajectory is cut into for up to seven states: no multiple of any vector's length.
 PIECES = 21
+
+
+def piece_count(module: ModuleType) -> int:
+    """How many pieces the trajectory is cut into: two more for each state beyond the seventh, which has a lane.
+
+    Parameters
+    ----------
+    module : ModuleType
+        The generated Python module.
+    """
+    return PIECES + 2 * max(0, len(module.STATES) - 7)
+
 
 #: Angles at which the last bit of each coefficient of sine and cosine shows, sought among four million.
 TELLING = (1.5846115350723267, -1.4174660444259644, 3.141575574874878, 1.687328815460205, 1.6679680347442627)
@@ -200,15 +212,16 @@ def pieces(module: ModuleType, u: Array, y: Array) -> Start:
     y : ndarray
         Currents, A, (N, 2).
     """
-    steps, limits = len(u) // PIECES, module.DEFAULTS
-    u, y = (a[: steps * PIECES].reshape(PIECES, steps, 2).transpose(1, 2, 0).copy() for a in (u, y))
+    count = piece_count(module)
+    steps, limits = len(u) // count, module.DEFAULTS
+    u, y = (a[: steps * count].reshape(count, steps, 2).transpose(1, 2, 0).copy() for a in (u, y))
     u[steps // 2, 0, 1], y[steps // 3, 1, 2], y[steps // 4, 0, -1] = np.nan, np.inf, 1e9
     for axis, lane in ((0, 4), (1, 7)):
         u[-1, axis, lane], y[-1, axis, lane + 1] = limits["u_max"], limits["y_max"]
-    uncertain = np.where(np.arange(PIECES) % 3 == 0, np.float32(16), np.float32(1))
+    uncertain = np.where(np.arange(count) % 3 == 0, np.float32(16), np.float32(1))
     words = module.pack(np.diag(limits["P_0"])).astype(np.float32)[:, None] * uncertain
-    x = np.repeat(np.array(limits["x_0"], dtype=np.float32)[:, None], PIECES, axis=1)
-    spread = np.arange(PIECES, dtype=np.float32) - np.float32(9.5)
+    x = np.repeat(np.array(limits["x_0"], dtype=np.float32)[:, None], count, axis=1)
+    spread = np.arange(count, dtype=np.float32) - np.float32(9.5)
     x[2], x[module.ANGLE] = 20 * spread, 0.25 * spread  # at rest a turn turns nothing
     x[2, 12], x[module.ANGLE, 12] = 0.0, 3.1415925  # where sine is all that is left of pi's parts
     _at_their_worst(module, x, words)
@@ -244,14 +257,14 @@ def _at_their_worst(module: ModuleType, x: Array, words: Array) -> None:
 
 def _tuning(module: ModuleType) -> dict[str, Array]:
     """Q, R, P_0 and limits of each lane are data, so is its first mean; N_max is the drive file's plus one."""
-    given, lane = module.DEFAULTS, np.arange(PIECES)
+    given, lane = module.DEFAULTS, np.arange(piece_count(module))
     one_axis_worse = np.where(lane % 5 == 3, np.array([[64.0], [1.0]]), np.where(lane % 5 == 1, [[1.0], [64.0]], 1.0))
     tuned = {
         "Q": np.outer(given["Q"], 2.0 ** (lane % 3)),
         "R": np.outer(given["R"], 2.0 ** (lane % 2)) * one_axis_worse,
         "P_0": np.outer(given["P_0"], 2.0 ** (lane % 2)),
         "tolerance": np.where(lane % 5 == 4, 0.0, given["tolerance"] * 2.0 ** (lane % 4)),
-        "max_iterations": np.full(PIECES, given["max_iterations"] + 1),
+        "max_iterations": np.full(len(lane), given["max_iterations"] + 1),
     }
     if "nis_max" in given:
         tuned["nis_max"] = np.where(lane % 4 == 1, 1.0, given["nis_max"])
