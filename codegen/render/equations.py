@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -43,8 +44,10 @@ class Readable:
     """The model as one would write it down, each line a (left side, right side).
 
     Constants keep the names they have in the generated code. ``symbols`` holds LaTeX for names that need it.
+    ``inverter``: the voltage that f takes, of the one that is commanded; empty where it is that.
     """
 
+    inverter: list[tuple[sp.Symbol, sp.Expr]]
     f: list[tuple[sp.Symbol, sp.Expr]]
     h: list[tuple[sp.Symbol, sp.Expr]]
     H: sp.Matrix
@@ -75,7 +78,43 @@ def readable(drive: Drive) -> Readable:
     H = to_sympy(model.H)
     for symbol, expression in reversed(h[:-2]):
         H = H.subs(_in_full(expression, h), symbol)
-    return Readable(f, h, H, model.constants, _latex_names(model))
+    return Readable(_inverter_lines(model), f, h, H, model.constants, _latex_names(model))
+
+
+#: The voltage as it is commanded, where it is not the one that f takes.
+COMMANDED = ("u_alpha", "u_beta")
+
+
+def _inverter_lines(model: StateSpaceModel) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """What f takes of a commanded voltage, line by line."""
+    if model.lost is None:
+        return []
+    applied, named = model.applied(ca.vertsplit(model.x), [ca.SX.sym(name) for name in COMMANDED])
+    rows = {
+        quantity.name: value
+        for name, quantities in model.inputs.items()
+        for quantity, value in zip(quantities, applied[name], strict=True)
+    }
+    roots = {math.sqrt(3) / 2: sp.sqrt(3) / 2, 1 / math.sqrt(3): sp.sqrt(3) / 3}
+    return [(name, with_roots(line, roots)) for name, line in to_sympy_lines(named, rows)]
+
+
+def with_roots(line: Any, roots: dict[float, sp.Expr]) -> Any:
+    """A formula with these numbers as what they are, where CasADi has float64 and SymPy 15 digits of it.
+
+    Parameters
+    ----------
+    line : Expr or Matrix
+    roots : dict of float to Expr
+        What each number, or the negative of it, stands for.
+    """
+    found = {
+        number: sp.sign(number) * exact
+        for number in line.atoms(sp.Rational)
+        for value, exact in roots.items()
+        if abs(abs(number) - value) < 1e-14
+    }
+    return line.xreplace(found)
 
 
 def _lines(function: Callable[..., Any], arguments: list[Any], names: list[str]) -> list[tuple[sp.Symbol, sp.Expr]]:
@@ -94,6 +133,9 @@ def _in_full(expression: sp.Expr, lines: list[tuple[sp.Symbol, sp.Expr]]) -> sp.
 def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
     names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS, *SIGNS)}
     names |= {f"{state.name}_next": f"{state.symbol}'" for state in model.states}
+    names |= {f"sign_{leg}": f"s_{leg}" for leg in "abc"} | {"seen": r"\sigma"}
+    names |= {f"whole_{axis}": rf"\bar g_\{axis}" for axis in ("alpha", "beta")}
+    names |= {name: rf"u_\{name.removeprefix('u_')}" for name in COMMANDED}
     names |= {f"y_{quantity.name}": f"y_{k + 1}" for k, quantity in enumerate(OUTPUTS)}
     names |= {constant.name: rf"\mathtt{{{constant.name}}}".replace("_", r"\_") for constant in model.constants}
     return {sp.Symbol(name, real=True): latex for name, latex in names.items()}

@@ -54,6 +54,7 @@ def render_report(
             )
         ],
         discretization=model.exact_meaning if drive.model.discretization == "exact" else "forward Euler (eq. 7)",
+        inverter=[(eq.latex(left), eq.latex(right)) for left, right in eq.inverter],
         f=[(eq.latex(left), eq.latex(right)) for left, right in eq.f],
         h=[(eq.latex(left), eq.latex(right)) for left, right in eq.h],
         H=eq.latex(eq.H),

@@ -44,8 +44,7 @@ class LostVoltage:
         phases, _ = legs((scale * i[0], scale * i[1]))
         signs = [saturated(phase) for phase in phases]
         g = clarke(signs)
-        named = {f"sign_{leg}": sign for leg, sign in zip("abc", signs, strict=True)}
-        return g, {**named, "g_alpha": g[0], "g_beta": g[1]}
+        return g, {f"sign_{leg}": sign for leg, sign in zip("abc", signs, strict=True)}
 
     def seen(self, i: list[Any]) -> Any:
         """How much of what is lost says something of V_d: 0 below I_1, 1 from sqrt(2) I_1 on.

@@ -124,17 +124,17 @@ class StateSpaceModel:
         commanded = u[0], u[1]
         if self.lost is None:
             return {"u": commanded}, {}
-        i = self.measure(x)[0]
-        g, named = self.lost.signs(i)
+        i, named = self.measure(x)
+        if named:  # the currents are no states
+            named = {**named, "i_alpha": i[0], "i_beta": i[1]}
+        g, signs = self.lost.signs(i)
         if STATE not in self.adaptive.words:
             V_d = constant_voltage(self._constants, self.lost.par.V_d)
-            return {"v": self.lost.remaining(commanded, g, V_d)}, named
+            return {"v": self.lost.remaining(commanded, g, V_d)}, {**named, **signs, "g_alpha": g[0], "g_beta": g[1]}
         seen = self.lost.seen(i)
+        named |= {**signs, "whole_alpha": g[0], "whole_beta": g[1], "seen": seen}
         hidden = (1 - seen) * self._voltage(x)
-        return {"v": self.lost.remaining(commanded, g, hidden), "g": (seen * g[0], seen * g[1])}, {
-            **named,
-            "seen": seen,
-        }
+        return {"v": self.lost.remaining(commanded, g, hidden), "g": (seen * g[0], seen * g[1])}, named
 
     def _voltage(self, x: list[Any]) -> Any:
         """V_d, the state."""

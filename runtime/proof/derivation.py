@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy as sp
 
-from codegen.render.equations import equations
+from codegen.render.equations import equations, with_roots
 from model.inverter import takes_voltage
 from model.machines.base import Parameters
 from model.machines.state_space import build
@@ -208,24 +208,13 @@ def _inverter_rows(drive: Drive) -> list[Row]:
     else:
         off, wanted = V_d, {}
     wanted["v"] = sp.Matrix([v_alpha, v_beta]) - off * g
+    roots = {math.sqrt(3) / 2: ROOT_3 / 2, 1 / math.sqrt(3): ROOT_3 / 3}
     rows = []
     for name, ours in applied.items():
-        pairs = zip(_exact(to_sympy(ca.vertcat(*ours))), _exact(wanted[name]), strict=True)
+        pairs = zip(with_roots(to_sympy(ca.vertcat(*ours)), roots), wanted[name], strict=True)
         different = sum(not identical(a, b) for a, b in pairs)
         rows.append(Row("-", name, "entries that differ", float(different), 0.0, 2))
     return rows
-
-
-def _exact(formula: sp.Matrix) -> sp.Matrix:
-    """The geometry of three legs, which CasADi has as float64 and prints to 15 digits, as what it is."""
-    exact = [ROOT_3 / 2, ROOT_3 / 3, sp.Rational(2, 3)]
-    values = [math.sqrt(3) / 2, 1 / math.sqrt(3), 2 / 3]
-    named = {}
-    for number in formula.atoms(sp.Rational):
-        for value, meant in zip(values, exact, strict=True):
-            if abs(abs(number) - value) < 1e-14:
-                named[number] = sp.sign(number) * meant
-    return formula.xreplace(named)
 
 
 def _seen_from(z: sp.Expr, angle: sp.Expr) -> sp.Expr:
