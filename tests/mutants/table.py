@@ -12,6 +12,7 @@ from tests.mutants.mutant import Outcome
 KINDS = {
     "data": "drive data: the generator is given wrong ones, the reference keeps the true ones",
     "model": "equations: machines, mechanics, slow states, discretisation",
+    "inverter": "what the inverter takes: its numbers, its term, what the controller makes up for",
     "filter": "stages of the filters, the paper's shape",
     "fast form": "even and odd parts, L D L^T, turning frame",
     "passes": "rewriting of the graph",

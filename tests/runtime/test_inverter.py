@@ -21,6 +21,7 @@ from runtime.drive.simulation import Conditions, Simulator, inverter_of
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.link_foc import link_control
+from runtime.proof.link_guard import link_data
 from runtime.proof.link_text import link_text
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.second import CasadiMotor, second_motor
@@ -74,6 +75,18 @@ def test_the_chain_holds(name: str, state: bool, discretization: str, kind: str,
         assert link.passed, (link.claim, str(link.divergence), [str(row) for row in link.rows if not row.passed])
     seen = {row.stage for link in links if link.name == "A-B" for row in link.rows}
     assert {"v", "g"} & seen == ({"v", "g"} if state else {"v"})
+
+
+@pytest.mark.parametrize("state", [False, True], ids=["known", "learnt"])
+def test_controller_and_data_by_hand(state: bool, tmp_path: Path) -> None:
+    """What the duty cycles carry and the filter is told of, and what _init loads."""
+    drive = lossy("spmsm_load_torque", state, kinds=("ckf",))
+    write_folder(tmp_path / drive.name, generate_bare(drive).files)
+    folder, motor = GeneratedFolder(tmp_path / drive.name, checked=False), second_motor(drive)
+    links = link_control(folder, "ckf", "cubature", drive.model_dump(), motor)
+    links += [link_data(folder, "ckf", "cubature", drive.model_dump(), motor)]
+    for link in links:
+        assert link.passed, (link.claim, [str(row) for row in link.rows if not row.passed])
 
 
 @pytest.mark.unit

@@ -7,6 +7,7 @@ from tests.mutants.catalogue.control import CONTROL
 from tests.mutants.catalogue.data import data_mutants
 from tests.mutants.catalogue.fast import FORM
 from tests.mutants.catalogue.filters import FILTERS
+from tests.mutants.catalogue.inverter import INVERTER
 from tests.mutants.catalogue.judges import JUDGES
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
@@ -14,6 +15,17 @@ from tests.mutants.catalogue.program import PROGRAM
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.mutant import Mutant
 
-SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PROGRAM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS, *JUDGES)
+SOURCES: tuple[Mutant, ...] = (
+    *MODEL,
+    *INVERTER,
+    *FILTERS,
+    *FORM,
+    *PROGRAM,
+    *PASS,
+    *ARITHMETIC,
+    *CONTROL,
+    *SURROUNDINGS,
+    *JUDGES,
+)
 
 __all__ = ["SOURCES", "data_mutants"]

@@ -67,20 +67,14 @@ _ROWS = (
     ),
     (
         "dead time reversed",
-        "return [gain.dead_share * sign for sign in signs]",
-        "return [-gain.dead_share * sign for sign in signs]",
+        "return [lost * sign for sign in signs]",
+        "return [-lost * sign for sign in signs]",
         SURFACE,
     ),
     (
         "dead time of any current",
-        "ca.fmax(-1.0, ca.fmin(1.0, phase / gain.dead_current))",
+        "saturated(phase / gain.dead_current)",
         "phase / gain.dead_current",
-        SURFACE,
-    ),
-    (
-        "dead time: axes",
-        "half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[1]",
-        "half, cross = -0.5 * i[0], (SQRT_3 / 2) * i[0]",
         SURFACE,
     ),
     ("Clarke's factor", "(1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b", "(1 / SQRT_3) * i_a + (1 / SQRT_3) * i_b", SURFACE),
