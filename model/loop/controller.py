@@ -180,13 +180,11 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     omega_ref, v_dc = b.input("command", ["omega_ref", "v_dc"])
     gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
     z_speed, z_d, z_q = b.input("integrator", ["integral_speed", "integral_d", "integral_q"])
-
     motor = drive.motor
     L_d = constants("L_D", ca.SX(motor.inductance_d), "L_d, H")
     L_q = constants("L_Q", ca.SX(motor.inductance_q), "L_q, H")
     psi_m = constants("PSI_M", ca.SX(motor.magnet_flux), "magnet flux linkage, Wb")
     pole_pairs = constants("POLE_PAIRS", ca.SX(motor.pole_pairs), "p")
-
     i_d, i_q = Rotor.at(theta).to_rotor((i[0], i[1]))
     _record(b, "Park", {"i_d": i_d, "i_q": i_q})
     error_omega = omega_ref - omega
@@ -204,11 +202,8 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     v_max = (1 / SQRT_3) * v_link
     shrink = v_max / ca.sqrt(ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max))
     v_d_lim, v_q_lim = shrink * v_d, shrink * v_q
-    _record(
-        b,
-        "voltage hexagon's inner circle",
-        {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim},
-    )
+    named = {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim}
+    _record(b, "voltage hexagon's inner circle", named)
     z_d = z_d + gain.current_i * error[0] + _back(gain.current_i, gain.current_d_p) * (v_d_lim - v_d)
     z_q = z_q + gain.current_i * error[1] + _back(gain.current_i, gain.current_q_p) * (v_q_lim - v_q)
     _record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
@@ -216,18 +211,10 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
     v = Rotor.at(acting).to_stator((v_d_lim, v_q_lim))
     _record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
-    lost = gain.dead_share
-    if takes_voltage(drive):
-        V_d = estimated[0] if estimated else constant_voltage(constants, ca.SX(lost_voltage(drive)))
-        lost = lost * V_d / v_link
-        _record(b, "share of a leg's duty cycle that the inverter takes", {"lost_share": lost})
-    duty = _svpwm(b, v, v_link, _dead_time(b, gain, lost, i))
+    share = _lost_share(b, drive, constants, gain, estimated, v_link)
+    duty = _svpwm(b, v, v_link, _dead_time(b, gain, share, i))
     b.output("duty", duty)
-    if takes_voltage(drive):
-        v_alpha, v_beta = clarke(duty)
-        v = v_link * v_alpha, v_link * v_beta
-        _record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})
-    b.output("v", list(v))
+    b.output("v", list(_commanded(b, duty, v_link) if takes_voltage(drive) else v))
     b.output("integrator", [z_speed, z_d, z_q])
     return b.build()
 
@@ -312,6 +299,26 @@ def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torq
         i_d, i_q = -against, i_q / (1 + ratio * against)
         _record(b, "", {"minus_i_d_ref": against, "i_q_ref": i_q})
     return i_d, i_q
+
+
+def _lost_share(
+    b: BlockBuilder, drive: Drive, constants: Constants, gain: Any, estimated: list[Any], v_link: Any
+) -> Any:
+    """The share of a leg's duty cycle to make up for: as the gain says, of V_d where the model has it."""
+    if not takes_voltage(drive):
+        return gain.dead_share
+    V_d = estimated[0] if estimated else constant_voltage(constants, ca.SX(lost_voltage(drive)))
+    lost = gain.dead_share * V_d / v_link
+    _record(b, "share of a leg's duty cycle that the inverter takes", {"lost_share": lost})
+    return lost
+
+
+def _commanded(b: BlockBuilder, duty: list[Any], v_link: Any) -> Pair:
+    """The voltage that duty cycles command."""
+    v_alpha, v_beta = clarke(duty)
+    v = v_link * v_alpha, v_link * v_beta
+    _record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})
+    return v
 
 
 def _dead_time(b: BlockBuilder, gain: Any, lost: Any, i: list[Any]) -> list[Any]:

@@ -8,7 +8,7 @@ UNIT = ("pytest tests/model/test_inverter.py",)
 HAND = ("pytest tests/model/test_inverter.py -k 'by_hand or small_current or own_voltage'",)
 SYMPY = ("pytest tests/runtime/test_inverter.py -k sympy_states",)
 LOOP = ("pytest tests/runtime/test_inverter.py -k controller_and_data",)
-CHAIN = ("pytest tests/runtime/test_inverter.py -k 'chain_holds and load_torque and ckf and not slow'",)
+CHAIN = ("noticed tests/runtime/test_inverter.py -k 'chain_holds and load_torque-False-exact-ckf'",)
 LOST = ("pytest tests/runtime/test_inverter.py -k drive_file_says",)
 
 
@@ -79,10 +79,10 @@ BEFORE = _of(
 
 CONTROLLER = _of(
     "model/loop/controller.py",
-    ("volts for a share", "lost = lost * V_d / v_link", "lost = lost * V_d", LOOP),
-    ("made up for whatever the gain", "lost = lost * V_d / v_link", "lost = V_d / v_link", LOOP),
+    ("volts for a share", "lost = gain.dead_share * V_d / v_link", "lost = gain.dead_share * V_d", LOOP),
+    ("made up for whatever the gain", "lost = gain.dead_share * V_d / v_link", "lost = V_d / v_link", LOOP),
     ("never made up for", "dead_share=1.0 if takes_voltage(drive)", "dead_share=0.0 if takes_voltage(drive)", LOOP),
-    ("the filter is told of what should arrive", "v = v_link * v_alpha, v_link * v_beta", "v = v", LOOP),
+    ("the filter is told of what should arrive", "_commanded(b, duty, v_link) if takes_voltage(drive) else v", "v", LOOP),
     ("duty cycles for volts", "v = v_link * v_alpha, v_link * v_beta", "v = v_alpha, v_link * v_beta", LOOP),
     ("V_d of the drive file, whatever is learnt", "V_d = estimated[0] if estimated else", "V_d = 0 * estimated[0] + 1 if estimated else", LOOP),
     ("fading of its own", "dead_current=fading_current(drive)", "dead_current=2 * fading_current(drive)", LOOP),
