@@ -1,4 +1,4 @@
-"""The true motor of a simulation: the drive file's data times factors, in the order of the generated plant."""
+"""The true motor of a simulation and its inverter: the drive file's data, times factors, as the C wants them."""
 
 from __future__ import annotations
 
@@ -117,3 +117,23 @@ def true_motor(folder: GeneratedFolder, factors: Mapping[str, ArrayLike]) -> Arr
         np.asarray(m["friction"]),
     )
     return np.stack(np.broadcast_arrays(*data))
+
+
+def inverter_of(
+    parameters: Mapping[str, Any], dead_time: float | None = None, drop: float | None = None
+) -> tuple[float, float]:
+    """Dead time of a carrier period of one sample, s, and switch drop, V: as a drive file has them, unless stated.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Sections of the drive file.
+    dead_time : float, optional
+        s.
+    drop : float, optional
+        V.
+    """
+    known = parameters.get("inverter") or {"dead_time": 0.0, "switching_frequency": None, "switch_drop": 0.0}
+    periods = (known["switching_frequency"] or 0.0) * parameters["model"]["sample_time"] or 1.0  # a sample
+    own = known["dead_time"] * periods
+    return own if dead_time is None else dead_time, known["switch_drop"] if drop is None else drop

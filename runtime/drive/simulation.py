@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.rating import sensor_noise
-from runtime.drive.motor import longest_step, true_motor
+from runtime.drive.motor import inverter_of, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, open_library
@@ -326,26 +326,6 @@ class Simulator:
             if k % 1000 == 999:
                 progress((k + 1) / steps)
         return rows, x, duty, status
-
-
-def inverter_of(
-    parameters: Mapping[str, Any], dead_time: float | None = None, drop: float | None = None
-) -> tuple[float, float]:
-    """Dead time of a carrier period of one sample, s, and switch drop, V: as a drive file has them, unless stated.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Sections of the drive file.
-    dead_time : float, optional
-        s.
-    drop : float, optional
-        V.
-    """
-    known = parameters.get("inverter") or {"dead_time": 0.0, "switching_frequency": None, "switch_drop": 0.0}
-    periods = (known["switching_frequency"] or 0.0) * parameters["model"]["sample_time"] or 1.0  # a sample
-    own = known["dead_time"] * periods
-    return own if dead_time is None else dead_time, known["switch_drop"] if drop is None else drop
 
 
 @dataclass(frozen=True)

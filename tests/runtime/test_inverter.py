@@ -16,8 +16,9 @@ from model.inverter import lost_voltage
 from model.machines.lost_voltage import LostVoltage
 from model.schema import Drive, Inverter
 from runtime.drive.fleet import Cases, Fleet
+from runtime.drive.motor import inverter_of
 from runtime.drive.scenario import Scenario
-from runtime.drive.simulation import Conditions, Simulator, inverter_of
+from runtime.drive.simulation import Conditions, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.link_foc import link_control

@@ -89,7 +89,7 @@ CONTROLLER = _of(
 )  # fmt: skip
 
 SIMULATED = _of(
-    "runtime/drive/simulation.py",
+    "runtime/drive/motor.py",
     ("carrier of one sample", 'own = known["dead_time"] * periods', 'own = known["dead_time"]', LOST),
     ("dead time as stated in the file alone", "own if dead_time is None else dead_time", "own", LOST),
     ("drop never", 'known["switch_drop"] if drop is None else drop', "drop or 0.0", LOST),
