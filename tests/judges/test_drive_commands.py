@@ -72,7 +72,7 @@ def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(runtime.drive.simulate, "simulate", lambda *rest: asked.append(rest) or [run()])
     monkeypatch.setattr(runtime.drive.simulate, "sample_time_sweep", lambda *rest, **keys: POINTS)
     arguments = "--scenario load_step --filters ekf --inverter pwm --dead-time 1e-6 --delay 1 --noise 0.2 --bits 10"
-    arguments += " --speed 700 --load 2.5 --ramp 0.3 --factors R=1.1,L=0.9"
+    arguments += " --speed 700 --load 2.5 --ramp 0.3 --factors R=1.1,L=0.9 --switch-drop 1.5 --min-pulse 3e-6"
     arguments += " --offset 0.3 --sensored --theta 0.5 --seed 9 --controller numpy --sweep --json s.json"
     code, said = command("simulate", "ipmsm", *arguments.split())
     assert code == 0, said
@@ -80,7 +80,8 @@ def test_simulate_hands_its_options_on(here: Path, monkeypatch: pytest.MonkeyPat
     assert task == {"speed": 700.0, "load": 2.5, "ramp": 0.3}
     assert (drive, scenario, list(kinds), controller) == ("ipmsm", "load_step", ["ekf"], "numpy")
     wrong = {"R": 1.1, "L_d": 0.9, "L_q": 0.9}
-    assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, theta=0.5, seed=9, factors=wrong)
+    others = {"theta": 0.5, "seed": 9, "factors": wrong, "switch_drop": 1.5, "min_pulse": 3e-6}
+    assert setting == Conditions("pwm", 1e-6, 1, 0.2, (0.3, 0.0), 10, sensored=True, **others)
     sweep = read_json("s.json")["sweep"]
     assert [(p["sample_time"], p["discretization"], p["locked"]) for p in sweep] == [
         (p.sample_time, p.discretization, p.locked) for p in POINTS
