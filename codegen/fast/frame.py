@@ -100,12 +100,14 @@ def turns_freely(model: StateSpaceModel) -> bool:
     n = len(model.states)
     f = ca.Function("f", [model.x, model.u], [model.numeric(model.f)])
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
+    G = [ca.Function("G", [model.x, model.u], [model.numeric(ca.densify(column))]) for column in model.G.values()]
     rng = np.random.default_rng(1)
     for _ in range(DRAWS):
         x, u, angle = rng.normal(size=n), rng.normal(size=2), float(rng.uniform(-3, 3))
         moved, image = _turned(x, angle, model.angle), _call(f, x, u)
         pairs = [(_turned(image, angle, model.angle), _call(f, moved, _turned(u, angle)))]
         pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
+        pairs += [(_turned(_call(column, x, u), angle), _call(column, moved, _turned(u, angle))) for column in G]
         for expected, found in pairs:
             if np.max(np.abs(expected - found)) > ROUNDING * max(1.0, float(np.max(np.abs(expected)))):
                 return False

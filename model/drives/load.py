@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
-from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Rated, Unit
+from model.schema import Budget, Control, Drive, DriveError, Filter, Model, Motor, OperatingBox, Rated, Tolerance, Unit
 
 DRIVES = Path(__file__).parent
 
@@ -241,6 +241,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "control": Control,
     "budget": Budget,
     "rated": Rated,
+    "tolerance": Tolerance,
 }
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from codegen.render.equations import equations
+from codegen.render.equations import equations, slopes
 from model.schema import Drive
 from runtime.proof.identity import identical, is_derivative
 from runtime.proof.result import Link, Row
@@ -205,4 +205,8 @@ def compare_derivations(drive: Drive) -> Link:
         pairs = [(theirs[i, k], mine[i], letter) for i in range(len(mine)) for k, letter in enumerate(x)]
         different = sum(not is_derivative(*pair) for pair in pairs)
         rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(pairs)))
+    for name, slope in slopes(drive).items():
+        pairs = [(entry, f[i], sp.Symbol(name, real=True)) for i, entry in enumerate(slope)]
+        different = sum(not is_derivative(*pair) for pair in pairs)
+        rows.append(Row(f"df/d{name}", "G", "entries that differ", float(different), 0.0, len(pairs)))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.proof.motors import Plant, make_motor
+from runtime.proof.wrong_data import STEP, moved_data
 
 Array = NDArray[Any]
 Stages = dict[str, Any]
@@ -37,6 +38,7 @@ class Reference:
     N_max: int
     eps: float
     order: list[int]  # of the states in the factors of P
+    moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -80,13 +82,26 @@ class Reference:
         X = self._points(S, self.x)  # (14)
         X_prop = np.stack([self._f(X[..., i], u) for i in range(2 * n)], axis=-1)  # (15)
         x_pred = X_prop.mean(axis=-1)  # (16)
-        P_pred = covariance(X_prop, x_pred, X_prop, x_pred) + np.diag(self.Q)  # (17)
+        P_pred = covariance(X_prop, x_pred, X_prop, x_pred) + self._noise(u)  # (17)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
-    def _f(self, x: Array, u: Array) -> Array:
+    def _noise(self, u: Array) -> Array:
+        """Q and, where motor data may be wrong, sigma^2 (df/dp)(df/dp)^T for each, at the estimate."""
+        Q = np.diag(self.Q)
+        if not self.moved:
+            return Q
+        Q_p = np.zeros((*self.x.shape, self.x.shape[-1]))
+        for motor, deviation in self.moved:
+            shift = deviation * self._f(self.x, u, motor).imag / STEP
+            Q_p += shift[..., :, None] * shift[..., None, :]
+        self.stages["Q_p"] = Q_p
+        return np.asarray(Q + Q_p)
+
+    def _f(self, x: Array, u: Array, motor: Plant | None = None) -> Array:
         """The motor's f, whose states are the first axis."""
-        return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(u, -1, 0))), 0, -1)
+        f = (motor or self.motor).f
+        return np.moveaxis(np.asarray(f(np.moveaxis(x, -1, 0), np.moveaxis(u, -1, 0))), 0, -1)
 
     def _h(self, x: Array) -> Array:
         return np.moveaxis(np.asarray(self.motor.h(np.moveaxis(x, -1, 0))), 0, -1)
@@ -166,7 +181,7 @@ class Reference:
 
     def _ekf_prediction(self, u: Array) -> tuple[Array, Array]:
         F = self._slope(u)
-        x_pred, P_pred = self._f(self.x, u), F @ self.P @ transposed(F) + np.diag(self.Q)
+        x_pred, P_pred = self._f(self.x, u), F @ self.P @ transposed(F) + self._noise(u)
         self.stages |= {"x_pred": x_pred, "F": F, "P_pred": P_pred}
         return x_pred, P_pred
 
@@ -201,7 +216,7 @@ class Reference:
         X_prop = np.stack([self._f(X[..., i], u) for i in range(X.shape[-1])], axis=-1)
         x_pred = X_prop @ w
         d = X_prop - x_pred[..., None]
-        P_pred = d @ np.diag(w) @ transposed(d) + np.diag(self.Q)
+        P_pred = d @ np.diag(w) @ transposed(d) + self._noise(u)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
@@ -318,6 +333,8 @@ def make_reference(
         The motor's data.
     """
     tuning = parameters["filter"]
+    own = getattr(motor, "moved", None)  # a machine file's motors are made elsewhere
+    moved = own if own is not None else [(make_motor(sections), size) for sections, size in moved_data(parameters)]
     motor = motor or make_motor(parameters)
     return Reference(
         motor=motor,
@@ -330,4 +347,5 @@ def make_reference(
         N_max=tuning["max_iterations"],
         eps=tuning["tolerance"],
         order=_order(parameters),
+        moved=moved,
     )

@@ -23,6 +23,7 @@ from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
 from runtime.proof.reference import jacobian
 from runtime.proof.result import Link, Row
+from runtime.proof.wrong_data import STEP, moved_data
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -80,6 +81,8 @@ class CasadiMotor:
         x, u = model.x, model.u
         self._f, self._F = (ca.Function("f", [x, u], [model.numeric(e)]) for e in (model.f, ca.densify(model.F)))
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
+        columns = (ca.Function("G", [x, u], [model.numeric(ca.densify(column))]) for column in model.G.values())
+        self.moved: list[tuple[Any, float]] = [(_MovedMotor(column), 1.0) for column in columns]
 
     def f(self, x: Array, u: Array) -> Array:
         """Return the state one sample later, (n,).
@@ -126,6 +129,17 @@ class CasadiMotor:
         return _beside(self._H(x), x)
 
 
+class _MovedMotor:
+    """A motor with a datum moved along the imaginary axis, as CasADi's derivative has it: f alone."""
+
+    def __init__(self, slope: Any) -> None:
+        self._slope = slope
+
+    def f(self, x: Array, u: Array) -> Array:
+        """Return the derivative as the imaginary part, (n,)."""
+        return 1j * STEP * np.array(self._slope(x, u)).reshape(x.shape)
+
+
 def _beside(found: ca.DM, x: Array) -> Array:
     """CasADi's matrices (m, lanes n) for x (n, lanes), one after the other, as (m, n, lanes)."""
     matrices = np.array(found)
@@ -140,6 +154,7 @@ class StatedMotor:
 
     def __init__(self, motor: Any, states: int, say: Callable[..., Any]) -> None:
         self._motor, self._n, self._say = motor, states, say
+        self.moved: list[tuple[Any, float]] = []
 
     @property
     def states_H(self) -> bool:
@@ -218,7 +233,10 @@ def _stated(drive: Drive, states: int) -> StatedMotor | None:
     for name in ("f", "h"):
         if not callable(getattr(motor, name, None)):
             raise UserError(f"machine file '{word.file}': what reference(parameters) returns has no method {name}.")
-    return StatedMotor(motor, states, say)
+    stated = StatedMotor(motor, states, say)
+    for sections, deviation in moved_data(drive.model_dump()):  # complex motor data: its formulas are to be NumPy's
+        stated.moved.append((StatedMotor(say("", make, sections), states, say), deviation))
+    return stated
 
 
 def compare_numbers(drive: Drive, model: StateSpaceModel, stated: StatedMotor) -> Link:

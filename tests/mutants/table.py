@@ -14,6 +14,7 @@ KINDS = {
     "model": "equations: machines, mechanics, slow states, discretisation",
     "filter": "stages of the filters, the paper's shape",
     "fast form": "even and odd parts, L D L^T, turning frame",
+    "tolerance": "noise of motor data that may be wrong, in both forms",
     "passes": "rewriting of the graph",
     "sine and cosine": "polynomials and reductions",
     "filter, C": "the emitted filter",

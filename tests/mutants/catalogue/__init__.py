@@ -12,8 +12,20 @@ from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
 from tests.mutants.catalogue.program import PROGRAM
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
+from tests.mutants.catalogue.tolerance import TOLERANCE
 from tests.mutants.mutant import Mutant
 
-SOURCES: tuple[Mutant, ...] = (*MODEL, *FILTERS, *FORM, *PROGRAM, *PASS, *ARITHMETIC, *CONTROL, *SURROUNDINGS, *JUDGES)
+SOURCES: tuple[Mutant, ...] = (
+    *MODEL,
+    *FILTERS,
+    *TOLERANCE,
+    *FORM,
+    *PROGRAM,
+    *PASS,
+    *ARITHMETIC,
+    *CONTROL,
+    *SURROUNDINGS,
+    *JUDGES,
+)
 
 __all__ = ["SOURCES", "data_mutants"]
