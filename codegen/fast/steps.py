@@ -136,7 +136,9 @@ class FilterBuilder(SigmaPoints):
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
         added = "Q + Q_p" if wrong else "Q"
-        b.lower("P_pred", number("17"), f"P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + {added}", P, scale="covariance")
+        b.lower(
+            "P_pred", number("17"), f"P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + {added}", P, scale="covariance"
+        )
         L_pred, D_pred, LD = factor(P, Q, self.model.order)
         self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
         b.hint({f"LD_pred_{k}{j}": LD[i][j] for k, i in enumerate(self.model.order) for j in range(k)})
