@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from model.drives.load import load_drive, parse_drive
+from model.drives.load import cautions, load_drive, parse_drive
 from model.machines.state_space import StateSpaceModel, build
 from model.machines.tolerance import DATA, deviations
 from model.schema import Drive, DriveError, Tolerance
@@ -144,6 +144,18 @@ def test_noise_of_a_voltage_does_not_hang_on_the_sample_time() -> None:
         sigma = 0.3 / math.sqrt(3) * drive.motor.stator_resistance  # of an even spread
         psd = 2 * 1e-3 * (sigma * 2.0 / drive.motor.inductance_d) ** 2
         assert per_second[-1] == pytest.approx(psd, rel=1e-12)
+
+
+def test_cautions_say_where_a_tolerance_does_not_help() -> None:
+    drive = load_drive("spmsm_load_torque")
+    (line,) = cautions(tolerant(drive))
+    assert "is 2.7 V at the rated load" in line
+    assert "below 112 r/min" in line
+    assert not cautions(tolerant(drive, Tolerance(stator_resistance=0.08, inductance=0.1, magnet_flux=0.05)))
+    assert not cautions(tolerant(load_drive("spmsm_adaptive"), Tolerance(stator_resistance=0.2)))
+    (line,) = cautions(tolerant(load_drive("ipmsm_flux")))
+    assert "act in the measurement" in line
+    assert not cautions(tolerant(load_drive("ipmsm_flux"), Tolerance(stator_resistance=0.2)))
 
 
 @pytest.mark.parametrize(
