@@ -81,8 +81,8 @@ def _of_tolerance(drive: Drive) -> list[str]:
         if speed > SLOW_SHARE * task.speed:
             lines.append(
                 f"drive '{drive.name}': tolerance.stator_resistance is {volts:.2g} V at the rated load, too much "
-                f"to tell speed by the back-EMF below {speed * 30 / math.pi:.0f} r/min: a load step may lose the rotor. "
-                "Let the filter learn it: adaptive = ['stator_resistance']."
+                f"to tell speed by the back-EMF below {speed * 30 / math.pi:.0f} r/min: a load step may lose the "
+                "rotor. Let the filter learn it: adaptive = ['stator_resistance']."
             )
     if drive.model.machine == "salient_flux" and (stated.inductance or stated.magnet_flux):
         lines.append(
