@@ -123,6 +123,68 @@ class Constants:
         return ca.substitute(expression, ca.vertcat(*(c.symbol for c in known)), ca.vertcat(*(c.value for c in known)))
 
 
+class Formulas(Constants):
+    """The constants of a model whose data are letters: a symbol each, and beside it what it is in those letters.
+
+    >>> formulas = Formulas([L := ca.SX.sym("L")])
+    >>> formulas("INV_L", 1 / L, "1 / L"), formulas.spelled["INV_L"]
+    (SX(INV_L), SX((1./L)))
+    """
+
+    def __init__(self, letters: Iterable[Any]) -> None:
+        super().__init__(named=False)
+        self._letters = {str(letter) for letter in letters}
+        self.symbols: dict[str, Any] = {}
+        self.spelled: dict[str, Any] = {}
+
+    def __call__(self, name: str, value: Any, formula: str) -> Any:
+        """The symbol that stands for ``value``, a value of the letters alone; any other is returned."""
+        spelled = self.in_letters(ca.SX(value))
+        if not {str(symbol) for symbol in ca.symvar(spelled)} <= self._letters:
+            return value
+        self.spelled.setdefault(name, spelled)
+        return self.symbols.setdefault(name, ca.SX.sym(name))
+
+    def in_letters(self, expression: Any) -> Any:
+        """``expression`` with every constant's symbol replaced by its formula.
+
+        Parameters
+        ----------
+        expression : object
+            A CasADi expression.
+        """
+        if not self.symbols:
+            return expression
+        formulas = ca.vertcat(*(self.spelled[name] for name in self.symbols))
+        return ca.substitute(expression, ca.vertcat(*self.symbols.values()), formulas)
+
+    def slopes(self, letter: Any) -> dict[str, Any]:
+        """The derivative of each constant with respect to a letter, by name; those that do not hang on it left out.
+
+        Parameters
+        ----------
+        letter : SX
+            One of the letters.
+        """
+        slopes = {name: ca.jacobian(formula, letter) for name, formula in self.spelled.items()}
+        return {name: slope for name, slope in slopes.items() if not slope.is_zero()}
+
+    def along(self, expression: Any, letter: Any, step: Any, steps: dict[str, Any]) -> Any:
+        """The change of ``expression`` where a letter and its constants change, to first order.
+
+        Parameters
+        ----------
+        expression : SX, (n, 1)
+        letter : SX
+        step : SX
+            The letter's change.
+        steps : dict of str to SX
+            The constants' changes, by name.
+        """
+        where = ca.vertcat(letter, *(self.symbols[name] for name in steps))
+        return ca.jtimes(expression, where, ca.vertcat(step, *steps.values()))
+
+
 @dataclass(frozen=True)
 class Stage:
     """A quantity of the paper inside a filter step: its name, equation, entries and their names.

@@ -32,6 +32,7 @@ Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
 FluxLinkage = Annotated[float, Field(ge=1e-5, le=10.0), Unit("Wb")]
 Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
 Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
+ShortTime = Annotated[float, Field(ge=1e-6, le=1.0), Unit("s")]
 SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
@@ -43,6 +44,7 @@ DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
 SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
+HalfWidth = Annotated[float, Field(ge=0.0, le=0.9)]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
 Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
 
@@ -127,6 +129,19 @@ class Rated(_Section):
     torque: Torque
 
 
+class Tolerance(_Section):
+    """How far motor data may be off: half the width of the range each lies in, relative to the datum itself.
+
+    The filter takes a datum's error for noise that stays alike for ``correlation_time``, see
+    :mod:`model.machines.tolerance`. ``inductance`` holds for each axis, and one says nothing of the other.
+    """
+
+    stator_resistance: HalfWidth = 0.0
+    inductance: HalfWidth = 0.0
+    magnet_flux: HalfWidth = 0.0
+    correlation_time: ShortTime = 5e-4
+
+
 class Control(_Section):
     """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
 
@@ -177,6 +192,7 @@ class Drive(_Section):
     inverter: Inverter | None = None
     budget: Budget = Budget()
     rated: Rated | None = None
+    tolerance: Tolerance | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
 

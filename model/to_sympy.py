@@ -22,6 +22,7 @@ _APPLY = {
     ca.OP_SIN: sp.sin,
     ca.OP_COS: sp.cos,
     ca.OP_EXP: sp.exp,
+    ca.OP_EXPM1: lambda a: sp.exp(a) - 1,
 }
 
 
@@ -31,7 +32,7 @@ def to_sympy(expression: Any) -> sp.Matrix:
     Parameters
     ----------
     expression : casadi.SX
-        Over + - * / fmin fmax sqrt sin cos exp.
+        Over + - * / fmin fmax sqrt sin cos exp expm1.
     """
     function = _function(ca.symvar(expression), [ca.densify(expression)])
     values = _replay(function, [])[0]

@@ -13,10 +13,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+import casadi as ca
+import numpy as np
+
 from codegen.fast.factored import Matrix
+from codegen.fast.frame import DRAWS, ROUNDING
 from codegen.fast.rows import common_factor
 from codegen.fast.tape import Tape
 from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
+from model.machines.state_space import StateSpaceModel
 
 Vector = list[Expr]
 
@@ -85,6 +90,23 @@ def find_dependent_rows(b: GraphBuilder, tape: Tape, inputs: list[Vector], L: Ma
                     on, [_along(value, states, rows.keys(), [row[c] for row in L]) for c in range(len(L))]
                 )
     return found
+
+
+def follows(row: DependentRow, i: int, model: StateSpaceModel) -> bool:
+    """Whether row i of G (the derivatives with respect to wrong data) is that of the rows f_i depends on.
+
+    It is unless a wrong datum is in the row's own linear part. Told at random points, to rounding.
+    """
+    if not model.G:
+        return True
+    G = ca.Function("G", [model.x, model.u], [model.numeric(ca.densify(ca.horzcat(*model.G.values())))])
+    rng = np.random.default_rng(1)
+    for _ in range(DRAWS):
+        values = np.array(G(rng.normal(size=len(model.states)), rng.normal(size=2)))
+        shares = np.array([a.value * values[k] for k, a in row.rows if a.value is not None])
+        if np.any(np.abs(values[i] - shares.sum(axis=0)) > ROUNDING * np.abs(shares).sum(axis=0)):
+            return False
+    return True
 
 
 def _held(terms: list[tuple[Expr, Expr]], among: dict[int, int]) -> tuple[tuple[int, Expr], ...]:

@@ -99,14 +99,17 @@ def turns_freely(model: StateSpaceModel) -> bool:
     """
     f = ca.Function("f", model.arguments, [model.numeric(model.f)])
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
+    G = [ca.Function("G", model.arguments, [model.numeric(ca.densify(column))]) for column in model.G.values()]
     rng = np.random.default_rng(1)
     for _ in range(DRAWS):
         x, *inputs = (rng.normal(size=column.numel()) for column in model.arguments)
         angle = float(rng.uniform(-3, 3))
         moved, image = _turned(x, angle, model.angle), _call(f, x, *inputs)
-        after = _call(f, moved, *(_turned(vector, angle) for vector in inputs))
+        turned = [_turned(vector, angle) for vector in inputs]
+        after = _call(f, moved, *turned)
         pairs = [(_turned(image, angle, model.angle), after)]
         pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
+        pairs += [(_turned(_call(column, x, *inputs), angle), _call(column, moved, *turned)) for column in G]
         for expected, found in pairs:
             if np.max(np.abs(expected - found)) > ROUNDING * max(1.0, float(np.max(np.abs(expected)))):
                 return False

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
+
 from codegen.fast.dependent_rows import DependentRow, Gram
 from codegen.fast.factored import Matrix
 from codegen.fast.frame import Frame
@@ -13,7 +15,7 @@ from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
 from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
 from model.filters.cubature import Rule
-from model.machines.state_space import StateSpaceModel
+from model.machines.state_space import INPUTS, StateSpaceModel
 
 Vector = list[Expr]
 
@@ -149,6 +151,23 @@ class SigmaPoints:
         states = dict(zip(names, point, strict=True))
         return values, {**named, **states}  # the first name offered is the one taken
 
+    def wrong_data(self, b: GraphBuilder, inputs: list[Vector], frame: Frame | None) -> Matrix | None:
+        """Rows of G, of which Q_p = G G^T; in the turned frame, if there is one. None where all data are exact."""
+        G = self.model.G
+        if not G:
+            return None
+        n, zero = self.n, inputs[0][0] * 0.0
+        tape = Tape(self.model, self.model.arguments, [ca.vertcat(*G.values())], {})
+        algebra, still = SplitAlgebra(zero, frame.angle if frame else None), [zero] * n
+        values = [value.base for value in self.replay(b, tape, algebra, inputs[0], still, inputs[1:], frame, still)[0]]
+        rows = [[values[n * k + i] for k in range(len(G))] for i in range(n)]
+        if frame:
+            b.hint({f"{q.name}_turned": v for q, v in zip(INPUTS, frame.into(inputs[1]), strict=True)})
+        labels = [f"G_{state}_{letter}" for state in self.states for letter in G]
+        meaning = "G: by how much a wrong datum moves f, so that Q_p = G G^T" + (", turned" if frame else "")
+        b.stage("G", self.equation("17"), meaning, [entry for row in rows for entry in row], labels, scale="none")
+        return rows
+
     def _weight(self) -> float:
         """Of a pair of points."""
         return 0.0 if self.rule is None else 2 * self.rule.weights(self.n)[1]
@@ -177,11 +196,13 @@ class SigmaPoints:
         names: list[str],
         linear: bool = True,
         dependent: dict[int, DependentRow] | None = None,
+        wrong: Matrix | None = None,
     ) -> tuple[Vector, Matrix]:
         """How far the mean of the points' images lies off the image of their mean, and the images' covariance.
 
         The covariance is the weighted mean of the outer products of the deviations, odd and even parts apart;
         ``linear`` off leaves the odd parts out. ``dependent``: rows that follow from others.
+        ``wrong``: rows of G, whose G G^T is added; a dependent row of it depends alike.
 
         A row's even parts are taken about their mean if all columns bend. If one is flat, the mean is taken out of
         the product afterwards: k of n equal bends leave 1 - k / n of their squares at least, so little cancels.
@@ -216,5 +237,6 @@ class SigmaPoints:
                 elif not (flat[i] or flat[j]):
                     about = about + mean[i] * mean[j] * centre
                 bend = scale[i] * scale[j] * about
+                bend = bend + dot(wrong[i], wrong[j]) if wrong else bend
                 P[i][j] = P[j][i] = gram.product(i, j) + bend if gram else bend
         return offset, P

@@ -7,7 +7,7 @@ from functools import cache
 
 import casadi as ca
 
-from codegen.fast.dependent_rows import find_dependent_rows
+from codegen.fast.dependent_rows import find_dependent_rows, follows
 from codegen.fast.factored import Matrix, ScalarUpdates, decorrelated, factor, from_packed, to_packed
 from codegen.fast.frame import Frame, turns_freely
 from codegen.fast.guards import average, look_at_result, watch_pivots
@@ -119,7 +119,10 @@ class FilterBuilder(SigmaPoints):
         columns = [[row[c] for row in L] for c in range(self.n)]
         turned = zip(*(frame.into(column) if frame else column for column in columns), strict=True)
         dependent = find_dependent_rows(b, tape, [x, *inputs], [list(row) for row in turned])
-        offset, P = self.moments(b, run, D, (number("16"), number("17")), self.states, dependent=dependent)
+        wrong = self.wrong_data(b, [x, *inputs], frame)
+        dependent = {i: row for i, row in dependent.items() if follows(row, i, self.model)}
+        numbers = number("16"), number("17")
+        offset, P = self.moments(b, run, D, numbers, self.states, dependent=dependent, wrong=wrong)
         shift = frame.out(offset) if frame else offset
         x_pred = [base + d for base, d in zip(here, shift, strict=True)]
         b.hint({f"{s}_of_x": value for s, value in zip(self.states, here, strict=True)})
@@ -134,7 +137,10 @@ class FilterBuilder(SigmaPoints):
             P = frame.out_matrix(P)
         for i in range(self.n):
             P[i][i] = P[i][i] + Q[i]
-        b.lower("P_pred", number("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P, scale="covariance")
+        added = "Q + Q_p" if wrong else "Q"
+        b.lower(
+            "P_pred", number("17"), f"P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + {added}", P, scale="covariance"
+        )
         L_pred, D_pred, LD = factor(P, Q, self.model.order)
         self._name_factors(b, number("18"), "_pred", L_pred, D_pred)
         b.hint({f"LD_pred_{k}{j}": LD[i][j] for k, i in enumerate(self.model.order) for j in range(k)})

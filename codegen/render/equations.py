@@ -12,9 +12,13 @@ import sympy as sp
 
 from model.machines.base import Parameters
 from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, StateSpaceModel, build
-from model.quantities import Constant
+from model.machines.tolerance import deviations
+from model.quantities import Constant, Formulas
 from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
+
+#: Motor data that may be wrong, as one writes them.
+DATA_LATEX = {"R": "R", "L_d": "L_d", "L_q": "L_q", "psi_m": r"\psi_m"}
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,24 @@ def equations(drive: Drive) -> Equations:
     return Equations(*(to_sympy(expression) for expression in (model.f, model.h, model.F, model.H)))
 
 
+def slopes(drive: Drive) -> dict[str, sp.Matrix]:
+    """df/dp of each datum that may be wrong, (n, 1), all data letters: by the chain rule through f's constants.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its ``[tolerance]`` says which.
+    """
+    parameters = Parameters.symbolic()
+    formulas = Formulas(vars(parameters).values())
+    f = build(drive, parameters, formulas).f
+    found = {}
+    for name in deviations(drive):
+        letter = getattr(parameters, name)
+        found[name] = to_sympy(formulas.in_letters(formulas.along(f, letter, ca.SX(1), formulas.slopes(letter))))
+    return found
+
+
 @dataclass(frozen=True)
 class Readable:
     """The model as one would write it down, each line a (left side, right side).
@@ -51,6 +73,7 @@ class Readable:
     f: list[tuple[sp.Symbol, sp.Expr]]
     h: list[tuple[sp.Symbol, sp.Expr]]
     H: sp.Matrix
+    G: list[tuple[sp.Symbol, sp.Expr]]
     constants: list[Constant]
     symbols: dict[sp.Symbol, str]
 
@@ -66,7 +89,7 @@ class Readable:
 
 
 def readable(drive: Drive) -> Readable:
-    """f and h line by line through their named intermediates; H in terms of those of h.
+    """f and h line by line through their named intermediates; H and G in terms of those of h and f.
 
     Parameters
     ----------
@@ -78,7 +101,20 @@ def readable(drive: Drive) -> Readable:
     H = to_sympy(model.H)
     for symbol, expression in reversed(h[:-2]):
         H = H.subs(_in_full(expression, h), symbol)
-    return Readable(_inverter_lines(model), f, h, H, model.constants, _latex_names(model))
+    lines = _inverter_lines(model), f, h, H, _wrong_data_lines(model)
+    return Readable(*lines, model.constants, _latex_names(model))
+
+
+def _wrong_data_lines(model: StateSpaceModel) -> list[tuple[sp.Symbol, sp.Expr]]:
+    """Entries of G that are not zero, in terms of f's intermediates and of entries before them."""
+    named = dict(model.propagate(*map(ca.vertsplit, model.arguments))[1])
+    entries = {
+        f"G_{state.name}_{letter}": column[i]
+        for letter, column in model.G.items()
+        for i, state in enumerate(model.states)
+        if not column[i].is_zero()
+    }
+    return to_sympy_lines({**named, **entries}, {})[len(named) :] if entries else []
 
 
 #: The voltage as it is commanded, where it is not the one that f takes.
@@ -138,6 +174,11 @@ def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
     names |= {name: rf"u_\{name.removeprefix('u_')}" for name in COMMANDED}
     names |= {f"y_{quantity.name}": f"y_{k + 1}" for k, quantity in enumerate(OUTPUTS)}
     names |= {constant.name: rf"\mathtt{{{constant.name}}}".replace("_", r"\_") for constant in model.constants}
+    names |= {
+        f"G_{state.name}_{letter}": f"G_{{{state.symbol}, {DATA_LATEX[letter]}}}"
+        for state in model.states
+        for letter in model.G
+    }
     return {sp.Symbol(name, real=True): latex for name, latex in names.items()}
 
 

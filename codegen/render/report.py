@@ -58,6 +58,7 @@ def render_report(
         f=[(eq.latex(left), eq.latex(right)) for left, right in eq.f],
         h=[(eq.latex(left), eq.latex(right)) for left, right in eq.h],
         H=eq.latex(eq.H),
+        G=[(eq.latex(left), eq.latex(right)) for left, right in eq.G],
         constants=eq.constants,
         sparsity=sparsity(model),
         steps=steps,

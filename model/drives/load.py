@@ -20,6 +20,7 @@ from pydantic import BaseModel, ValidationError
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
+from model.rating import rating
 from model.schema import (
     Budget,
     Control,
@@ -31,6 +32,7 @@ from model.schema import (
     Motor,
     OperatingBox,
     Rated,
+    Tolerance,
     Unit,
 )
 
@@ -39,6 +41,9 @@ DRIVES = Path(__file__).parent
 #: T R / L up to which forward Euler follows the current well enough to stay locked (0.34 does not, 0.17 does); of
 #: T D / J no more is allowed.
 EULER_LIMIT = 0.2
+
+#: The back-EMF should be that many times the volts of a resistance in doubt; down to this share of the rated speed.
+DOUBT_SHARE, SLOW_SHARE = 3.0, 0.05
 
 #: Share of a motor's datum by which an adaptive state may stay off it, since float32 rounds its return away.
 RETURN_LIMIT = 0.05
@@ -73,7 +78,31 @@ def cautions(drive: Drive) -> list[str]:
             f"{' and '.join(model.adaptive)} away within {min(kept, 1):.0%} of the motor's own; "
             f"{RETURN_LIMIT * 2**24.5 * model.sample_time:.2g} s or less returns."
         )
-    return lines + _beyond_the_box(drive)
+    return lines + _beyond_the_box(drive) + _of_tolerance(drive)
+
+
+def _of_tolerance(drive: Drive) -> list[str]:
+    """Where a tolerance does not help: a line each."""
+    m, stated = drive.motor, drive.tolerance
+    lines: list[str] = []
+    if stated is None:
+        return lines
+    if stated.stator_resistance and "stator_resistance" not in drive.model.adaptive:
+        task = rating(drive)
+        volts = stated.stator_resistance * m.stator_resistance * task.current
+        speed = DOUBT_SHARE * volts / (m.pole_pairs * m.magnet_flux)
+        if speed > SLOW_SHARE * task.speed:
+            lines.append(
+                f"drive '{drive.name}': tolerance.stator_resistance is {volts:.2g} V at the rated load, too much "
+                f"to tell speed by the back-EMF below {speed * 30 / math.pi:.0f} r/min: a load step may lose the "
+                "rotor. Let the filter learn it: adaptive = ['stator_resistance']."
+            )
+    if drive.model.machine == "salient_flux" and (stated.inductance or stated.magnet_flux):
+        lines.append(
+            f"drive '{drive.name}': with flux linkages as states wrong inductances and magnet flux act in the "
+            "measurement, which [tolerance] leaves as it is: they count for little here."
+        )
+    return lines
 
 
 def _beyond_the_box(drive: Drive) -> list[str]:
@@ -254,6 +283,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "inverter": Inverter,
     "budget": Budget,
     "rated": Rated,
+    "tolerance": Tolerance,
 }
 
 

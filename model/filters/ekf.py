@@ -9,6 +9,7 @@ import casadi as ca
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
 from model.filters.inverter import f_inputs, inverter_calls
+from model.filters.noise import add_noise
 from model.filters.program import BlockBuilder, Call, FilterStep, Guard, If
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
@@ -55,9 +56,8 @@ def time_update(model: StateSpaceModel) -> Block:
     rows = b.matrix("F", "EKF", "F = df/dx", [[F[i, j] for j in range(n)] for i in range(n)])
     FP = b.matrix("FP", "EKF", "F P", _product(rows, P), scale="none")
     P_pred = _product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])
-    for i in range(n):
-        P_pred[i][i] = P_pred[i][i] + Q[i]
-    b.lower("P_pred", "EKF", "P_pred = F P F^T + Q", P_pred, scale="covariance")
+    added = add_noise(b, model, "EKF", P_pred, Q, (x, *inputs))
+    b.lower("P_pred", "EKF", f"P_pred = F P F^T + {added}", P_pred, scale="covariance")
     b.output("x_pred", x_pred)
     b.output("P_pred", pack(P_pred))
     return b.build()

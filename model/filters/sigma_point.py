@@ -23,6 +23,7 @@ from model.filters.cubature import (
     unpack,
 )
 from model.filters.inverter import f_inputs
+from model.filters.noise import add_noise
 from model.filters.program import BlockBuilder
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
@@ -61,9 +62,8 @@ def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
     b.stage("x_pred", eq("16"), meaning, x_pred, [f"{s}_pred" for s in states], scale="state")
     dev = deviations(b, eq("17"), X_prop, x_pred, states)
     P_pred = spread(rule, dev, dev)
-    for i in range(n):
-        P_pred[i][i] = P_pred[i][i] + Q[i]
-    b.lower("P_pred", eq("17"), "P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q", P_pred, scale="covariance")
+    added = add_noise(b, model, eq("17"), P_pred, Q, (x, *inputs))
+    b.lower("P_pred", eq("17"), f"P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + {added}", P_pred, scale="covariance")
     b.output("x_pred", x_pred)
     b.output("P_pred", pack(P_pred))
     return b.build()

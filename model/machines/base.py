@@ -271,6 +271,8 @@ def share_lost(z: Any) -> Any:
     """
     if ca.SX(z).is_constant() and float(z) < 0.25:
         return ca.SX(-math.expm1(-float(z)))
+    if not ca.SX(z).is_constant():
+        return -ca.expm1(-z)
     return 1 - ca.exp(-z)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,8 @@ from model.machines.adaptive import Adaptive, own_value
 from model.machines.base import Named, Pair, Parameters, Rotor
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
-from model.quantities import Constant, Constants, Quantity
+from model.machines.tolerance import WrongData, deviations
+from model.quantities import Constant, Constants, Formulas, Quantity
 from model.schema import Drive
 
 INPUTS = (
@@ -51,6 +52,7 @@ class StateSpaceModel:
     _constants: Constants
     root_order: tuple[str, ...] = ()
     lost: LostVoltage | None = None
+    wrong: WrongData | None = None
 
     @property
     def states(self) -> tuple[Quantity, ...]:
@@ -74,8 +76,8 @@ class StateSpaceModel:
 
     @property
     def constants(self) -> list[Constant]:
-        """The folded constants that f and h use, in order of appearance."""
-        _ = self.f_commanded, self.h
+        """The folded constants that f, h and G use, in order of appearance."""
+        _ = self.f_commanded, self.h, self.G
         return list(self._constants.items.values())
 
     def numeric(self, expression: Any) -> Any:
@@ -236,6 +238,15 @@ class StateSpaceModel:
         return ca.vertcat(*self.measure(ca.vertsplit(self.x))[0])
 
     @cached_property
+    def G(self) -> dict[str, Any]:
+        """Its deviation times df/dp of each datum that may be wrong, by its letter: SX columns of ``arguments``."""
+        if self.wrong is None:
+            return {}
+        _ = self.f_commanded, self.h  # whose constants come first
+        f = ca.vertcat(*self.wrong.propagate(*map(ca.vertsplit, self.arguments))[0])
+        return self.wrong.columns(f, self._constants)
+
+    @cached_property
     def F(self) -> Any:
         """df/dx, (n, n)."""
         return ca.jacobian(self.f, self.x)
@@ -246,7 +257,7 @@ class StateSpaceModel:
         return ca.jacobian(self.h, self.x)
 
 
-def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel:
+def build(drive: Drive, parameters: Parameters | None = None, constants: Constants | None = None) -> StateSpaceModel:
     """The discrete model of a drive.
 
     Parameters
@@ -255,8 +266,12 @@ def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel
         Which machine, mechanics and discretisation.
     parameters : Parameters, optional
         Defaults to the drive's numbers; pass ``Parameters.symbolic()`` to derive with letters.
+    constants : Constants, optional
+        Collects what is folded. By default constants have names if the parameters are numbers, and are written out
+        otherwise.
     """
-    constants = Constants(named=parameters is None)
+    wrong = _wrong_data(drive) if parameters is None else None
+    constants = constants or Constants(named=parameters is None)
     parameters = parameters or Parameters.numeric(drive)
     machine = find_machine(drive)(parameters, constants)
     mechanics = MECHANICS[drive.model.mechanics](parameters, constants)
@@ -264,7 +279,20 @@ def build(drive: Drive, parameters: Parameters | None = None) -> StateSpaceModel
     adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants)
     order = tuple(drive.filter.root_order or ())
     lost = LostVoltage(parameters, constants) if takes_voltage(drive) else None
-    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost)
+    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost, wrong)
+
+
+def _wrong_data(drive: Drive) -> WrongData | None:
+    """The drive's model once more, with letters for the data that may be wrong, if there are any."""
+    relative = deviations(drive)
+    if not relative:
+        return None
+    known = Parameters.numeric(drive)
+    letters = {name: ca.SX.sym(name) for name in relative}
+    formulas = Formulas(letters.values())
+    lettered = build(drive, replace(known, **letters), formulas)
+    listed = tuple((letters[name], float(getattr(known, name)), relative[name]) for name in relative)
+    return WrongData(listed, lettered.propagate, formulas)
 
 
 def default_initial_state(drive: Drive) -> list[float]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy as sp
 
-from codegen.render.equations import equations, with_roots
+from codegen.render.equations import equations, slopes, with_roots
 from model.inverter import takes_voltage
 from model.machines.base import Parameters
 from model.machines.state_space import build
@@ -256,4 +256,8 @@ def compare_derivations(drive: Drive) -> Link:
         rows.append(Row(equation, name, "entries that differ", float(different), 0.0, len(pairs)))
     if takes_voltage(drive):
         rows += _inverter_rows(drive)
+    for name, slope in slopes(drive).items():
+        pairs = [(entry, f[i], sp.Symbol(name, real=True)) for i, entry in enumerate(slope)]
+        different = sum(not is_derivative(*pair) for pair in pairs)
+        rows.append(Row(f"df/d{name}", "G", "entries that differ", float(different), 0.0, len(pairs)))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

@@ -66,7 +66,7 @@ def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str,
         pairs.append(("33", "|x^{j+1} - x^j|^2", c.change_error))
     pairs += [
         ("25, 34", "x", _state_error(b.x, c.x, b.P, fast.ANGLE)),
-        ("26, 32", "P", _covariance_error(b.P, c.P, b.P_pred, situations)),
+        ("26, 32", "P", _covariance_error(b.P, c.P, b.P_pred)),
     ]
     rows = [Row(equation, stage, "", float(error.max()), ALLOWED, int(error.size)) for equation, stage, error in pairs]
     rows.append(_counted(b.counts, c.counts))
@@ -129,14 +129,12 @@ def _state_error(expected: Array, found: Array, P: Array, angle: int) -> Array:
     return _finite(np.abs(difference) / scale)
 
 
-def _covariance_error(
-    expected: Array, found: Array, minuend: Array | None = None, situations: Situations | None = None
-) -> Array:
+def _covariance_error(expected: Array, found: Array, taken_from: Array | None = None) -> Array:
     """Relative to sigma_i sigma_j; of P, which the literal form takes from P_pred, to a share of P_pred's at least."""
     scale = covariance_scale(expected)
-    if minuend is not None and situations is not None:
-        sigma = np.sqrt(np.einsum("kii->ki", minuend))
-        scale = np.maximum(scale, minuend_scale(sigma, situations.condition))
+    if taken_from is not None:
+        sigma = np.sqrt(np.einsum("kii->ki", taken_from))
+        scale = np.maximum(scale, minuend_scale(sigma, np.ones(len(sigma))))
     return _finite(np.abs(found - expected) / scale)
 
 

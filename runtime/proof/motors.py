@@ -148,7 +148,7 @@ class SurfaceMotor:
         z = d.T * d.R / d.L_d
         middle = th + d.T * w_e / 2
         e = psi * w_e * np.array([-np.sin(middle), np.cos(middle)])
-        i = math.exp(-z) * x[:2] - math.expm1(-z) / d.R * (u - e - (R - d.R) * x[:2])
+        i = np.exp(-z) * x[:2] - np.expm1(-z) / d.R * (u - e - (R - d.R) * x[:2])
         return np.array([*i, *d.mechanics(x, self.torque((x[:2] + i) / 2, middle, psi))])
 
     def torque(self, i: Array, th: Any, psi: Any) -> Any:
@@ -287,7 +287,7 @@ class SalientFluxMotor:
         i = times(np.diag(1 / L), times(to_rotor, x[:2]) - magnet)
         psi_dq = times(to_rotor, x[:2]) + times(np.diag(-np.expm1(-z) / z * d.T), times(to_rotor, u) - R * i)
         # Meanwhile the magnet turns in that frame, from -T w_e / 2 to T w_e / 2.
-        psi = times(to_stator, psi_dq + not_yet_relaxed(float(z[1])) * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
+        psi = times(to_stator, psi_dq + not_yet_relaxed(z[1]) * d.T * w_e / 2 * times(QUARTER_TURN, magnet))
         return np.array([*psi, *d.mechanics(x, self.torque((x[:2] + psi) / 2, middle, psi_m))])
 
     def torque(self, psi: Array, th: Any, psi_m: Any) -> Any:
@@ -331,7 +331,7 @@ class SalientFluxMotor:
         return H
 
 
-def not_yet_relaxed(z: float) -> float:
+def not_yet_relaxed(z: Any) -> Any:
     """(1 + exp(-z)) (1 - tanh(z / 2) / (z / 2)), by Lambert's continued fraction of tanh, where nothing cancels.
 
     Parameters
@@ -339,10 +339,10 @@ def not_yet_relaxed(z: float) -> float:
     z : float
         Time over the time constant.
     """
-    y, inner = z / 2, 0.0
+    y, inner = z / 2, 0.0 * z
     for odd in range(101, 1, -2):
         inner = y * y / (odd + inner)
-    return (1 + math.exp(-z)) * inner / (1 + inner) if y < 20 else 1 - 1 / y
+    return (1 + np.exp(-z)) * inner / (1 + inner) if y.real < 20 else 1 - 1 / y
 
 
 def times(matrix: Array, vector: Array) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from runtime.proof.inverter import LossyInverter, make_inverter
 from runtime.proof.motors import Plant, make_motor
+from runtime.proof.wrong_data import STEP, moved_data
 
 Array = NDArray[Any]
 Stages = dict[str, Any]
@@ -41,6 +42,7 @@ class Reference:
     order: list[int]  # of the states in the factors of P
     inverter: LossyInverter | None = None
     shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of V_d
+    moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -91,14 +93,26 @@ class Reference:
         X = self._points(S, self.x)  # (14)
         X_prop = np.stack([self._f(X[..., i], u) for i in range(2 * n)], axis=-1)  # (15)
         x_pred = X_prop.mean(axis=-1)  # (16)
-        P_pred = covariance(X_prop, x_pred, X_prop, x_pred) + np.diag(self.Q)  # (17)
+        P_pred = covariance(X_prop, x_pred, X_prop, x_pred) + self._noise(u)  # (17)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
-    def _f(self, x: Array, u: Array) -> Array:
+    def _noise(self, u: Array) -> Array:
+        """Q and, where motor data may be wrong, sigma^2 (df/dp)(df/dp)^T for each, at the estimate."""
+        Q = np.diag(self.Q)
+        if not self.moved:
+            return Q
+        Q_p = np.zeros((*self.x.shape, self.x.shape[-1]))
+        for motor, deviation in self.moved:
+            shift = deviation * self._f(self.x, u, motor).imag / STEP
+            Q_p += shift[..., :, None] * shift[..., None, :]
+        self.stages["Q_p"] = Q_p
+        return np.asarray(Q + Q_p)
+
+    def _f(self, x: Array, u: Array, motor: Plant | None = None) -> Array:
         """The motor's f, whose states are the first axis, of the voltage that arrives."""
-        v = self._applied(x, u)
-        return np.moveaxis(np.asarray(self.motor.f(np.moveaxis(x, -1, 0), np.moveaxis(v, -1, 0))), 0, -1)
+        f, v = (motor or self.motor).f, self._applied(x, u)
+        return np.moveaxis(np.asarray(f(np.moveaxis(x, -1, 0), np.moveaxis(v, -1, 0))), 0, -1)
 
     def _applied(self, x: Array, u: Array) -> Array:
         """What a state's own V_d leaves of a voltage."""
@@ -182,7 +196,7 @@ class Reference:
 
     def _ekf_prediction(self, u: Array) -> tuple[Array, Array]:
         F = self._slope(u)
-        x_pred, P_pred = self._f(self.x, u), F @ self.P @ transposed(F) + np.diag(self.Q)
+        x_pred, P_pred = self._f(self.x, u), F @ self.P @ transposed(F) + self._noise(u)
         self.stages |= {"x_pred": x_pred, "F": F, "P_pred": P_pred}
         return x_pred, P_pred
 
@@ -221,7 +235,7 @@ class Reference:
         X_prop = np.stack([self._f(X[..., i], u) for i in range(X.shape[-1])], axis=-1)
         x_pred = X_prop @ w
         d = X_prop - x_pred[..., None]
-        P_pred = d @ np.diag(w) @ transposed(d) + np.diag(self.Q)
+        P_pred = d @ np.diag(w) @ transposed(d) + self._noise(u)
         self.stages |= {"S": S, "X": X, "X_prop": X_prop, "x_pred": x_pred, "P_pred": P_pred}
         return x_pred, P_pred
 
@@ -338,6 +352,8 @@ def make_reference(
         The motor's data.
     """
     tuning = parameters["filter"]
+    own = getattr(motor, "moved", None)  # a machine file's motors are made elsewhere
+    moved = own if own is not None else [(make_motor(sections), size) for sections, size in moved_data(parameters)]
     motor = motor or make_motor(parameters)
     return Reference(
         motor=motor,
@@ -351,4 +367,5 @@ def make_reference(
         eps=tuning["tolerance"],
         order=_order(parameters),
         inverter=make_inverter(parameters),
+        moved=moved,
     )

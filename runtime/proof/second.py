@@ -23,6 +23,7 @@ from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
 from runtime.proof.reference import jacobian
 from runtime.proof.result import Link, Row
+from runtime.proof.wrong_data import STEP, moved_data
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -78,10 +79,11 @@ class CasadiMotor:
 
     def __init__(self, model: StateSpaceModel) -> None:
         x, v, *signs = model.arguments
-        exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v))]
+        exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v)), *map(ca.densify, model.G.values())]
         exprs = [ca.substitute(e, g, ca.DM.zeros(2)) for e in exprs for g in signs] or exprs  # the voltage that arrives
-        self._f, self._F, self._B = (ca.Function("f", [x, v], [model.numeric(e)]) for e in exprs)
+        self._f, self._F, self._B, *columns = (ca.Function("f", [x, v], [model.numeric(e)]) for e in exprs)
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
+        self.moved: list[tuple[Any, float]] = [(_MovedMotor(column), 1.0) for column in columns]
 
     def f(self, x: Array, u: Array) -> Array:
         """Return the state one sample later, (n,).
@@ -140,6 +142,17 @@ class CasadiMotor:
         return _beside(self._H(x), x)
 
 
+class _MovedMotor:
+    """A motor with a datum moved along the imaginary axis, as CasADi's derivative has it: f alone."""
+
+    def __init__(self, slope: Any) -> None:
+        self._slope = slope
+
+    def f(self, x: Array, u: Array) -> Array:
+        """Return the derivative as the imaginary part, (n,)."""
+        return 1j * STEP * np.array(self._slope(x, u)).reshape(x.shape)
+
+
 def _beside(found: ca.DM, x: Array, columns: int = 0) -> Array:
     """CasADi's matrices (m, lanes n) for x (n, lanes), one after the other, as (m, n, lanes); or n ``columns``."""
     matrices = np.array(found)
@@ -154,6 +167,7 @@ class StatedMotor:
 
     def __init__(self, motor: Any, states: int, say: Callable[..., Any]) -> None:
         self._motor, self._n, self._say = motor, states, say
+        self.moved: list[tuple[Any, float]] = []
 
     @property
     def states_H(self) -> bool:
@@ -232,7 +246,10 @@ def _stated(drive: Drive, states: int) -> StatedMotor | None:
     for name in ("f", "h"):
         if not callable(getattr(motor, name, None)):
             raise UserError(f"machine file '{word.file}': what reference(parameters) returns has no method {name}.")
-    return StatedMotor(motor, states, say)
+    stated = StatedMotor(motor, states, say)
+    for sections, deviation in moved_data(drive.model_dump()):  # complex motor data: its formulas are to be NumPy's
+        stated.moved.append((StatedMotor(say("", make, sections), states, say), deviation))
+    return stated
 
 
 def compare_numbers(drive: Drive, model: StateSpaceModel, stated: StatedMotor) -> Link:

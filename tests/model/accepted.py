@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from model.drives.load import parse_drive
-from model.schema import Control, Drive, Inverter, Model, Motor
+from model.schema import Control, Drive, Inverter, Model, Motor, Tolerance
 
 #: Machines of each word, and what else the equations hang on.
 MACHINES = ("surface", "salient", "salient_flux")
@@ -50,6 +50,13 @@ def draw_motor(rng: np.random.Generator, machine: str) -> dict[str, Any]:
         near = drawn["inductance_d"] * (1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-15, -2))
         drawn["inductance_q"] = min(high, max(low, near))
     return drawn
+
+
+def draw_tolerance(rng: np.random.Generator) -> Tolerance:
+    """Half-widths and a correlation time of any size; every fourth datum is exact."""
+    keys = ("stator_resistance", "inductance", "magnet_flux")
+    widths = {key: 0.0 if rng.random() < 0.25 else evenly(rng, 1e-6, accepted(Tolerance, key)[1]) for key in keys}
+    return Tolerance(**widths, correlation_time=evenly(rng, *accepted(Tolerance, "correlation_time")))
 
 
 def draw_drive(rng: np.random.Generator, machine: str, mechanics: str, discretization: str, adaptive: Any) -> Drive:

@@ -15,6 +15,7 @@ KINDS = {
     "inverter": "what the inverter takes: its numbers, its term, what the controller makes up for",
     "filter": "stages of the filters, the paper's shape",
     "fast form": "even and odd parts, L D L^T, turning frame",
+    "tolerance": "noise of motor data that may be wrong, in both forms",
     "passes": "rewriting of the graph",
     "sine and cosine": "polynomials and reductions",
     "filter, C": "the emitted filter",

@@ -13,12 +13,14 @@ from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
 from tests.mutants.catalogue.program import PROGRAM
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
+from tests.mutants.catalogue.tolerance import TOLERANCE
 from tests.mutants.mutant import Mutant
 
 SOURCES: tuple[Mutant, ...] = (
     *MODEL,
     *INVERTER,
     *FILTERS,
+    *TOLERANCE,
     *FORM,
     *PROGRAM,
     *PASS,

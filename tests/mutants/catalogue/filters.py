@@ -87,11 +87,15 @@ CUBATURE = _of(
     ),
 )
 
+NOISE = _of(
+    "noise.py",
+    ("Q dropped", "P[i][i] = P[i][i] + Q[i]", "P[i][i] = P[i][i] + 0 * Q[i]", PAPER),
+    ("Q of the neighbour", "P[i][i] = P[i][i] + Q[i]", "P[i][i] = P[i][i] + Q[i - 1]", PAPER),
+    ("Q subtracted", "P[i][i] = P[i][i] + Q[i]", "P[i][i] = P[i][i] - Q[i]", PAPER),
+)
+
 SIGMA_POINT = _of(
     "sigma_point.py",
-    ("Q dropped", "P_pred[i][i] = P_pred[i][i] + Q[i]", "P_pred[i][i] = P_pred[i][i] + 0 * Q[i]", PAPER),
-    ("Q of the neighbour", "P_pred[i][i] = P_pred[i][i] + Q[i]", "P_pred[i][i] = P_pred[i][i] + Q[i - 1]", PAPER),
-    ("Q subtracted", "P_pred[i][i] = P_pred[i][i] + Q[i]", "P_pred[i][i] = P_pred[i][i] - Q[i]", PAPER),
     (
         "R dropped on beta",
         "Pyy[0][0], Pyy[1][1] = Pyy[0][0] + R[0], Pyy[1][1] + R[1]",
@@ -213,7 +217,7 @@ ICKF = _of(
 PEER_MUTANTS = (
     _of(
         "ekf.py",
-        ("Q dropped", "P_pred[i][i] = P_pred[i][i] + Q[i]", "P_pred[i][i] = P_pred[i][i] + 0 * Q[i]", PEERS),
+        ("Q dropped", "P_pred, Q, (x, u))", "P_pred, [0 * q for q in Q], (x, u))", PEERS),
         ("F P F", "_product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])", "_product(FP, rows)", PEERS),
         (
             "R dropped",
@@ -250,4 +254,4 @@ PEER_MUTANTS = (
     )
 )
 
-FILTERS = (*CUBATURE, *SIGMA_POINT, *ICKF, *PEER_MUTANTS)
+FILTERS = (*CUBATURE, *NOISE, *SIGMA_POINT, *ICKF, *PEER_MUTANTS)

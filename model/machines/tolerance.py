@@ -1,0 +1,116 @@
+"""Motor data that may be wrong: how far f moves with each, which the filters' time update adds to P_pred.
+
+A datum p that lies within a half-width d p of its own is given the deviation sigma = d p / sqrt(3), that of an even
+distribution. What it does to a sample is ``(df/dp) dp``, along one direction in the state space: a wrong R with the
+current, a wrong psi_m with speed and torque. Its error is the same in every sample, where process noise is another in
+each; noise that stays alike for ``correlation_time`` tau has, over times longer than that, the effect of independent
+noise of 2 tau / T times the variance. So::
+
+    P_pred = ... + Q + Q_p,     Q_p = sum over data of (2 tau / T) sigma_p^2 (df/dp)(df/dp)^T,  at the estimate.
+
+Data that are states have their uncertainty in P, and none here.
+
+Why noise, and how long it stays alike: measured on ``spmsm_load_torque`` with tolerances of R 20, L 10 and psi_m 5 %,
+averaged inverter, 5 N m stepped on. tau 0.3, 0.5, 0.6 and 1.5 ms hold an R that is off by a fifth to 5 degrees at 100
+r/min, where it made 37 without; at 0.3 ms half of the errors are within 3 sigma of P, at 0.5 ms (the default) 93 and at
+0.6 ms 97 %. The load step is felt as late with all of them (14 instead of 8 r/min, for psi_m alone).
+
+A consider state a datum (Schmidt: its covariance with the state is carried along, the datum not corrected) knows that
+the error does not change. It was no better at 100 r/min and above (2 to 4 degrees, load step 13 r/min at 1000), lost
+the rotor at 10, 30 and 50 r/min as the noise does, and carries as many covariances as a datum that is learnt. To learn
+R does hold down to 10 r/min (4 to 18 degrees): R belongs to ``model.adaptive`` where d R i is more than about a third
+of the back-EMF.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from model.machines.adaptive import ADAPTIVE
+from model.quantities import Constants, Formulas
+from model.schema import Drive
+
+#: The data that may be off, as :class:`model.machines.base.Parameters` calls them, and the key that says how far.
+DATA = {
+    "R": "stator_resistance",
+    "L_d": "inductance",
+    "L_q": "inductance",
+    "psi_m": "magnet_flux",
+}
+
+
+def deviations(drive: Drive) -> dict[str, float]:
+    """Data of a drive that may be wrong: the deviation that counts in a sample, relative to the datum.
+
+    Parameters
+    ----------
+    drive : Drive
+        Data that are states and data without a tolerance are left out.
+
+    >>> from model.drives.load import load_drive
+    >>> deviations(load_drive("paper_spmsm"))
+    {}
+    """
+    stated = drive.tolerance
+    if stated is None:
+        return {}
+    slow = {ADAPTIVE[word][1] for word in drive.model.adaptive}
+    alike = math.sqrt(2 * stated.correlation_time / drive.model.sample_time / 3)
+    widths = {letter: getattr(stated, key) for letter, key in DATA.items() if letter not in slow}
+    return {letter: width * alike for letter, width in widths.items() if width}
+
+
+@dataclass(frozen=True)
+class WrongData:
+    """The data that may be wrong, of one model.
+
+    ``letters``: symbol, value and relative deviation of each. ``propagate``: the model's, its constants the symbols
+    of ``formulas``.
+    """
+
+    letters: tuple[tuple[Any, float, float], ...]
+    propagate: Callable[..., tuple[list[Any], dict[str, Any]]]
+    formulas: Formulas
+
+    def columns(self, f: Any, constants: Constants) -> dict[str, Any]:
+        """For each datum that f hangs on its deviation times df/dp, (n, 1), by its letter.
+
+        Parameters
+        ----------
+        f : SX, (n, 1)
+            What ``propagate`` gave.
+        constants : Constants
+            Those of the model proper, which the columns are made of; new ones are named after datum and constant.
+        """
+        columns = {str(letter[0]): self._column(f, constants, *letter) for letter in self.letters}
+        return {name: column for name, column in columns.items() if not column.is_zero()}
+
+    def _column(self, f: Any, constants: Constants, letter: Any, value: float, deviation: float) -> Any:
+        size = value * deviation
+        shares = {
+            name: constants(
+                f"SIGMA_{str(letter).upper()}_{name}",
+                self._in_numbers(slope) * size,
+                f"what {name} changes with one sigma of {letter}",
+            )
+            for name, slope in self.formulas.slopes(letter).items()
+        }
+        column = self.formulas.along(f, letter, ca.SX(size), shares)
+        known = ca.vertcat(*(self._known(constants, name) for name in self.formulas.symbols))
+        return self._in_numbers(ca.substitute(column, ca.vertcat(*self.formulas.symbols.values()), known))
+
+    def _in_numbers(self, expression: Any) -> Any:
+        """An expression with the letters' values."""
+        letters, values, _ = zip(*self.letters, strict=True)
+        return ca.substitute(expression, ca.vertcat(*letters), ca.vertcat(*values))
+
+    def _known(self, constants: Constants, name: str) -> Any:
+        """A constant as the model proper has it: under its name, or a number that is not worth one."""
+        if name in constants.items:
+            return constants.items[name].symbol
+        return self._in_numbers(self.formulas.spelled[name])
