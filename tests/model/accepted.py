@@ -74,7 +74,8 @@ def draw_inverter(rng: np.random.Generator, T: float) -> dict[str, Any]:
     """What two inverters of three take of a voltage; of the third nothing is said."""
     if rng.random() < 0.3:
         return {}
-    control = {key: evenly(rng, *accepted(Control, key)) for key in ("dc_link", "max_current")}
+    control = {"max_current": evenly(rng, *accepted(Control, "max_current"))}
+    control["dc_link"] = evenly(rng, accepted(Control, "dc_link")[0], 3000.0)  # the operating box ends at 2000 V
     said = {"switch_drop": rng.uniform(*accepted(Inverter, "switch_drop"))}
     if rng.random() < 0.5:
         said["switching_frequency"] = evenly(rng, *accepted(Inverter, "switching_frequency"))

@@ -217,6 +217,6 @@ def test_the_controller_makes_up_for_the_estimate(tmp_path: Path) -> None:
     learns = Simulator(GeneratedFolder(tmp_path / "learns"), "ckf")
     hard = {"inverter": "pwm", "dead_time": 2e-6, "delay": 1}
     for compensate in (True, False):
-        run = learns.run(Scenario("load_step", load=5.0), Conditions(**hard, compensate=compensate))
+        run = learns.run(Scenario("load_step", speed=1000.0, load=5.0), Conditions(**hard, compensate=compensate))
         assert run.locked
         assert run.x[-1, -1] == pytest.approx(311.0 * 2e-6 / 100e-6, rel=0.1)
