@@ -99,10 +99,10 @@ def follows(row: DependentRow, i: int, model: StateSpaceModel) -> bool:
     """
     if not model.G:
         return True
-    G = ca.Function("G", [model.x, model.u], [model.numeric(ca.densify(ca.horzcat(*model.G.values())))])
+    G = ca.Function("G", model.arguments, [model.numeric(ca.densify(ca.horzcat(*model.G.values())))])
     rng = np.random.default_rng(1)
     for _ in range(DRAWS):
-        values = np.array(G(rng.normal(size=len(model.states)), rng.normal(size=2)))
+        values = np.array(G(*(rng.normal(size=column.numel()) for column in model.arguments)))
         shares = np.array([a.value * values[k] for k, a in row.rows if a.value is not None])
         if np.any(np.abs(values[i] - shares.sum(axis=0)) > ROUNDING * np.abs(shares).sum(axis=0)):
             return False

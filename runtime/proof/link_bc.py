@@ -35,6 +35,7 @@ class _Taken:
     P_pred: Array
     x_next: list[Array]
     counts: Array
+    condition: Array  # of Pyy, (N,); 0 where the form does not name it
     change_error: Array | None  # of |x^{j+1} - x^j|^2 against this form's own iterates, relative
 
 
@@ -66,7 +67,7 @@ def link_bc(literal: ModuleType, fast: ModuleType, step: FilterStep, drive: str,
         pairs.append(("33", "|x^{j+1} - x^j|^2", c.change_error))
     pairs += [
         ("25, 34", "x", _state_error(b.x, c.x, b.P, fast.ANGLE)),
-        ("26, 32", "P", _covariance_error(b.P, c.P, b.P_pred)),
+        ("26, 32", "P", _covariance_error(b.P, c.P, b)),
     ]
     rows = [Row(equation, stage, "", float(error.max()), ALLOWED, int(error.size)) for equation, stage, error in pairs]
     rows.append(_counted(b.counts, c.counts))
@@ -94,8 +95,17 @@ def _take(module: ModuleType, kind: str, s: Situations) -> _Taken:
         P_pred,
         [np.array(item["x_next"]).T for item in iterates],
         backend.iterations,
+        _condition((stages.get("iterates") or [stages])[0].get("Pyy"), len(s.u)),
         np.array([_change_error(*one) for one in passes]).max(axis=0) if passes else None,
     )
+
+
+def _condition(Pyy: Any, lanes: int) -> Array:
+    """Of the lower triangle of a 2x2 covariance, (lanes,)."""
+    if Pyy is None:
+        return np.zeros(lanes)
+    a, b, c = (np.broadcast_to(np.asarray(entry, dtype=float), (lanes,)) for entry in Pyy)
+    return np.asarray(np.linalg.cond(np.moveaxis(np.array([[a, b], [b, c]]), -1, 0)))
 
 
 @contextmanager
@@ -129,12 +139,12 @@ def _state_error(expected: Array, found: Array, P: Array, angle: int) -> Array:
     return _finite(np.abs(difference) / scale)
 
 
-def _covariance_error(expected: Array, found: Array, taken_from: Array | None = None) -> Array:
+def _covariance_error(expected: Array, found: Array, literal: _Taken | None = None) -> Array:
     """Relative to sigma_i sigma_j; of P, which the literal form takes from P_pred, to a share of P_pred's at least."""
     scale = covariance_scale(expected)
-    if taken_from is not None:
-        sigma = np.sqrt(np.einsum("kii->ki", taken_from))
-        scale = np.maximum(scale, minuend_scale(sigma, np.ones(len(sigma))))
+    if literal is not None:
+        sigma = np.sqrt(np.einsum("kii->ki", literal.P_pred))
+        scale = np.maximum(scale, minuend_scale(sigma, literal.condition))
     return _finite(np.abs(found - expected) / scale)
 
 
