@@ -27,18 +27,18 @@ class Unit:
         self.symbol = symbol
 
 
-Resistance = Annotated[float, Field(ge=1e-4, le=1e3), Unit("ohm")]
-Inductance = Annotated[float, Field(ge=1e-6, le=0.5), Unit("H")]
+Resistance = Annotated[float, Field(ge=1e-5, le=1e3), Unit("ohm")]
+Inductance = Annotated[float, Field(ge=1e-7, le=0.5), Unit("H")]
 FluxLinkage = Annotated[float, Field(ge=1e-5, le=10.0), Unit("Wb")]
-Inertia = Annotated[float, Field(ge=1e-8, le=1e3), Unit("kg m^2")]
-Friction = Annotated[float, Field(ge=0.0, le=10.0), Unit("N m s / rad")]
+Inertia = Annotated[float, Field(ge=1e-9, le=1e4), Unit("kg m^2")]
+Friction = Annotated[float, Field(ge=0.0, le=1e3), Unit("N m s / rad")]
 SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
 Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
-Torque = Annotated[float, Field(ge=1e-3, le=1e5), Unit("N m")]
-Speed = Annotated[float, Field(ge=1.0, le=1e4), Unit("rad/s")]
+Torque = Annotated[float, Field(ge=1e-5, le=1e6), Unit("N m")]
+Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
 Variance = Annotated[float, Field(ge=1e-18, le=1e12)]

@@ -12,8 +12,9 @@ import hashlib
 import math
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -180,7 +181,7 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
             error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
         )  # a typo explains a missing key
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
-        raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
+        raise DriveError(f"drive '{where}': {explain(problems[0])}{more}") from None
     try:
         machine = find_machine(drive)
         _check_lengths(drive, [quantity.name for quantity in machine.states], where)
@@ -244,12 +245,24 @@ _SECTIONS: dict[str, type[BaseModel]] = {
 }
 
 
-def _explain(problem: Any) -> str:
-    """One pydantic problem as a sentence a motor engineer can act on."""
+def explain(
+    problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, top: type[BaseModel] = Drive
+) -> str:
+    """One pydantic problem as a sentence a motor engineer can act on.
+
+    Parameters
+    ----------
+    problem : dict
+        An entry of ``ValidationError.errors()``.
+    sections : mapping of str to model, optional
+        The file's sections by name.
+    top : model, optional
+        What holds them.
+    """
     location = [str(part) for part in problem["loc"]]
     key = re.sub(r"\.(\d+)$", r"[\1]", ".".join(location))
     kind, value, limits = problem["type"], problem["input"], problem.get("ctx", {})
-    section = _SECTIONS.get(location[0], Drive) if len(location) > 1 else Drive
+    section = sections.get(location[0], top) if len(location) > 1 else top
     if kind == "value_error":
         return str(limits.get("error", problem["msg"]))
     if kind == "extra_forbidden":
@@ -285,7 +298,9 @@ def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float
     if field is None:
         return "", None, None
     unit, low, high = "", None, None
-    for item in field.metadata:
+    inside = [item for part in get_args(field.annotation) for item in getattr(part, "__metadata__", ())]  # of X | None
+    inside = [item for found in inside for item in getattr(found, "metadata", [found])]
+    for item in [*field.metadata, *inside]:
         unit = f" {item.symbol}" if isinstance(item, Unit) else unit
         low = getattr(item, "ge", low)
         high = getattr(item, "le", high)
