@@ -82,7 +82,7 @@ def design(facts: Facts) -> Design:
     salient = is_salient(facts)
     sections = {
         "motor": _motor(facts, salient),
-        "model": _model(facts, salient),
+        "model": _model(facts, point, salient),
         "filter": _filter(facts, point, salient),
         "operating_box": _box(facts, point),
         "control": _control(facts, point),
@@ -110,13 +110,29 @@ def rated_point(f: Facts) -> RatedPoint:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if mtpa(f, middle)[2] < f.torque else (low, middle)
     i_d, i_q, _ = mtpa(f, high)
-    parts = (f.d_R * f.R * high, f.d_psi * f.omega_e * f.psi_m, f.d_L * f.omega_e * f.L_q * high)
+    kR = ADAPTED if resistance_hurts(f, high) else 1.0
+    parts = (kR * f.d_R * f.R * high, K_PSI * f.d_psi * f.omega_e * f.psi_m, K_L * f.d_L * f.omega_e * f.L_q * high)
     kappa = math.sqrt(
         KAPPA_0**2
-        + (0.5 * math.sqrt(3) * f.dead_time / f.T) ** 2
+        + (K_DEAD * 0.5 * math.sqrt(3) * f.dead_time / f.T) ** 2
         + 4 / (3 * f.voltage**2) * sum(part * part for part in parts)
     )
     return RatedPoint(i_d, i_q, mtpa(f, f.max_current)[2], kappa)
+
+
+K_PSI = K_L = 0.3
+ADAPTED = 0.6
+HURTS = 0.2
+SLOW = 1.0
+KQW=0.01
+KQL=5.0
+A_S=10.0
+K_DEAD=0.5
+A_W=4.5
+
+def resistance_hurts(f, current):
+    active = f.psi_m + (f.L_d - f.L_q) * mtpa(f, current)[0]
+    return f.d_R * f.R * current / (0.1 * active * f.omega_e) > HURTS
 
 
 def remarks(f: Facts, point: RatedPoint) -> list[str]:
@@ -159,7 +175,7 @@ def _motor(f: Facts, salient: bool) -> Section:
     }
 
 
-def _model(f: Facts, salient: bool) -> Section:
+def _model(f: Facts, point: RatedPoint, salient: bool) -> Section:
     machine = (
         Choice("salient_flux", "L_d and L_q differ; flux linkages as states lock where current states settle wrong")
         if salient
@@ -170,7 +186,7 @@ def _model(f: Facts, salient: bool) -> Section:
         "mechanics": Choice("load_torque", "inertia is known, so the load is a state and need not hide in Q of omega"),
         "discretization": Choice("exact", f"T R / L = {f.T * f.R / min(f.L_d, f.L_q):.2g}; Euler would lag by half a sample"),
         "sample_time": Choice(f.T, "s, as stated"),
-        "adaptive": Choice([], "none: the tolerances are in Q"),
+        "adaptive": Choice(["stator_resistance"] if resistance_hurts(f, point.current) else [], "none: the tolerances are in Q"),
     }
 
 
@@ -179,10 +195,13 @@ def _filter(f: Facts, point: RatedPoint, salient: bool) -> Section:
     L = 0.5 * (f.L_d + f.L_q)
     flux = q_psi if salient else q_psi / L**2
     unit = "Wb^2" if salient else "A^2"
-    q = [flux, flux, (0.01 * point.largest_torque * f.T / f.J) ** 2, 1e-8, f.torque**2 * f.T / f.step_every]
+    q = [flux, flux, (KQW * point.largest_torque * f.T / f.J) ** 2, 1e-8, KQL * f.torque**2 * f.T / f.step_every]
     s2 = f.sigma**2
     p0_theta = f.angle**2 / 3
     p0 = [*_electrical_start(f, salient), (0.002 * f.speed) ** 2, max(p0_theta, 1e-6), (0.1 * f.torque) ** 2]
+    if resistance_hurts(f, point.current):
+        p0 += [(f.d_R * f.R)**2 / 3]
+        q += [p0[-1] * 2 * f.T / SLOW]
     return {
         "kinds": Choice(["ckf"], "h is linear: an ICKF would be the same filter" if not salient else "one pass"),
         "gain": Choice("cubature", "of the CKF"),
@@ -214,7 +233,8 @@ def _box(f: Facts, point: RatedPoint) -> Section:
 
 def _control(f: Facts, point: RatedPoint) -> Section:
     current = min(0.15 / f.T, 3 * f.voltage / (max(f.L_d, f.L_q) * f.max_current))
-    speed = min(current / 10, point.largest_torque / (0.2 * f.J * f.speed))
+    w0 = (KQL*f.torque**2/f.step_every*(f.p/f.J)**2/((point.kappa*f.voltage/f.psi_m)**2*f.T))**.25
+    speed = min(w0/A_W, current / A_S, point.largest_torque / (0.2 * f.J * f.speed))
     return {
         "dc_link": Choice(f.dc_link, "V"),
         "max_current": Choice(f.max_current, "A"),
