@@ -245,9 +245,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
 }
 
 
-def explain(
-    problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, top: type[BaseModel] = Drive
-) -> str:
+def explain(problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, top: type[BaseModel] = Drive) -> str:
     """One pydantic problem as a sentence a motor engineer can act on.
 
     Parameters

@@ -241,12 +241,14 @@ def _motor(f: Facts) -> Section:
     L_d, L_q = (f.L_d, f.L_q) if is_salient(f) else (L, L)
     known = f"H, known within {f.d_L:.0%}"
     return {
-        "stator_resistance": Choice(f.R, f"ohm of a phase, known within {f.d_R:.0%}"),
-        "inductance_d": Choice(L_d, known if is_salient(f) else f"{known}; L_d and L_q count as one up to {ROUND:.0%}"),
-        "inductance_q": Choice(L_q, known),
-        "magnet_flux": Choice(f.psi_m, f"Wb, known within {f.d_psi:.0%}"),
+        "stator_resistance": Choice(_stated(f.R), f"ohm of a phase, known within {f.d_R:.0%}"),
+        "inductance_d": Choice(
+            _stated(L_d), known if is_salient(f) else f"{known}; L_d and L_q count as one up to {ROUND:.0%}"
+        ),
+        "inductance_q": Choice(_stated(L_q), known),
+        "magnet_flux": Choice(_stated(f.psi_m), f"Wb, known within {f.d_psi:.0%}"),
         "pole_pairs": Choice(f.p, "as stated"),
-        "inertia": Choice(f.J, f"kg m^2, known within {f.d_J:.0%}"),
+        "inertia": Choice(_stated(f.J), f"kg m^2, known within {f.d_J:.0%}"),
         "friction": Choice(f.D, "N m s / rad"),
     }
 
@@ -290,12 +292,15 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
         q.append(p0[-1] * 2 * f.T / ADAPTIVE_TIME)
         units.append("ohm^2")
     angle = "anywhere" if f.angle >= math.pi else f"within {math.degrees(f.angle):.0f} degrees"
-    single = "one pass; its points see the currents bend with the angle" if salient else "h is linear: an ICKF is the same"
+    single = (
+        "one pass; its points see the currents bend with the angle" if salient else "h is linear: an ICKF is the same"
+    )
     return {
         "kinds": Choice(["ckf"], single),
         "initial_covariance": Choice(_rounded(p0), f"{', '.join(units)}: at rest without current, the angle {angle}"),
         "process_noise": Choice(
-            _rounded(q), f"a sample: {kappa:.1%} of {f.voltage:.3g} V is unknown, the load steps every {f.step_every:g} s"
+            _rounded(q),
+            f"a sample: {kappa:.1%} of {f.voltage:.3g} V is unknown, the load steps every {f.step_every:g} s",
         ),
         "measurement_noise": Choice(
             _rounded([s2, 5 * s2 / 3]),
@@ -317,8 +322,8 @@ def _electrical_start(f: Facts) -> list[float]:
 
 def _rated(f: Facts) -> Section:
     return {
-        "speed": Choice(f.speed, f"rad/s: {f.speed * RPM:.6g} r/min"),
-        "torque": Choice(f.torque, "N m"),
+        "speed": Choice(_stated(f.speed), f"rad/s: {f.speed * RPM:.6g} r/min"),
+        "torque": Choice(_stated(f.torque), "N m"),
     }
 
 
@@ -348,6 +353,11 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         "current_bandwidth": Choice(_rounded(current), f"rad/s: {min(currents, key=lambda k: currents[k])}"),
         "speed_bandwidth": Choice(_rounded(min(speeds.values())), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"),
     }
+
+
+def _stated(value: float) -> float:
+    """Six digits of a fact: as stated, without what a conversion adds behind them."""
+    return float(f"{value:.6g}")
 
 
 def _rounded(value: Any) -> Any:

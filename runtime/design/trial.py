@@ -1,0 +1,359 @@
+"""A design tried: the closed loop with motors drawn within tolerance, behind a switching inverter, at five speeds.
+
+Every draw starts at rest at an angle of its own, runs up to a share of rated speed and meets a step of rated torque.
+The inverter switches with its dead time, duty cycles act a sample late, sensors have noise and a converter's steps:
+the scalar simulator, run by run (:mod:`runtime.drive.simulation`), some 2 us a sample.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from codegen.generate import Package, generate_bare
+from codegen.output.folder import write_folder
+from model.drives.load import parse_drive
+from model.schema import DriveError
+from runtime.design.facts import Facts
+from runtime.design.rules import Design, is_salient, rated_point
+from runtime.drive.scenario import Scenario
+from runtime.drive.simulation import Conditions, Run, Simulator
+from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.threads import thread_count
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError, stop_if_interrupted
+
+Array = NDArray[Any]
+#: Called with the number of runs done and of all.
+Progress = Callable[[int, int], None]
+
+#: Shares of rated speed that are tried, and from which on a design must hold.
+SPEEDS, MUST_HOLD = (0.01, 0.05, 0.1, 0.5, 1.0), 0.1
+#: Share of the draws that must hold where a speed counts as held.
+ENOUGH = 0.99
+#: Electrical degrees beyond which the rotor is lost.
+LOST = 30.0
+#: How near the reference the speed must be at the end: of the reference, or of rated speed, whichever is more.
+NEAR, NEAR_RATED = 0.1, 0.02
+#: Shares of the largest torque that accelerate.
+ACCELERATION = 0.5
+#: Share of the draws that did not hold which a fact known exactly must mend, where that fact is named; by how much
+#: that is more than other noise mends; how many of the draws are looked at.
+MENDED, LUCK, LOOKED_AT = 0.5, 0.3, 16
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Motors and starts: ``factors`` on the filter's data by name, and ``theta`` rad at the start; arrays (B,)."""
+
+    factors: dict[str, Array]
+    theta: Array
+
+    @property
+    def count(self) -> int:
+        """How many."""
+        return len(self.theta)
+
+    def exactly(self, names: Sequence[str]) -> Draws:
+        """The same draws, some of the data known exactly; "theta": the rotor at angle 0.
+
+        Parameters
+        ----------
+        names : sequence of str
+        """
+        factors = {name: np.ones_like(f) if name in names else f for name, f in self.factors.items()}
+        return Draws(factors, np.zeros_like(self.theta) if "theta" in names else self.theta)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A share of rated speed: which draws held, stayed locked and reached the speed (B,); their errors.
+
+    ``angle``: largest from the load step on, degrees; ``speed_error``: of the estimate, largest from the load step on,
+    r/min; (B,).
+    """
+
+    share: float
+    speed: float
+    locked: Array
+    reached: Array
+    angle: Array
+    speed_error: Array
+
+    @property
+    def held(self) -> Array:
+        """Locked, and at the speed that is wanted."""
+        return np.asarray(self.locked & self.reached)
+
+    @property
+    def holds(self) -> bool:
+        """Whether enough of the draws held."""
+        return bool(len(self.held)) and float(np.mean(self.held)) >= ENOUGH
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What was tried and found: ``hurts``, for a share of speed that does not hold, the facts to blame."""
+
+    facts: Facts
+    points: list[Point]
+    hurts: dict[float, list[str]] = field(default_factory=dict)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the design holds from :data:`MUST_HOLD` of rated speed on; not where nothing was tried."""
+        must = [point.holds for point in self.points if point.share >= MUST_HOLD]
+        return bool(must) and all(must)
+
+    @property
+    def success(self) -> float:
+        """Share of the draws that held at every speed from :data:`MUST_HOLD` on."""
+        held = [point.held for point in self.points if point.share >= MUST_HOLD]
+        return float(np.mean(np.all(held, axis=0))) if held else 0.0
+
+
+def draw(facts: Facts, count: int, seed: int) -> Draws:
+    """Motors and starts, evenly within the tolerances.
+
+    Parameters
+    ----------
+    facts : Facts
+    count : int
+    seed : int
+    """
+    rng = np.random.default_rng(seed)
+    R, L_d, L_q, psi_m, J, theta = rng.uniform(-1.0, 1.0, (6, count))
+    factors = {
+        "R": 1 + facts.d_R * R,
+        "L_d": 1 + facts.d_L * L_d,
+        "L_q": 1 + facts.d_L * (L_q if is_salient(facts) else L_d),
+        "psi_m": 1 + facts.d_psi * psi_m,
+        "J": 1 + facts.d_J * J,
+    }
+    return Draws(factors, facts.angle * theta)
+
+
+def package(design: Design) -> Package:
+    """The design's generated code.
+
+    Parameters
+    ----------
+    design : Design
+
+    Raises
+    ------
+    UserError
+        Facts whose drive file is refused.
+    """
+    try:
+        return generate_bare(parse_drive(design.tables(), design.name))
+    except DriveError as error:
+        raise UserError(f"these facts make a drive file that is refused: {error}") from None
+
+
+@contextmanager
+def simulator(made: Package, kind: str) -> Iterator[Simulator]:
+    """The closed loop of a package that lies in no folder yet.
+
+    Parameters
+    ----------
+    made : Package
+    kind : str
+        Of the filter.
+    """
+    with tempfile.TemporaryDirectory(prefix="pmsm-ickf-") as place:
+        path = Path(place) / made.drive.name
+        write_folder(path, made.files, force=False)
+        yield Simulator(GeneratedFolder(path), kind)
+
+
+def try_out(
+    facts: Facts,
+    design: Design,
+    made: Package,
+    draws: int = 128,
+    seed: int = 1,
+    speeds: Sequence[float] = SPEEDS,
+    progress: Progress = lambda done, of: None,
+) -> Trial:
+    """Try a design at several speeds, and find out which fact is to blame where it does not hold.
+
+    Parameters
+    ----------
+    facts : Facts
+        What the design was made from; the draws are about it.
+    design : Design
+    made : Package
+        Its generated code.
+    draws : int
+        Motors a speed.
+    seed : int
+        Of all that is drawn.
+    speeds : sequence of float
+        Shares of rated speed.
+    progress : callable
+        Called with runs done and all runs.
+    """
+    motors, bandwidth = draw(facts, draws, seed), float(design.sections["control"]["speed_bandwidth"].value)
+    points: list[Point] = []
+    hurts: dict[float, list[str]] = {}
+    with simulator(made, design.kind) as loop:
+        for k, share in enumerate(speeds):
+            scenario = load_step(facts, share, bandwidth)
+
+            def tell(done: int, before: int = k * draws) -> None:
+                progress(before + done, draws * len(speeds))
+
+            points.append(_point(loop, facts, scenario, share, motors, range(draws), tell))
+        for point in points:
+            if not point.holds:
+                scenario = load_step(facts, point.share, bandwidth)
+                hurts[point.share] = _to_blame(loop, facts, scenario, point, motors)
+    return Trial(facts, points, hurts)
+
+
+def load_step(facts: Facts, share: float, bandwidth: float) -> Scenario:
+    """Up to a share of rated speed, then rated torque at once; times that suit the drive.
+
+    Parameters
+    ----------
+    facts : Facts
+    share : float
+        Of rated speed.
+    bandwidth : float
+        Of the speed regulator, rad/s.
+    """
+    speed = share * facts.speed
+    acceleration = ACCELERATION * rated_point(facts).largest_torque / facts.J
+    ramp = max(speed / acceleration, 3 / bandwidth, 0.02)
+    load_at = ramp + max(5 / bandwidth, 0.02)
+    half_turn = math.pi / (facts.p * speed)
+    duration = load_at + max(8 / bandwidth, 0.12, min(1.0, half_turn))
+    return Scenario(f"{share:.0%}", speed * RPM, ramp, facts.torque, load_at, duration)
+
+
+def _conditions(facts: Facts, motors: Draws, k: int, dead_time: float, seeds: int) -> Conditions:
+    return Conditions(
+        inverter="pwm",
+        dead_time=dead_time,
+        delay=1,
+        noise=facts.noise,
+        bits=facts.bits,
+        range=facts.range,
+        theta=float(motors.theta[k]),
+        seed=seeds + k + 1,
+        factors={name: float(factor[k]) for name, factor in motors.factors.items()},
+    )
+
+
+def _point(
+    loop: Simulator,
+    facts: Facts,
+    scenario: Scenario,
+    share: float,
+    motors: Draws,
+    which: Sequence[int],
+    tell: Callable[[int], None] | None = None,
+    dead_time: float | None = None,
+    seeds: int = 0,
+) -> Point:
+    """Some of the draws at one speed, on all cores: the loop in C holds no lock of Python's."""
+    dead = facts.dead_time if dead_time is None else dead_time
+    rows = np.zeros((4, len(which)))
+
+    def one(place: int) -> None:
+        run = loop.run(scenario, _conditions(facts, motors, which[place], dead, seeds))
+        rows[:, place] = judge(run, facts, scenario)
+
+    with ExitStack() as stack:
+        pool = ThreadPoolExecutor(thread_count())
+        stack.callback(pool.shutdown, cancel_futures=True)
+        for done, future in enumerate(as_completed([pool.submit(one, k) for k in range(len(which))])):
+            future.result()
+            stop_if_interrupted()
+            if tell is not None:
+                tell(done + 1)
+    return Point(share, scenario.speed, rows[0] > 0, rows[1] > 0, rows[2], rows[3])
+
+
+def judge(run: Run, facts: Facts, scenario: Scenario) -> tuple[float, float, float, float]:
+    """Whether a run stayed locked and reached the speed (1 or 0); its angle (degrees) and speed error (r/min).
+
+    Parameters
+    ----------
+    run : Run
+    facts : Facts
+    scenario : Scenario
+        Of the run.
+    """
+    after = run.t >= scenario.load_at
+    late = run.t >= run.t[-1] - 0.2 * (run.t[-1] - scenario.load_at)
+    if not (np.all(np.isfinite(run.x)) and np.all(np.isfinite(run.omega))):
+        return 0.0, 0.0, math.inf, math.inf
+    angle, off = np.abs(run.angle_error), np.abs(run.omega * RPM - scenario.speed)
+    near = max(NEAR * scenario.speed, NEAR_RATED * facts.speed * RPM)
+    locked, reached = np.max(angle[late]) <= LOST, np.max(off[late]) <= near
+    return float(locked), float(reached), float(np.max(angle[after])), float(np.max(np.abs(run.speed_error[after])))
+
+
+#: What may be to blame: the draws' data that belong to it.
+CAUSES = {
+    "stator_resistance": ("R",),
+    "inductance": ("L_d", "L_q"),
+    "magnet_flux": ("psi_m",),
+    "inertia": ("J",),
+    "angle": ("theta",),
+}
+
+
+def _to_blame(loop: Simulator, facts: Facts, scenario: Scenario, point: Point, motors: Draws) -> list[str]:
+    """The facts that, known exactly, would mend most of the draws that did not hold, and clearly more than luck."""
+    failed = [int(k) for k in np.flatnonzero(~point.held)][:LOOKED_AT]
+
+    def mended(again: Draws, dead_time: float | None = None, seeds: int = 0) -> float:
+        return float(np.mean(_point(loop, facts, scenario, point.share, again, failed, None, dead_time, seeds).held))
+
+    by_luck = mended(motors, seeds=10_000)  # the same motors under other noise
+    found = {cause: mended(motors.exactly(names)) for cause, names in CAUSES.items()}
+    if facts.dead_time:
+        found["dead_time"] = mended(motors, dead_time=0.0)
+    return [cause for cause, share in found.items() if share >= max(MENDED, by_luck + LUCK)]
+
+
+def blame(trial: Trial) -> list[str]:
+    """In words, which fact is not known well enough, and what would help: one line a fact.
+
+    Parameters
+    ----------
+    trial : Trial
+    """
+    f = trial.facts
+    words = {
+        "stator_resistance": (f"stator_resistance within {f.d_R:.0%}", "identify it, or adapt it"),
+        "inductance": (f"inductance within {f.d_L:.0%}", "identify it"),
+        "magnet_flux": (f"magnet_flux within {f.d_psi:.0%}", "identify it, or adapt it"),
+        "inertia": (f"inertia within {f.d_J:.0%}", "identify it with the load coupled"),
+        "angle": (f"a start within {math.degrees(f.angle):.0f} degrees", "align the rotor first"),
+        "dead_time": (f"dead time of {f.dead_time * 1e6:.2g} us", "a shorter one, or a lower PWM frequency"),
+    }
+    lines = []
+    for cause, (what, help_) in words.items():
+        speeds = [point.speed for point in trial.points if cause in trial.hurts.get(point.share, ())]
+        if speeds:
+            lines.append(f"{what} is not enough up to {max(speeds):.3g} r/min: {help_}.")
+    unexplained = [point.speed for point in trial.points if trial.hurts.get(point.share) == []]
+    if unexplained:
+        speeds_text = ", ".join(f"{speed:.3g}" for speed in unexplained)
+        lines.append(
+            f"no single fact explains what is lost at {speeds_text} r/min: several together, or the load step."
+        )
+    return lines
