@@ -295,8 +295,14 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
     single = (
         "one pass; its points see the currents bend with the angle" if salient else "h is linear: an ICKF is the same"
     )
+    order = {}
+    if salient:  # as cheap as it gets: few columns of the root bend
+        adaptive = _model(f, point)["adaptive"].value
+        states = ["theta", "omega", *adaptive, "psi_alpha", "psi_beta", "load_torque"]
+        order["root_order"] = Choice(states, "the angle first: a quarter cheaper, as good")
     return {
         "kinds": Choice(["ckf"], single),
+        **order,
         "initial_covariance": Choice(_rounded(p0), f"{', '.join(units)}: at rest without current, the angle {angle}"),
         "process_noise": Choice(
             _rounded(q),

@@ -25,8 +25,8 @@ def drive_text(design: Design, facts_name: str) -> str:
         Name of the facts file, for the head.
     """
     lines = [
-        f"# Made by pmsm-ickf design from {facts_name}: a value, and why it is that. Change what you know better, then look",
-        "# at it again with pmsm-ickf generate, verify and simulate.",
+        f"# Made by pmsm-ickf design from {facts_name}: a value, and why it is that. Change what you know better, then",
+        "# look at it again with pmsm-ickf generate, verify and simulate.",
         f"name = {json.dumps(design.name)}",
     ]
     for section, choices in design.sections.items():
