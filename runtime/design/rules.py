@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 from model.drives.load import parse_drive
 from model.rating import mtpa_currents, rating
-from model.schema import DriveError
+from model.schema import Bandwidth, Current, DriveError, Speed, Torque, Variance, Voltage
 from runtime.design.facts import Facts
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
@@ -44,6 +44,8 @@ SPEED_SHARE, ANGLE_NOISE = 0.01, 1e-8
 SPEED_TO_CURRENT, SPEED_TO_FILTER = 0.1, 1 / 4.5
 #: The current regulators' bandwidth times T, at most; voltage is left for so many times their largest step.
 CURRENT_TURN, VOLTAGE_STEPS = 0.15, 3.0
+#: Dead-time compensation fades below so many sigmas of the current sensor and this share of the largest current.
+FADING_SIGMAS, FADING_SHARE = 6.0, 0.02
 #: Largest relative difference of L_d and L_q that counts as none.
 ROUND = 0.02
 #: Largest electrical turn in a sample, rad, and largest T R / L, at which these rules are known to run.
@@ -205,6 +207,16 @@ def filter_bandwidth(f: Facts, point: RatedPoint) -> float:
     return float((q / r) ** 0.25)
 
 
+def fading_current(f: Facts) -> float:
+    """The current below which dead-time compensation fades, A: there the sign of a measured current is none.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    return float(_rounded(max(FADING_SIGMAS * f.sigma, FADING_SHARE * f.max_current), Current))
+
+
 def remarks(f: Facts, point: RatedPoint) -> list[str]:
     """What the facts say against each other, or against the sample time: one line each.
 
@@ -232,6 +244,11 @@ def remarks(f: Facts, point: RatedPoint) -> list[str]:
         lines.append(
             f"a sample of {f.T * 1e6:.3g} us is long: {math.degrees(f.omega_e * f.T):.0f} degrees electrical at rated "
             f"speed, T R / L = {decay:.2f}. Up to {shorter * 1e6:.2g} us is tried ground; the trial says what holds."
+        )
+    if f.dead_time:
+        lines.append(
+            f"tried with the controller's dead-time compensation on: gain dead_share = {f.dead_time / f.T:.3g}, "
+            f"dead_current = {fading_current(f):g} A; the firmware sets them (docs/design.md)."
         )
     return lines
 
@@ -303,13 +320,15 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
     return {
         "kinds": Choice(["ckf"], single),
         **order,
-        "initial_covariance": Choice(_rounded(p0), f"{', '.join(units)}: at rest without current, the angle {angle}"),
+        "initial_covariance": Choice(
+            _rounded(p0, Variance), f"{', '.join(units)}: at rest without current, the angle {angle}"
+        ),
         "process_noise": Choice(
-            _rounded(q),
+            _rounded(q, Variance),
             f"a sample: {kappa:.1%} of {f.voltage:.3g} V is unknown, the load steps every {f.step_every:g} s",
         ),
         "measurement_noise": Choice(
-            _rounded([s2, 5 * s2 / 3]),
+            _rounded([s2, 5 * s2 / 3], Variance),
             f"A^2: {f.sigma:.3g} A rms on phases a and b, rounding in it; (1 + 4) / 3 of it on beta",
         ),
     }
@@ -335,10 +354,10 @@ def _rated(f: Facts) -> Section:
 
 def _box(f: Facts, point: RatedPoint) -> Section:
     return {
-        "current": Choice(_rounded(2.5 * f.max_current), "A, 2.5 times the largest"),
-        "voltage": Choice(_rounded(1.5 * f.dc_link), "V, 1.5 times the DC link"),
-        "speed": Choice(_rounded(2 * f.speed), "rad/s, twice the rated speed"),
-        "load_torque": Choice(_rounded(2 * point.largest_torque), "N m, twice what the largest current makes"),
+        "current": Choice(_rounded(2.5 * f.max_current, Current), "A, 2.5 times the largest"),
+        "voltage": Choice(_rounded(1.5 * f.dc_link, Voltage), "V, 1.5 times the DC link"),
+        "speed": Choice(_rounded(2 * f.speed, Speed), "rad/s, twice the rated speed"),
+        "load_torque": Choice(_rounded(2 * point.largest_torque, Torque), "N m, twice what the largest current makes"),
     }
 
 
@@ -356,8 +375,10 @@ def _control(f: Facts, point: RatedPoint) -> Section:
     return {
         "dc_link": Choice(f.dc_link, "V"),
         "max_current": Choice(f.max_current, "A, peak of a phase"),
-        "current_bandwidth": Choice(_rounded(current), f"rad/s: {min(currents, key=lambda k: currents[k])}"),
-        "speed_bandwidth": Choice(_rounded(min(speeds.values())), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"),
+        "current_bandwidth": Choice(_rounded(current, Bandwidth), f"rad/s: {min(currents, key=lambda k: currents[k])}"),
+        "speed_bandwidth": Choice(
+            _rounded(min(speeds.values()), Bandwidth), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"
+        ),
     }
 
 
@@ -366,6 +387,10 @@ def _stated(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _rounded(value: Any) -> Any:
-    """Three digits: more would claim what no rule knows."""
-    return [_rounded(entry) for entry in value] if isinstance(value, list) else float(f"{value:.3g}")
+def _rounded(value: Any, quantity: Any) -> Any:
+    """Three digits, as more would claim what no rule knows; within what the drive file accepts of such a quantity."""
+    if isinstance(value, list):
+        return [_rounded(entry, quantity) for entry in value]
+    bounds = get_args(quantity)[1].metadata
+    (low,), (high,) = ([getattr(b, end) for b in bounds if hasattr(b, end)] for end in ("ge", "le"))
+    return float(min(high, max(low, float(f"{value:.3g}"))))

@@ -24,7 +24,7 @@ from codegen.output.folder import write_folder
 from model.drives.load import parse_drive
 from model.schema import DriveError
 from runtime.design.facts import Facts
-from runtime.design.rules import Design, is_salient, rated_point
+from runtime.design.rules import Design, fading_current, is_salient, rated_point
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
@@ -160,20 +160,34 @@ def package(design: Design) -> Package:
         raise UserError(f"these facts make a drive file that is refused: {error}") from None
 
 
+class Loop(Simulator):
+    """The closed loop; its dead-time compensation fades below a current of the drive's own, A, as firmware sets it."""
+
+    def __init__(self, folder: GeneratedFolder, kind: str, fading: float) -> None:
+        super().__init__(folder, kind)
+        self.fading = fading
+
+    def _gain(self, conditions: Conditions) -> tuple[float, ...]:
+        gain = dict(zip(self.module.GAIN_NAMES, super()._gain(conditions), strict=True))
+        return tuple(float(value) for value in (gain | {"dead_current": self.fading}).values())
+
+
 @contextmanager
-def simulator(made: Package, kind: str) -> Iterator[Simulator]:
+def simulator(made: Package, facts: Facts, kind: str) -> Iterator[Loop]:
     """The closed loop of a package that lies in no folder yet.
 
     Parameters
     ----------
     made : Package
+    facts : Facts
+        They say where the sign of a measured current is one.
     kind : str
         Of the filter.
     """
     with tempfile.TemporaryDirectory(prefix="pmsm-ickf-") as place:
         path = Path(place) / made.drive.name
         write_folder(path, made.files, force=False)
-        yield Simulator(GeneratedFolder(path), kind)
+        yield Loop(GeneratedFolder(path), kind, fading_current(facts))
 
 
 def try_out(
@@ -184,6 +198,7 @@ def try_out(
     seed: int = 1,
     speeds: Sequence[float] = SPEEDS,
     progress: Progress = lambda done, of: None,
+    blamed: bool = True,
 ) -> Trial:
     """Try a design at several speeds, and find out which fact is to blame where it does not hold.
 
@@ -202,11 +217,13 @@ def try_out(
         Shares of rated speed.
     progress : callable
         Called with runs done and all runs.
+    blamed : bool
+        Whether to look for the facts to blame.
     """
     motors, bandwidth = draw(facts, draws, seed), float(design.sections["control"]["speed_bandwidth"].value)
     points: list[Point] = []
     hurts: dict[float, list[str]] = {}
-    with simulator(made, design.kind) as loop:
+    with simulator(made, facts, design.kind) as loop:
         for k, share in enumerate(speeds):
             scenario = load_step(facts, share, bandwidth)
 
@@ -215,7 +232,7 @@ def try_out(
 
             points.append(_point(loop, facts, scenario, share, motors, range(draws), tell))
         for point in points:
-            if not point.holds:
+            if blamed and not point.holds:
                 scenario = load_step(facts, point.share, bandwidth)
                 hurts[point.share] = _to_blame(loop, facts, scenario, point, motors)
     return Trial(facts, points, hurts)
@@ -256,7 +273,7 @@ def _conditions(facts: Facts, motors: Draws, k: int, dead_time: float, seeds: in
 
 
 def _point(
-    loop: Simulator,
+    loop: Loop,
     facts: Facts,
     scenario: Scenario,
     share: float,
@@ -315,7 +332,7 @@ CAUSES = {
 }
 
 
-def _to_blame(loop: Simulator, facts: Facts, scenario: Scenario, point: Point, motors: Draws) -> list[str]:
+def _to_blame(loop: Loop, facts: Facts, scenario: Scenario, point: Point, motors: Draws) -> list[str]:
     """The facts that, known exactly, would mend most of the draws that did not hold, and clearly more than luck."""
     failed = [int(k) for k in np.flatnonzero(~point.held)][:LOOKED_AT]
 
