@@ -266,7 +266,7 @@ def explain(problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, t
     if kind == "extra_forbidden":
         close = difflib.get_close_matches(location[-1], list(section.model_fields), n=1)
         return f"unknown key {key}." + (f" Did you mean '{close[0]}'?" if close else "")
-    unit, low, high = _range(section, location[1] if len(location) > 1 else location[0])
+    unit, low, high = accepted_range(section, location[1] if len(location) > 1 else location[0])
     allowed = f" ({low:g} .. {high:g}{unit})" if low is not None and high is not None else ""
     if kind == "missing":
         return f"{key} is missing{allowed}."
@@ -290,8 +290,14 @@ def explain(problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, t
     return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
 
 
-def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
-    """Unit (with a leading blank) and closed range of a key, as annotated."""
+def accepted_range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
+    """Unit (with a leading blank) and closed range of a key, as annotated; "" and None where there is none.
+
+    Parameters
+    ----------
+    section : model
+    key : str
+    """
     field = section.model_fields.get(key)
     if field is None:
         return "", None, None

@@ -12,9 +12,9 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from model.drives.load import explain
 from model.schema import (
@@ -195,9 +195,14 @@ class SensorFacts(_Section):
 
 
 class StartFacts(_Section):
-    """How far the rotor may stand from angle 0 at the start."""
+    """How far the rotor may stand from angle 0 at the start, degrees electrical; "unknown" is 180."""
 
-    angle: Literal["unknown"] | Degrees = START_ANGLE
+    angle: Degrees = START_ANGLE
+
+    @field_validator("angle", mode="before")
+    @classmethod
+    def _unknown(cls, angle: Any) -> Any:
+        return 180.0 if angle == "unknown" else angle
 
 
 class LoadFacts(_Section):
@@ -219,7 +224,8 @@ class FactsFile(_Section):
     load: LoadFacts = LoadFacts()
 
 
-_SECTIONS: dict[str, type[BaseModel]] = {
+#: The sections of a facts file.
+SECTIONS: dict[str, type[BaseModel]] = {
     "motor": MotorFacts,
     "rated": RatedFacts,
     "tolerance": ToleranceFacts,
@@ -320,13 +326,12 @@ def parse_facts(data: Mapping[str, Any], where: str) -> Facts:
     except ValidationError as error:
         problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
-        raise UserError(f"facts '{where}': {explain(problems[0], _SECTIONS, FactsFile)}{more}") from None
+        raise UserError(f"facts '{where}': {explain(problems[0], SECTIONS, FactsFile)}{more}") from None
     return _in_si(file)
 
 
 def _in_si(file: FactsFile) -> Facts:
     motor, rated, tolerance = file.motor, file.rated, file.tolerance
-    angle = 180.0 if file.start.angle == "unknown" else file.start.angle
     L_d, L_q = motor.inductances
     return Facts(
         name=file.name,
@@ -350,7 +355,7 @@ def _in_si(file: FactsFile) -> Facts:
         range=file.sensor.range,
         bits=file.sensor.bits,
         noise=file.sensor.noise or NOISE_SHARE * file.sensor.range,
-        angle=math.radians(angle),
+        angle=math.radians(file.start.angle),
         step_every=file.load.step_every,
     )
 

@@ -140,7 +140,7 @@ def rated_point(f: Facts) -> RatedPoint:
         "model": {"machine": "salient", "mechanics": "load_torque", "discretization": "exact", "sample_time": f.T},
         "filter": {"kinds": ["ckf"], **plain},
         "rated": {key: choice.value for key, choice in _rated(f).items()},
-        "operating_box": {"current": 2.5 * f.max_current, "voltage": 1.5 * f.dc_link},
+        "operating_box": _limits(f),
         "control": {"dc_link": f.dc_link, "max_current": f.max_current},
     }
     try:
@@ -352,10 +352,15 @@ def _rated(f: Facts) -> Section:
     }
 
 
+def _limits(f: Facts) -> dict[str, float]:
+    return {"current": _rounded(2.5 * f.max_current, Current), "voltage": _rounded(1.5 * f.dc_link, Voltage)}
+
+
 def _box(f: Facts, point: RatedPoint) -> Section:
+    limits = _limits(f)
     return {
-        "current": Choice(_rounded(2.5 * f.max_current, Current), "A, 2.5 times the largest"),
-        "voltage": Choice(_rounded(1.5 * f.dc_link, Voltage), "V, 1.5 times the DC link"),
+        "current": Choice(limits["current"], "A, 2.5 times the largest"),
+        "voltage": Choice(limits["voltage"], "V, 1.5 times the DC link"),
         "speed": Choice(_rounded(2 * f.speed, Speed), "rad/s, twice the rated speed"),
         "load_torque": Choice(_rounded(2 * point.largest_torque, Torque), "N m, twice what the largest current makes"),
     }
@@ -366,7 +371,7 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         f"{CURRENT_TURN:g} / T": CURRENT_TURN / f.T,
         "what the voltage can drive": VOLTAGE_STEPS * f.voltage / (max(f.L_d, f.L_q) * f.max_current),
     }
-    current = min(currents.values())
+    current = _rounded(min(currents.values()), Bandwidth)
     speeds = {
         "a tenth of the currents'": SPEED_TO_CURRENT * current,
         "what the largest torque can do": point.largest_torque / (0.2 * f.J * f.speed),
@@ -375,7 +380,7 @@ def _control(f: Facts, point: RatedPoint) -> Section:
     return {
         "dc_link": Choice(f.dc_link, "V"),
         "max_current": Choice(f.max_current, "A, peak of a phase"),
-        "current_bandwidth": Choice(_rounded(current, Bandwidth), f"rad/s: {min(currents, key=lambda k: currents[k])}"),
+        "current_bandwidth": Choice(current, f"rad/s: {min(currents, key=lambda k: currents[k])}"),
         "speed_bandwidth": Choice(
             _rounded(min(speeds.values()), Bandwidth), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"
         ),
