@@ -8,7 +8,8 @@ import numpy as np
 from rich.table import Table
 
 from runtime.design.rules import Design
-from runtime.design.trial import ENOUGH, LOST, MUST_HOLD, Point, Trial, blame
+from runtime.design.trial import ENOUGH, MUST_HOLD, Point, Trial, blame
+from runtime.drive.simulation import LOCKED_ANGLE
 from runtime.recorded.units import RPM
 from runtime.style.tables import columns_table
 
@@ -50,7 +51,7 @@ def verdict_of(point: Point) -> tuple[str, str]:
         return "holds", "green"
     style = "red" if point.share >= MUST_HOLD else "yellow"
     if np.mean(point.locked) < ENOUGH:
-        return f"loses the rotor (more than {LOST:.0f} degrees off)", style
+        return f"loses the rotor (more than {LOCKED_ANGLE:.0f} degrees off)", style
     return "keeps the rotor, does not keep the speed", style
 
 

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from codegen.generate import Package, generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import parse_drive
-from model.schema import DriveError
+from model.schema import Drive, DriveError
 from runtime.design.facts import Facts
-from runtime.design.rules import Design, fading_current, is_salient, rated_point
-from runtime.drive.scenario import Scenario
+from runtime.design.rules import Design, fading_current, is_salient
+from runtime.drive.scenario import RAMP, Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.threads import thread_count
-from runtime.recorded.units import RPM
 from runtime.system.errors import UserError, stop_if_interrupted
 
 Array = NDArray[Any]
@@ -40,12 +39,8 @@ Progress = Callable[[int, int], None]
 SPEEDS, MUST_HOLD = (0.01, 0.05, 0.1, 0.5, 1.0), 0.1
 #: Share of the draws that must hold where a speed counts as held.
 ENOUGH = 0.99
-#: Electrical degrees beyond which the rotor is lost.
-LOST = 30.0
-#: How near the reference the speed must be at the end: of the reference, or of rated speed, whichever is more.
-NEAR, NEAR_RATED = 0.1, 0.02
-#: Shares of the largest torque that accelerate.
-ACCELERATION = 0.5
+#: A slow rotor is watched for half an electrical turn after the load step, but no longer than this, s.
+LONGEST = 1.0
 #: Share of the draws that did not hold which a fact known exactly must mend, where that fact is named; by how much
 #: that is more than other noise mends; how many of the draws are looked at.
 MENDED, LUCK, LOOKED_AT = 0.5, 0.3, 16
@@ -220,12 +215,12 @@ def try_out(
     blamed : bool
         Whether to look for the facts to blame.
     """
-    motors, bandwidth = draw(facts, draws, seed), float(design.sections["control"]["speed_bandwidth"].value)
+    motors = draw(facts, draws, seed)
     points: list[Point] = []
     hurts: dict[float, list[str]] = {}
     with simulator(made, facts, design.kind) as loop:
         for k, share in enumerate(speeds):
-            scenario = load_step(facts, share, bandwidth)
+            scenario = load_step(made.drive, share)
 
             def tell(done: int, before: int = k * draws) -> None:
                 progress(before + done, draws * len(speeds))
@@ -233,29 +228,25 @@ def try_out(
             points.append(_point(loop, facts, scenario, share, motors, range(draws), tell))
         for point in points:
             if blamed and not point.holds:
-                scenario = load_step(facts, point.share, bandwidth)
+                scenario = load_step(made.drive, point.share)
                 hurts[point.share] = _to_blame(loop, facts, scenario, point, motors)
     return Trial(facts, points, hurts)
 
 
-def load_step(facts: Facts, share: float, bandwidth: float) -> Scenario:
-    """Up to a share of rated speed, then rated torque at once; times that suit the drive.
+def load_step(drive: Drive, share: float) -> Scenario:
+    """Up to a share of rated speed, then rated torque at once: the drive's own scenario, at least half a turn long.
 
     Parameters
     ----------
-    facts : Facts
+    drive : Drive
     share : float
         Of rated speed.
-    bandwidth : float
-        Of the speed regulator, rad/s.
     """
-    speed = share * facts.speed
-    acceleration = ACCELERATION * rated_point(facts).largest_torque / facts.J
-    ramp = max(speed / acceleration, 3 / bandwidth, 0.02)
-    load_at = ramp + max(5 / bandwidth, 0.02)
-    half_turn = math.pi / (facts.p * speed)
-    duration = load_at + max(8 / bandwidth, 0.12, min(1.0, half_turn))
-    return Scenario(f"{share:.0%}", speed * RPM, ramp, facts.torque, load_at, duration)
+    rated = find_scenario("load_step", drive)
+    speed = share * rated.speed
+    scenario = find_scenario("load_step", drive, speed=speed, ramp=max(RAMP, share * rated.ramp))
+    half_turn = 30.0 / (drive.motor.pole_pairs * speed)
+    return replace(scenario, duration=max(scenario.duration, scenario.load_at + min(LONGEST, half_turn)))
 
 
 def _conditions(facts: Facts, motors: Draws, k: int, dead_time: float, seeds: int) -> Conditions:
@@ -289,7 +280,7 @@ def _point(
 
     def one(place: int) -> None:
         run = loop.run(scenario, _conditions(facts, motors, which[place], dead, seeds))
-        rows[:, place] = judge(run, facts, scenario)
+        rows[:, place] = judge(run)
 
     with ExitStack() as stack:
         pool = ThreadPoolExecutor(thread_count())
@@ -302,24 +293,17 @@ def _point(
     return Point(share, scenario.speed, rows[0] > 0, rows[1] > 0, rows[2], rows[3])
 
 
-def judge(run: Run, facts: Facts, scenario: Scenario) -> tuple[float, float, float, float]:
+def judge(run: Run) -> tuple[float, float, float, float]:
     """Whether a run stayed locked and reached the speed (1 or 0); its angle (degrees) and speed error (r/min).
 
     Parameters
     ----------
     run : Run
-    facts : Facts
-    scenario : Scenario
-        Of the run.
     """
-    after = run.t >= scenario.load_at
-    late = run.t >= run.t[-1] - 0.2 * (run.t[-1] - scenario.load_at)
-    if not (np.all(np.isfinite(run.x)) and np.all(np.isfinite(run.omega))):
-        return 0.0, 0.0, math.inf, math.inf
-    angle, off = np.abs(run.angle_error), np.abs(run.omega * RPM - scenario.speed)
-    near = max(NEAR * scenario.speed, NEAR_RATED * facts.speed * RPM)
-    locked, reached = np.max(angle[late]) <= LOST, np.max(off[late]) <= near
-    return float(locked), float(reached), float(np.max(angle[after])), float(np.max(np.abs(run.speed_error[after])))
+    after = run.t >= run.scenario.load_at
+    errors = (float(np.max(np.abs(error[after]))) for error in (run.angle_error, run.speed_error))
+    angle, speed_error = (error if math.isfinite(error) else math.inf for error in errors)
+    return float(run.locked), float(run.reached), angle, speed_error
 
 
 #: What may be to blame: the draws' data that belong to it.
