@@ -22,13 +22,15 @@ from numpy.typing import NDArray
 from codegen.generate import Package, generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import parse_drive
+from model.rating import rating
 from model.schema import Drive, DriveError
 from runtime.design.facts import Facts
 from runtime.design.rules import Design, fading_current, is_salient
-from runtime.drive.scenario import RAMP, Scenario, find_scenario
+from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.threads import thread_count
+from runtime.recorded.units import RPM
 from runtime.system.errors import UserError, stop_if_interrupted
 
 Array = NDArray[Any]
@@ -39,6 +41,8 @@ Progress = Callable[[int, int], None]
 SPEEDS, MUST_HOLD = (0.01, 0.05, 0.1, 0.5, 1.0), 0.1
 #: Share of the draws that must hold where a speed counts as held.
 ENOUGH = 0.99
+#: Shortest ramp: s, and in time constants of the speed loop.
+RAMP = (0.02, 3.0)
 #: A slow rotor is watched for half an electrical turn after the load step, but no longer than this, s.
 LONGEST = 1.0
 #: Share of the draws that did not hold which a fact known exactly must mend, where that fact is named; by how much
@@ -234,7 +238,10 @@ def try_out(
 
 
 def load_step(drive: Drive, share: float) -> Scenario:
-    """Up to a share of rated speed, then rated torque at once: the drive's own scenario, at least half a turn long.
+    """Up to a share of rated speed, then rated torque at once: the drive's own scenario, as fast as suits the share.
+
+    Half of the largest torque accelerates, as far as the speed regulator follows: a rotor that lingers at standstill
+    cannot be seen there.
 
     Parameters
     ----------
@@ -242,9 +249,10 @@ def load_step(drive: Drive, share: float) -> Scenario:
     share : float
         Of rated speed.
     """
-    rated = find_scenario("load_step", drive)
-    speed = share * rated.speed
-    scenario = find_scenario("load_step", drive, speed=speed, ramp=max(RAMP, share * rated.ramp))
+    task = rating(drive)
+    speed = share * task.speed * RPM
+    ramp = max(share * task.ramp(drive.motor.inertia, 0.0), RAMP[0], RAMP[1] / drive.control.speed_bandwidth)
+    scenario = find_scenario("load_step", drive, speed=speed, ramp=ramp)
     half_turn = 30.0 / (drive.motor.pole_pairs * speed)
     return replace(scenario, duration=max(scenario.duration, scenario.load_at + min(LONGEST, half_turn)))
 
