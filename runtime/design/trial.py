@@ -48,6 +48,8 @@ LONGEST = 1.0
 #: Share of the draws that did not hold which a fact known exactly must mend, where that fact is named; by how much
 #: that is more than other noise mends; how many of the draws are looked at.
 MENDED, LUCK, LOOKED_AT = 0.5, 0.3, 16
+#: More facts than this are not to blame, each by itself.
+SINGLE = 2
 
 
 @dataclass(frozen=True)
@@ -101,11 +103,15 @@ class Point:
 
 @dataclass(frozen=True)
 class Trial:
-    """What was tried and found: ``hurts``, for a share of speed that does not hold, the facts to blame."""
+    """What was tried and found: ``hurts``, for a share of speed that does not hold, the facts to blame.
+
+    ``adaptive``: the resistance is a state of the filter that was tried.
+    """
 
     facts: Facts
     points: list[Point]
     hurts: dict[float, list[str]] = field(default_factory=dict)
+    adaptive: bool = False
 
     @property
     def holds(self) -> bool:
@@ -234,7 +240,7 @@ def try_out(
             if blamed and not point.holds:
                 scenario = load_step(made.drive, point.share)
                 hurts[point.share] = _to_blame(loop, facts, scenario, point, motors)
-    return Trial(facts, points, hurts)
+    return Trial(facts, points, hurts, "stator_resistance" in made.drive.model.adaptive)
 
 
 def load_step(drive: Drive, share: float) -> Scenario:
@@ -335,7 +341,9 @@ def _to_blame(loop: Loop, facts: Facts, scenario: Scenario, point: Point, motors
     found = {cause: mended(motors.exactly(names)) for cause, names in CAUSES.items()}
     if facts.dead_time:
         found["dead_time"] = mended(motors, dead_time=0.0)
-    return [cause for cause, share in found.items() if share >= max(MENDED, by_luck + LUCK)]
+    best = max(found.values())
+    named = [cause for cause, share in found.items() if share >= max(MENDED, by_luck + LUCK, best - LUCK / 2)]
+    return named if len(named) <= SINGLE else []  # what any change mends is nobody's fault
 
 
 def blame(trial: Trial) -> list[str]:
@@ -347,7 +355,10 @@ def blame(trial: Trial) -> list[str]:
     """
     f = trial.facts
     words = {
-        "stator_resistance": (f"stator_resistance within {f.d_R:.0%}", "identify it, or adapt it"),
+        "stator_resistance": (
+            f"stator_resistance within {f.d_R:.0%}",
+            "identify it" if trial.adaptive else "identify it, or adapt it",
+        ),
         "inductance": (f"inductance within {f.d_L:.0%}", "identify it"),
         "magnet_flux": (f"magnet_flux within {f.d_psi:.0%}", "identify it, or adapt it"),
         "inertia": (f"inertia within {f.d_J:.0%}", "identify it with the load coupled"),
