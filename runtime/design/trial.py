@@ -25,7 +25,8 @@ from model.drives.load import parse_drive
 from model.rating import rating
 from model.schema import Drive, DriveError
 from runtime.design.facts import Facts
-from runtime.design.rules import Design, fading_current, is_salient
+from runtime.design.known import fading_current, is_salient
+from runtime.design.rules import Design
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.folder import GeneratedFolder

@@ -14,15 +14,8 @@ import pytest
 
 from model.drives.load import accepted_range, load_drive, parse_drive
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
-from runtime.design.rules import (
-    CURRENT_TURN,
-    LEAST_SHARE,
-    SPEED_TO_CURRENT,
-    design,
-    rated_point,
-    resistance_hurts,
-    unknown_share,
-)
+from runtime.design.known import LEAST_SHARE, rated_point, resistance_hurts, unknown_share
+from runtime.design.rules import CURRENT_TURN, SPEED_TO_CURRENT, design
 from runtime.design.write import drive_text, edit_drive, toml_value
 from runtime.system.errors import UserError
 from tests.model.accepted import evenly

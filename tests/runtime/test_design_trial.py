@@ -14,7 +14,8 @@ import pytest
 from model.drives.load import load_drive
 from runtime.design.cost import priced
 from runtime.design.facts import Facts, read_facts
-from runtime.design.rules import Choice, Design, design, fading_current
+from runtime.design.known import fading_current
+from runtime.design.rules import Choice, Design, design
 from runtime.design.tables import verdict_of
 from runtime.design.trial import ENOUGH, Point, Trial, blame, draw, judge, load_step, package, simulator, try_out
 from runtime.design.write import drive_text
