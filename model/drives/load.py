@@ -302,7 +302,8 @@ def accepted_range(section: type[BaseModel], key: str) -> tuple[str, float | Non
     if field is None:
         return "", None, None
     unit, low, high = "", None, None
-    inside = [item for part in get_args(field.annotation) for item in getattr(part, "__metadata__", ())]  # of X | None
+    parts = get_args(field.annotation) if type(None) in get_args(field.annotation) else ()  # of X | None
+    inside = [item for part in parts for item in getattr(part, "__metadata__", ())]
     inside = [item for found in inside for item in getattr(found, "metadata", [found])]
     for item in [*field.metadata, *inside]:
         unit = f" {item.symbol}" if isinstance(item, Unit) else unit
