@@ -19,6 +19,7 @@ from codegen.output.folder import FolderError
 from codegen.output.version import __version__
 from model.schema import DriveError
 from runtime.commands.compare import compare
+from runtime.commands.design import design
 from runtime.commands.faults import faults
 from runtime.commands.firmware import firmware
 from runtime.commands.fuzz import fuzz
@@ -56,7 +57,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, generate, simulate, verify, firmware, pil, record, replay, compare, faults, fuzz, soak):
+for command in (run, design, generate, simulate, verify, firmware, pil, record, replay, compare, faults, fuzz, soak):
     app.command()(command)
 app.add_typer(study, name="study")
 

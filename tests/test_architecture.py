@@ -32,7 +32,7 @@ FLOORS = (
     ("runtime.estimator", "runtime.recorded", "runtime.style"),
     ("runtime.folders",),
     ("runtime.drive", "runtime.firmware.static", "runtime.proof.text"),
-    ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study"),
+    ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study", "runtime.design"),
     ("runtime.firmware", "runtime.board"),
     ("runtime.endurance",),
     ("runtime.report",),

@@ -12,8 +12,9 @@ import hashlib
 import math
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -221,7 +222,7 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
             error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
         )  # a typo explains a missing key
         more = f" ({len(problems) - 1} more like it)" if len(problems) > 1 else ""
-        raise DriveError(f"drive '{where}': {_explain(problems[0])}{more}") from None
+        raise DriveError(f"drive '{where}': {explain(problems[0])}{more}") from None
     try:
         machine = find_machine(drive)
         _check_lengths(drive, [quantity.name for quantity in machine.states], where)
@@ -287,18 +288,28 @@ _SECTIONS: dict[str, type[BaseModel]] = {
 }
 
 
-def _explain(problem: Any) -> str:
-    """One pydantic problem as a sentence a motor engineer can act on."""
+def explain(problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, top: type[BaseModel] = Drive) -> str:
+    """One pydantic problem as a sentence a motor engineer can act on.
+
+    Parameters
+    ----------
+    problem : dict
+        An entry of ``ValidationError.errors()``.
+    sections : mapping of str to model, optional
+        The file's sections by name.
+    top : model, optional
+        What holds them.
+    """
     location = [str(part) for part in problem["loc"]]
     key = re.sub(r"\.(\d+)$", r"[\1]", ".".join(location))
     kind, value, limits = problem["type"], problem["input"], problem.get("ctx", {})
-    section = _SECTIONS.get(location[0], Drive) if len(location) > 1 else Drive
+    section = sections.get(location[0], top) if len(location) > 1 else top
     if kind == "value_error":
         return str(limits.get("error", problem["msg"]))
     if kind == "extra_forbidden":
         close = difflib.get_close_matches(location[-1], list(section.model_fields), n=1)
         return f"unknown key {key}." + (f" Did you mean '{close[0]}'?" if close else "")
-    unit, low, high = _range(section, location[1] if len(location) > 1 else location[0])
+    unit, low, high = accepted_range(section, location[1] if len(location) > 1 else location[0])
     allowed = f" ({low:g} .. {high:g}{unit})" if low is not None and high is not None else ""
     if kind == "missing":
         return f"{key} is missing{allowed}."
@@ -322,13 +333,22 @@ def _explain(problem: Any) -> str:
     return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."
 
 
-def _range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
-    """Unit (with a leading blank) and closed range of a key, as annotated."""
+def accepted_range(section: type[BaseModel], key: str) -> tuple[str, float | None, float | None]:
+    """Unit (with a leading blank) and closed range of a key, as annotated; "" and None where there is none.
+
+    Parameters
+    ----------
+    section : model
+    key : str
+    """
     field = section.model_fields.get(key)
     if field is None:
         return "", None, None
     unit, low, high = "", None, None
-    for item in field.metadata:
+    parts = get_args(field.annotation) if type(None) in get_args(field.annotation) else ()  # of X | None
+    inside = [item for part in parts for item in getattr(part, "__metadata__", ())]
+    inside = [item for found in inside for item in getattr(found, "metadata", [found])]
+    for item in [*field.metadata, *inside]:
         unit = f" {item.symbol}" if isinstance(item, Unit) else unit
         low = getattr(item, "ge", low)
         high = getattr(item, "le", high)

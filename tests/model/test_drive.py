@@ -40,7 +40,7 @@ def test_paper_drive_is_the_papers_table() -> None:
         (
             "inductance_d = 835e-6",
             "inductance_d = 0.835",
-            "motor.inductance_d = 0.835 H is outside 1e-06 .. 0.5 H. Did you mean 0.835 mH",
+            "motor.inductance_d = 0.835 H is outside 1e-07 .. 0.5 H. Did you mean 0.835 mH",
         ),
         ("inductance_d = 835e-6", "inductance_d = 0.8", "Did you mean 0.8 mH = 0.0008?"),
         ("sample_time = 20e-6", "sample_time = 20", "Did you mean 20 us = 2e-05?"),

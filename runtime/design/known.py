@@ -1,0 +1,242 @@
+"""What facts amount to, by themselves and against each other: the rated point, and what is unknown of the voltage.
+
+With V the largest phase voltage, i the current at the rated point on the curve of maximum torque per ampere, and d the
+half-widths of tolerance, what the model does not know of a sample's voltage is taken as one share of V,
+
+    kappa^2 = LEAST_SHARE^2 + (DEAD_SHARE sqrt(3) / 2 dead_time / T)^2
+              + 4 / (3 V^2) ((a d_R R i)^2 + (SEEN_SHARE d_psi omega_e psi_m)^2 + (SEEN_SHARE d_L omega_e L_q i)^2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from model.drives.load import parse_drive
+from model.rating import mtpa_currents, rating
+from model.schema import Current, DriveError, Voltage
+from runtime.design.facts import Facts
+from runtime.recorded.units import RPM
+from runtime.system.errors import UserError
+
+#: Share of V that the averages over a sample and the modulator leave unknown, whatever the motor.
+LEAST_SHARE = 2e-3
+#: Share of the dead time's voltage that its compensation leaves, and of what magnet and inductance within tolerance
+#: take at rated speed: the filter sees the back-EMF itself, and Q for all of it would be far too much at low speed.
+DEAD_SHARE, SEEN_SHARE = 0.5, 0.3
+#: Share of the resistance's tolerance that stays in Q where the resistance is adapted.
+ADAPTED_SHARE = 0.6
+#: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.
+HURTING_SHARE = 0.2
+#: Variance of the load torque's walk, in steps of the rated torque.
+LOAD_STEPS = 5.0
+#: Dead-time compensation fades below so many sigmas of the current sensor and this share of the largest current.
+FADING_SIGMAS, FADING_SHARE = 6.0, 0.02
+#: Largest relative difference of L_d and L_q that counts as none.
+ROUND = 0.02
+#: Largest electrical turn in a sample, rad, and largest T R / L, at which these rules are known to run.
+TURN, DECAY = 0.33, 0.17
+
+
+@dataclass(frozen=True)
+class RatedPoint:
+    """The rated point: currents (A), the speed at which its torque takes the whole voltage (rad/s), largest torque."""
+
+    i_d: float
+    i_q: float
+    base_speed: float
+    largest_torque: float
+
+    @property
+    def current(self) -> float:
+        """Amplitude, A."""
+        return math.hypot(self.i_d, self.i_q)
+
+
+def rated_point(f: Facts) -> RatedPoint:
+    """Currents, voltage and torque limits at the rated point, as the drive file's own rating has them.
+
+    Parameters
+    ----------
+    f : Facts
+
+    Raises
+    ------
+    UserError
+        Motor data that no drive file can hold.
+    """
+    plain = {"initial_covariance": [1.0] * 5, "process_noise": [1.0] * 5, "measurement_noise": [1.0] * 2}
+    tables = {
+        "name": f.name,
+        "motor": motor_data(f),
+        "model": {"machine": "salient", "mechanics": "load_torque", "discretization": "exact", "sample_time": f.T},
+        "filter": {"kinds": ["ckf"], **plain},
+        "rated": {"speed": stated(f.speed), "torque": stated(f.torque)},
+        "operating_box": limits(f),
+        "control": {"dc_link": f.dc_link, "max_current": f.max_current},
+    }
+    try:
+        drive = parse_drive(tables, f.name)
+    except DriveError as error:
+        raise UserError(f"these facts make a drive file that is refused: {error}") from None
+    rated = rating(drive)
+    i_d, i_q = mtpa_currents(drive, rated.current)
+    return RatedPoint(i_d, i_q, rated.base_speed, rated.largest_torque)
+
+
+def is_salient(f: Facts) -> bool:
+    """Whether L_d and L_q differ by more than can be left out.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    return abs(f.L_q - f.L_d) > ROUND * max(f.L_d, f.L_q)
+
+
+def resistance_hurts(f: Facts, point: RatedPoint) -> bool:
+    """Whether what is unknown of R i rivals the back-EMF at a tenth of rated speed, so that R must be adapted.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    active_flux = f.psi_m + (f.L_d - f.L_q) * point.i_d
+    return f.d_R * f.R * point.current > HURTING_SHARE * 0.1 * f.omega_e * active_flux
+
+
+def unknown_share(f: Facts, point: RatedPoint) -> float:
+    """kappa: what is unknown of a sample's voltage, of the largest one.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    kept = ADAPTED_SHARE if resistance_hurts(f, point) else 1.0
+    parts = (
+        kept * f.d_R * f.R * point.current,
+        SEEN_SHARE * f.d_psi * f.omega_e * f.psi_m,
+        SEEN_SHARE * f.d_L * f.omega_e * f.L_q * point.current,
+    )
+    dead = DEAD_SHARE * 0.5 * math.sqrt(3) * f.dead_time / f.T
+    return math.sqrt(LEAST_SHARE**2 + dead**2 + 4 / (3 * f.voltage**2) * sum(part * part for part in parts))
+
+
+def filter_bandwidth(f: Facts, point: RatedPoint) -> float:
+    """How fast the filter follows a load step, rad/s: (q / r)^(1/4), as of any filter of a double integrator.
+
+    r is the density of what is unknown of the speed by way of the back-EMF, q that of the acceleration's random walk.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    r = (unknown_share(f, point) * f.voltage / f.psi_m) ** 2 * f.T
+    q = LOAD_STEPS * f.torque**2 / f.step_every * (f.p / f.J) ** 2
+    return float((q / r) ** 0.25)
+
+
+def fading_current(f: Facts) -> float:
+    """The current below which dead-time compensation fades, A: there the sign of a measured current is none.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    return float(rounded(max(FADING_SIGMAS * f.sigma, FADING_SHARE * f.max_current), Current))
+
+
+def remarks(f: Facts, point: RatedPoint) -> list[str]:
+    """What the facts say against each other, or against the sample time: one line each.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    lines = []
+    if point.current > f.max_current:
+        lines.append(
+            f"rated.torque of {f.torque:g} N m takes {point.current:.3g} A, more than rated.max_current, "
+            f"{f.max_current:g} A."
+        )
+    if f.speed > point.base_speed:
+        lines.append(
+            f"with rated torque a DC link of {f.dc_link:g} V is used up at {point.base_speed * RPM:.0f} r/min; the "
+            f"rated speed of {f.speed * RPM:.0f} r/min is out of reach."
+        )
+    if f.max_current > f.range:
+        lines.append(f"sensor.range of {f.range:g} A does not cover rated.max_current, {f.max_current:g} A.")
+    decay = f.T * f.R / min(f.L_d, f.L_q)
+    if f.omega_e * f.T > TURN or decay > DECAY:
+        shorter = f.T * min(TURN / (f.omega_e * f.T), DECAY / decay)
+        lines.append(
+            f"a sample of {f.T * 1e6:.3g} us is long: {math.degrees(f.omega_e * f.T):.0f} degrees electrical at rated "
+            f"speed, T R / L = {decay:.2f}. Up to {shorter * 1e6:.2g} us is tried ground; the trial says what holds."
+        )
+    if f.dead_time:
+        lines.append(
+            f"tried with the controller's dead-time compensation on: gain dead_share = {f.dead_time / f.T:.3g}, "
+            f"dead_current = {fading_current(f):g} A; the firmware sets them (docs/design.md)."
+        )
+    return lines
+
+
+def motor_data(f: Facts) -> dict[str, Any]:
+    """The drive file's ``[motor]``: one inductance where the rotor counts as round.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    L = 0.5 * (f.L_d + f.L_q)
+    L_d, L_q = (f.L_d, f.L_q) if is_salient(f) else (L, L)
+    return {
+        "stator_resistance": stated(f.R),
+        "inductance_d": stated(L_d),
+        "inductance_q": stated(L_q),
+        "magnet_flux": stated(f.psi_m),
+        "pole_pairs": f.p,
+        "inertia": stated(f.J),
+        "friction": f.D,
+    }
+
+
+def limits(f: Facts) -> dict[str, float]:
+    """Current (A) and voltage (V) of the operating box.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    return {"current": rounded(2.5 * f.max_current, Current), "voltage": rounded(1.5 * f.dc_link, Voltage)}
+
+
+def stated(value: float) -> float:
+    """Six digits of a fact: as stated, without what a conversion adds behind them.
+
+    Parameters
+    ----------
+    value : float
+    """
+    return float(f"{value:.6g}")
+
+
+def rounded(value: Any, quantity: Any) -> Any:
+    """Three digits, as more would claim what no rule knows; within what the drive file accepts of such a quantity.
+
+    Parameters
+    ----------
+    value : float or list of float
+    quantity : type
+        An annotated quantity of :mod:`model.schema`.
+    """
+    if isinstance(value, list):
+        return [rounded(entry, quantity) for entry in value]
+    bounds = get_args(quantity)[1].metadata
+    (low,), (high,) = ([getattr(b, end) for b in bounds if hasattr(b, end)] for end in ("ge", "le"))
+    return float(min(high, max(low, float(f"{value:.3g}"))))

@@ -1,0 +1,100 @@
+"""A trial in the terminal and as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from runtime.design.rules import Design
+from runtime.design.trial import ENOUGH, MUST_HOLD, Point, Trial, blame
+from runtime.drive.simulation import LOCKED_ANGLE
+from runtime.recorded.units import RPM
+from runtime.style.tables import columns_table
+
+
+def trial_table(trial: Trial) -> Table:
+    """Where it holds and where not.
+
+    Parameters
+    ----------
+    trial : Trial
+    """
+    table = columns_table(
+        "speed", "r/min", "draws", "locked", "at speed", "angle, 95 %", "speed error, 95 %", "", left=(7,)
+    )
+    for point in trial.points:
+        verdict, style = verdict_of(point)
+        speed_error = _high(point.speed_error) / (trial.facts.speed * RPM)
+        table.add_row(
+            f"{point.share:.0%}",
+            f"{point.speed:.3g}",
+            str(len(point.held)),
+            f"{np.mean(point.locked):.1%}",
+            f"{np.mean(point.reached):.1%}",
+            f"{_high(point.angle):.1f}\u00b0",
+            f"{speed_error:.1%} of rated",
+            f"[{style}]{verdict}[/{style}]",
+        )
+    return table
+
+
+def verdict_of(point: Point) -> tuple[str, str]:
+    """In words what a speed's draws did, and the style to say it in.
+
+    Parameters
+    ----------
+    point : Point
+    """
+    if point.holds:
+        return "holds", "green"
+    style = "red" if point.share >= MUST_HOLD else "yellow"
+    if np.mean(point.locked) < ENOUGH:
+        return f"loses the rotor (more than {LOCKED_ANGLE:.0f} degrees off)", style
+    return "keeps the rotor, does not keep the speed", style
+
+
+def trial_facts(trial: Trial, design: Design) -> dict[str, Any]:
+    """Everything that was chosen and found, as plain data.
+
+    Parameters
+    ----------
+    trial : Trial
+    design : Design
+    """
+    return {
+        "name": design.name,
+        "holds": trial.holds,
+        "success": trial.success,
+        "points": [
+            {
+                "share_of_speed": point.share,
+                "speed_rpm": point.speed,
+                "draws": len(point.held),
+                "held": float(np.mean(point.held)),
+                "locked": float(np.mean(point.locked)),
+                "reached": float(np.mean(point.reached)),
+                "angle_95": _number(_high(point.angle)),
+                "speed_error_95": _number(_high(point.speed_error)),
+                "holds": point.holds,
+                "hurts": trial.hurts.get(point.share, []),
+            }
+            for point in trial.points
+        ],
+        "blame": blame(trial),
+        "remarks": design.remarks,
+        "choices": {
+            section: {key: {"value": choice.value, "reason": choice.reason} for key, choice in choices.items()}
+            for section, choices in design.sections.items()
+        },
+    }
+
+
+def _high(values: Any) -> float:
+    """Below it are 95 % of the values; one that is reached, so that infinite ones do no harm."""
+    return float(np.quantile(values, 0.95, method="higher"))
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,99 @@
+"""The drive file as text: each number with its reason beside it; or an existing file edited, its comments kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from runtime.design.rules import Choice, Design
+from runtime.system.errors import UserError
+
+#: Columns of a line, its comment included; a longer comment stands above its key.
+WIDEST = 120
+#: Between the comment that a key had and what the rules say of its new value.
+NOW = "; now: "
+
+
+def drive_text(design: Design, facts_name: str) -> str:
+    """A drive file with its reasons.
+
+    Parameters
+    ----------
+    design : Design
+    facts_name : str
+        Name of the facts file, for the head.
+    """
+    lines = [
+        f"# Made by pmsm-ickf design from {facts_name}: a value, and why it is that. Change what you know better, then",
+        "# look at it again with pmsm-ickf generate, verify and simulate.",
+        f"name = {json.dumps(design.name)}",
+    ]
+    for section, choices in design.sections.items():
+        lines += ["", f"[{section}]"]
+        for key, choice in choices.items():
+            lines += _line(key, choice)
+    return "\n".join(lines) + "\n"
+
+
+def _line(key: str, choice: Choice) -> list[str]:
+    entry = f"{key} = {toml_value(choice.value)}"
+    line = f"{entry:<32} # {choice.reason}"
+    return [line] if len(line) <= WIDEST else [f"# {choice.reason}", entry]
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it: numbers to the last digit, as they are read back.
+
+    Parameters
+    ----------
+    value : str, bool, int, float or list of those
+    """
+    if isinstance(value, list):
+        return "[" + ", ".join(toml_value(entry) for entry in value) + "]"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+def edit_drive(design: Design, path: Path) -> str:
+    """An existing drive file with the design's values in it: other keys, comments and order stay as they are.
+
+    A comment beside a value that changes is kept, and what the rules say of the new one is added to it.
+
+    Parameters
+    ----------
+    design : Design
+    path : Path
+        The drive file.
+
+    Raises
+    ------
+    UserError
+        The file cannot be read, or is another drive's.
+    """
+    try:
+        import tomlkit
+        from tomlkit.exceptions import TOMLKitError
+    except ImportError:
+        raise UserError("--write needs tomlkit: pip install 'pmsm-ickf[design]'. --out needs nothing.") from None
+    try:
+        document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"'{path}' cannot be read: {error.strerror}. --out writes a new file.") from None
+    except (TOMLKitError, UnicodeDecodeError) as error:
+        raise UserError(f"'{path}' is not valid TOML: {error}") from None
+    if document.get("name") != design.name:
+        raise UserError(
+            f"'{path}' is the drive file of '{document.get('name')}', the facts are those of '{design.name}'. "
+            "One of the two names must change, or --out write a file of its own."
+        )
+    for section, choices in design.sections.items():
+        table = document.setdefault(section, tomlkit.table())
+        if not isinstance(table, dict):
+            raise UserError(f"'{path}': {section} is no section.")
+        for key, choice in choices.items():
+            if table.get(key) == choice.value:
+                continue
+            said = table[key].trivia.comment.lstrip("# ").partition(NOW)[0] if key in table else ""
+            table[key] = choice.value
+            table[key].comment(f"{said}{NOW}{choice.reason}" if said else choice.reason)
+    return tomlkit.dumps(document)
