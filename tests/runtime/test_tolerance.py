@@ -10,7 +10,7 @@ import pytest
 from codegen.generate import generate, generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import load_drive
-from model.schema import Drive, Tolerance
+from model.schema import Drive, Inverter, Tolerance
 from runtime.drive.fleet import Cases, Fleet, Outcomes
 from runtime.drive.scenario import Scenario
 from runtime.estimator.folder import GeneratedFolder
@@ -51,6 +51,22 @@ def test_every_filter_in_both_forms(name: str, kind: str, tmp_path: Path) -> Non
     write_folder(tmp_path / name, package.files)
     prover = _prover(drive, package, tmp_path / name)
     for link in [*prover.along_trajectory(kind), *prover._box(kind)]:
+        assert link.passed, str(link.divergence)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "learnt"), [("ckf", False), ("ekf", True)])
+def test_where_the_inverter_is_part_of_the_model(kind: str, learnt: bool, tmp_path: Path) -> None:
+    """The derivatives are taken at the voltage that arrives, V_d a constant or a state."""
+    drive = load_drive("spmsm_load_torque")
+    tuning = {name: [*getattr(drive.filter, name), 1e-3] for name in ("initial_covariance", "process_noise") if learnt}
+    model = {"adaptive": ["dead_time_voltage"]} if learnt else {}
+    drive = tolerant(variant(drive, filter={"kinds": [kind], **tuning}, model=model))
+    drive = drive.model_copy(update={"inverter": Inverter(dead_time=2e-6)})
+    package = generate_bare(drive)
+    write_folder(tmp_path / drive.name, package.files)
+    prover = _prover(drive, package, tmp_path / drive.name)
+    for link in [compare_derivations(drive), *prover._box(kind), prover._bits(kind).link(("-O2",))]:
         assert link.passed, str(link.divergence)
 
 

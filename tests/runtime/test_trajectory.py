@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from codegen.evidence.box import held, sample_box
+from codegen.generate import generate_bare
+from codegen.output.folder import write_folder
 from model.drives.load import load_drive, shipped_drives
 from model.machines.state_space import build
 from model.rating import inverter_voltage, rating
@@ -17,6 +20,7 @@ from runtime.proof.own_trajectory import motion_of, trajectory_of
 from runtime.proof.trajectory import Motion, locus
 from tests.conftest import variant
 from tests.model.accepted import MACHINES, draw_drive
+from tests.runtime.test_proof import _prover
 
 #: A motor whose magnets are so weak that 5 N m on them alone would take 358 A, where the box ends at 30 A.
 WEAK_MAGNETS = {"stator_resistance": 0.0173, "magnet_flux": 0.0031}
@@ -66,8 +70,11 @@ def test_trajectory_of_any_accepted_motor_is_within_reach(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_voltage_is_the_mean_over_each_interval(seed: int) -> None:
-    """The voltage equation in the stator's frame, summed up: flux at the end less flux at the start, less the drop."""
-    drive = drawn(seed)
+    """The voltage equation in the stator's frame, summed up: flux at the end less flux at the start, less the drop.
+
+    Of an ideal inverter: what one takes is in the voltage commanded (tests/runtime/test_inverter.py).
+    """
+    drive = drawn(seed).model_copy(update={"inverter": None})
     data = trajectory_of(drive, noise=0.0)
     m, T = drive.motor, drive.model.sample_time
     turn = np.exp(1j * data.theta)
@@ -102,6 +109,18 @@ def test_weak_magnets_meet_a_load_that_they_can_carry() -> None:
     assert motion.speed > 10.0
     faster = trajectory_of(drive, 100, motion=replace(motion, speed=2 * motion.speed))
     assert faster.omega[-1] == pytest.approx(2 * trajectory_of(drive, 100).omega[-1], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_weak_magnets_are_proved(tmp_path: Path) -> None:
+    """The whole trajectory, stage by stage: where it asked for 358 A inputs were rejected and nothing agreed."""
+    drive = variant(load_drive("ipmsm"), motor=WEAK_MAGNETS, filter={"kinds": ["ekf"]})
+    package = generate_bare(drive)
+    write_folder(tmp_path / drive.name, package.files)
+    prover = _prover(drive, package, tmp_path / drive.name)
+    prover.trajectory = trajectory_of(drive, 2400)
+    for link in prover.along_trajectory("ekf"):
+        assert link.passed, str(link.divergence)
 
 
 def test_samples_of_the_box_are_within_limits_that_float32_does_not_hold() -> None:

@@ -217,7 +217,7 @@ ICKF = _of(
 PEER_MUTANTS = (
     _of(
         "ekf.py",
-        ("Q dropped", "P_pred, Q, (x, u))", "P_pred, [0 * q for q in Q], (x, u))", PEERS),
+        ("Q dropped", "P_pred, Q, (x, *inputs))", "P_pred, [0 * q for q in Q], (x, *inputs))", PEERS),
         ("F P F", "_product(FP, [[rows[j][i] for j in range(n)] for i in range(n)])", "_product(FP, rows)", PEERS),
         (
             "R dropped",

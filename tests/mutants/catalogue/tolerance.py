@@ -55,7 +55,12 @@ TOLERANCE = (
         ("Q for Q_p", "P[i][i] = P[i][i] + Q[i]", "P[i][i] = P[i][i] + (0 if model.G else Q[i])", FORMS),
         ("diagonal alone", "P[i][j] = P[i][j] + Q_p[i][j]", "P[i][j] = P[i][j] + (Q_p[i][j] if i == j else 0)", FORMS),
         ("subtracted", "P[i][j] = P[i][j] + Q_p[i][j]", "P[i][j] = P[i][j] - Q_p[i][j]", NOTICED),
-        ("without voltage", "*at[0], *at[1])", "*at[0], *(0 * v for v in at[1]))", FORMS),
+        (
+            "without voltage",
+            "for values in at for value",
+            "for values in (at[0], [0 * v for v in at[1]], *at[2:]) for value",
+            FORMS,
+        ),
         (
             "one datum",
             "zip(a, b, strict=True)]\n    return sum(terms[1:], terms[0])",
