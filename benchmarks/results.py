@@ -107,7 +107,8 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "inverter": Subject(
         "The same with a switching inverter",
-        "PWM, 2 us dead time that nobody compensates, 12 bits, voltages acting a sample later.",
+        "PWM, 2 us dead time that the controller makes up for and the filter does not know, 12 bits, voltages acting a "
+        "sample later.",
         of_each_drive(
             "pmsm-ickf simulate DRIVE --scenario all --inverter pwm --dead-time 2e-6 --bits 12 --delay 1 --noise 0.05 "
             "--json {json}"
