@@ -14,6 +14,7 @@ import runtime.commands.words
 import runtime.proof.drives
 import runtime.proof.verify
 from model.drives.load import load_drive
+from runtime.proof import link_guard
 from runtime.proof.compare import Sigmas, relative_error, row_scale, scale_of
 from runtime.proof.link_cd import drift, drift_rows
 from runtime.proof.link_de import same_bits
@@ -316,3 +317,19 @@ def test_effect_of_iterating(idle: bool, off: float, verdict: str, monkeypatch: 
 
 
 # --- tables
+
+
+@pytest.mark.parametrize(
+    ("off", "condition", "moved", "passed"),
+    [(1e-9, 1.0, 0.0, True), (1e-8, 1.0, 0.0, False), (1e-8, 1e8, 0.0, True), (1e-4, 1e8, 0.0, False)],
+)
+def test_guard_judges_an_estimate_by_its_predictions_sigma(
+    off: float, condition: float, moved: float, passed: bool
+) -> None:
+    """Three samples of one filter, x off by so many sigmas; more is allowed only where Pyy is ill-conditioned."""
+    x, P = np.zeros(2), np.diag([4.0, 0.01])
+    sigma = np.array([2.0, 0.1])
+    wanted = [[(x, P, 0, 1, sigma, condition, np.full(2, moved))] * 3]
+    found = [((x + off * sigma)[None], P[None], np.zeros(1, int), np.ones(1, int))] * 3
+    link = link_guard._compare(SimpleNamespace(kind="ckf", gain="cubature"), "d", "fast", 1, wanted, found)  # type: ignore[arg-type]
+    assert link.passed is passed
