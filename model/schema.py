@@ -133,12 +133,14 @@ class Tolerance(_Section):
     """How far motor data may be off: half the width of the range each lies in, relative to the datum itself.
 
     The filter takes a datum's error for noise that stays alike for ``correlation_time``, see
-    :mod:`model.machines.tolerance`. ``inductance`` holds for each axis, and one says nothing of the other.
+    :mod:`model.machines.tolerance`; a datum that is an adaptive state is held within. ``inductance`` holds for each
+    axis, and one says nothing of the other; ``dead_time`` for all that the inverter takes.
     """
 
     stator_resistance: HalfWidth = 0.0
     inductance: HalfWidth = 0.0
     magnet_flux: HalfWidth = 0.0
+    dead_time: HalfWidth = 0.0
     correlation_time: ShortTime = 5e-4
 
 

@@ -247,7 +247,7 @@ class FilterBuilder(SigmaPoints):
         """A rejected measurement: the prediction becomes the estimate."""
         b = GraphBuilder("coast", "No measurement: the prediction is the estimate")
         x, L, D = self._inputs(b, "x_pred", "LD_pred", "_pred", "_pred")
-        b.output("x", self._wrapped(x))
+        b.output("x", self._kept(b, x))
         b.output("LD", to_packed(L, D, self.model.order))
         return b.build()
 
@@ -350,14 +350,16 @@ class FilterBuilder(SigmaPoints):
         return [value + change for value, change in zip(x, state.correction, strict=True)], state
 
     def _close(self, b: GraphBuilder, x: Vector, state: ScalarUpdates, equations: tuple[str, str]) -> None:
-        x = self._wrapped(x)
-        b.stage("x", equations[0], "theta wrapped", x, [f"{s}_new" for s in self.states], scale="state")
+        x = self._kept(b, x)
+        b.stage("x", equations[0], self.model.kept_meaning, x, [f"{s}_new" for s in self.states], scale="state")
         self._name_factors(b, equations[1], "_new", state.L, state.D)
         b.output("x", x)
         b.output("LD", to_packed(state.L, state.D, self.model.order))
 
-    def _wrapped(self, x: Vector) -> Vector:
-        return [value.apply("wrap") if i == self.model.angle else value for i, value in enumerate(x)]
+    def _kept(self, b: GraphBuilder, x: Vector) -> Vector:
+        """The estimate as the next sample finds it."""
+        model = self.model
+        return Tape(model, [model.x], model.kept(ca.vertsplit(model.x)), {}).at(b, [x])
 
     def _factor_names(self, tag: str) -> list[str]:
         """L_10, D_i_beta, ... in the places of a packed lower triangle: a pivot is called after its state."""

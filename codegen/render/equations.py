@@ -12,13 +12,13 @@ import sympy as sp
 
 from model.machines.base import Parameters
 from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, StateSpaceModel, build
-from model.machines.tolerance import deviations
+from model.machines.tolerance import deviations, voltage_deviation
 from model.quantities import Constant, Formulas
 from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
 
 #: Motor data that may be wrong, as one writes them.
-DATA_LATEX = {"R": "R", "L_d": "L_d", "L_q": "L_q", "psi_m": r"\psi_m"}
+DATA_LATEX = {"R": "R", "L_d": "L_d", "L_q": "L_q", "psi_m": r"\psi_m", "V_d": "V_d"}
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ def slopes(drive: Drive) -> dict[str, sp.Matrix]:
     for name in deviations(drive):
         letter = getattr(parameters, name)
         found[name] = to_sympy(formulas.in_letters(formulas.along(f, letter, ca.SX(1), formulas.slopes(letter))))
+    if voltage_deviation(drive):
+        found["V_d"] = to_sympy(build(drive, parameters).voltage_slope)
     return found
 
 

@@ -18,6 +18,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from model.inverter import lost_voltage
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
@@ -226,6 +227,11 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
     try:
         machine = find_machine(drive)
         _check_lengths(drive, [quantity.name for quantity in machine.states], where)
+        if drive.tolerance and drive.tolerance.dead_time and not lost_voltage(drive):
+            raise DriveError(
+                f"drive '{where}': tolerance.dead_time says how far off [inverter] may be, and there is none: "
+                "state its dead_time, or switch_drop."
+            )
         if drive.model.machine not in MACHINES:
             try_out(drive, machine)
     except MachineError as error:

@@ -15,7 +15,6 @@ from model.quantities import Block
 Vector = list[Any]
 Matrix = list[list[Any]]
 
-TWO_PI = 2 * math.pi
 
 
 def packed_names(name: str, n: int) -> list[str]:
@@ -273,28 +272,16 @@ def coast(model: StateSpaceModel) -> Block:
     Returns
     -------
     Block
-        ``x_pred``, ``P_pred`` -> ``x`` with theta wrapped, ``P``.
+        ``x_pred``, ``P_pred`` -> ``x`` as it is kept (:meth:`StateSpaceModel.kept`), ``P``.
     """
     states = [state.name for state in model.states]
     n = len(states)
     b = BlockBuilder("coast", "No measurement: the prediction is the estimate")
     x_pred = b.input("x_pred", [f"{s}_pred" for s in states])
     P_pred = b.input("P_pred", packed_names("P_pred", n))
-    b.output("x", wrapped(x_pred, model))
+    b.output("x", model.kept(x_pred))
     b.output("P", P_pred)
     return b.build()
-
-
-def wrapped(x: Vector, model: StateSpaceModel) -> Vector:
-    """The state with theta in [-pi, pi): float32 loses digits of an angle that is let grow.
-
-    Parameters
-    ----------
-    x : list of Expr
-        State, in the model's order.
-    model : StateSpaceModel
-    """
-    return [ca.remainder(value, TWO_PI) if i == model.angle else value for i, value in enumerate(x)]
 
 
 def measured_points(
@@ -369,8 +356,8 @@ def corrected(
     labels = [f"innovation_{quantity.name}" for quantity in OUTPUTS]
     b.stage("innovation", equations[0], "y - y_pred", innovation, labels, scale="output")
     x = [x_pred[i] + (K[i][0] * innovation[0] + K[i][1] * innovation[1]) for i in range(len(states))]
-    x = wrapped(x, model)
-    meaning = "x = x_pred + K (y - y_pred), theta wrapped"
+    x = model.kept(x)
+    meaning = f"x = x_pred + K (y - y_pred), {model.kept_meaning}"
     b.stage("x", equations[0], meaning, x, [f"{s}_new" for s in states], scale="state")
     P = reduced(b, equations[1], P_pred, K, Pyy)
     b.output("x", x)

@@ -24,7 +24,6 @@ from model.filters.cubature import (
     reduced,
     spread,
     unpack,
-    wrapped,
 )
 from model.filters.inverter import inverter_calls
 from model.filters.program import BlockBuilder, Call, Copy, FilterStep, Guard, If, Node, Repeat
@@ -219,8 +218,8 @@ def _finish(model: StateSpaceModel) -> Block:
 
 
 def _close(b: BlockBuilder, model: StateSpaceModel, x_last: Vector, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> None:
-    x = wrapped(x_last, model)
-    b.stage("x", "34", "x = x^N, theta wrapped", x, [f"{s.name}_new" for s in model.states], scale="state")
+    x = model.kept(x_last)
+    b.stage("x", "34", f"x = x^N, {model.kept_meaning}", x, [f"{s.name}_new" for s in model.states], scale="state")
     P = reduced(b, "32", P_pred, K, Pyy)
     b.output("x", x)
     b.output("P", pack(P))

@@ -13,10 +13,14 @@ from model.filters.program import BlockBuilder, Call
 from model.machines.state_space import INPUTS, StateSpaceModel
 
 #: Where V_d is a constant, and where it is a state.
-_MEANINGS = (
-    {"v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs"},
-    {"v": "v = u - (1 - seen) V_d g(h(x)), V_d the estimate's", "g": "seen g(h(x)): what each point's own V_d acts on"},
-)
+_KNOWN = {
+    "v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs",
+    "g": "g(h(x)): the direction in which a wrong V_d acts",
+}
+_ESTIMATED = {
+    "v": "v = u - (1 - seen) V_d g(h(x)), V_d the estimate's",
+    "g": "seen g(h(x)): what each point's own V_d acts on",
+}
 
 
 def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
@@ -33,9 +37,10 @@ def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
     x = b.input("x", [state.name for state in model.states])
     applied, named = model.applied(x, b.input("u", [quantity.name for quantity in INPUTS]))
     b.working("", named, "here")
-    for name, meaning in _MEANINGS[len(applied) - 1].items():
-        b.stage(name, "", meaning, list(applied[name]), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
-        b.output(name, list(applied[name]))
+    meanings = _ESTIMATED if model.estimates_voltage else _KNOWN
+    for name, pair in applied.items():
+        b.stage(name, "", meanings[name], list(pair), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
+        b.output(name, list(pair))
     return (Call(b.build()),)
 
 

@@ -48,7 +48,7 @@ def add_noise(
     names = [f"G_{state.name}_{letter}" for state in model.states for letter in model.G]
     b.stage("G", equation, "", [entry for row in rows for entry in row], names, scale="none")
     Q_p = [[_dot(one, other) for other in rows] for one in rows]
-    b.lower("Q_p", equation, "Q_p = G G^T, G each uncertain datum's sigma df/dp at x", Q_p, scale="covariance")
+    b.lower("Q_p", equation, "Q_p = G G^T, G each uncertain datum's sigma df/dp at x", Q_p, scale="addend")
     for i in range(n):
         for j in range(n):
             P[i][j] = P[i][j] + Q_p[i][j]

@@ -36,6 +36,8 @@ def own_value(drive: Drive, word: str) -> float:
 class Adaptive:
     """Slow states: each wanders by its process noise and returns to the motor's value by ``rate`` a sample.
 
+    ``half_widths``: of the range that each estimate is held in, relative to the motor's value; 0 or none: it is free.
+
     The return is needed. At constant speed without current on the d axis R and psi_m cannot be told apart: only
     R i_q + omega_e psi_m shows. A plain random walk then drifts along that line without end, driven by the noise
     (0.4 ohm a second on ``ipmsm_adaptive``), with speed and angle right all the while, until a load step meets it.
@@ -45,6 +47,7 @@ class Adaptive:
     rate: float
     motor: Parameters
     constant: Constants
+    half_widths: tuple[float, ...] = ()
 
     @property
     def states(self) -> tuple[Quantity, ...]:
@@ -75,8 +78,38 @@ class Adaptive:
         """
         after = []
         for word, value in zip(self.words, values, strict=True):
-            whose = "drive" if word == STATE else "motor"
-            own = self.constant(f"OWN_{word.upper()}", getattr(self.motor, ADAPTIVE[word][1]), f"the {whose}'s {word}")
+            own = self.constant(f"OWN_{word.upper()}", self._own(word), f"the {self._whose(word)}'s {word}")
             back = self.constant("RETURN", ca.SX(self.rate), "T / adaptive_time, to a power of two")
             after.append(value + back * (own - value))
         return after
+
+    def within(self, values: list[Any]) -> list[Any]:
+        """Estimates held within their tolerance.
+
+        What is learnt where it does not show, or from what the model does not know of (an inverter's volts at little
+        current are taken for R i), ends at a datum that a plain filter might have been given.
+
+        Parameters
+        ----------
+        values : list of SX
+            One a word, in the drive file's order: Wb, ohm or V.
+        """
+        widths = self.half_widths or (0.0,) * len(self.words)
+        each = zip(self.words, values, widths, strict=True)
+        return [self._within(word, value, width) if width else value for word, value, width in each]
+
+    def _within(self, word: str, value: Any, width: float) -> Any:
+        own = self._own(word)
+        least, most = (
+            self.constant(f"{end}_{word.upper()}", own * (1 + share), f"{share:+.3g} of the {self._whose(word)}'s {word}")
+            for end, share in (("LEAST", -width), ("MOST", width))
+        )
+        return ca.fmax(least, ca.fmin(most, value))
+
+    def _own(self, word: str) -> Any:
+        """The motor's or inverter's value."""
+        return getattr(self.motor, ADAPTIVE[word][1])
+
+    @staticmethod
+    def _whose(word: str) -> str:
+        return "drive" if word == STATE else "motor"

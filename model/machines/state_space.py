@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +15,7 @@ from model.machines.adaptive import Adaptive, own_value
 from model.machines.base import Named, Pair, Parameters, Rotor
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
-from model.machines.tolerance import WrongData, deviations
+from model.machines.tolerance import WrongData, deviations, half_widths, voltage_deviation
 from model.quantities import Constant, Constants, Formulas, Quantity
 from model.schema import Drive
 
@@ -28,7 +29,7 @@ OUTPUTS = (
 )
 
 
-#: What f takes where V_d is a state: the direction in which it acts.
+#: What f takes where V_d is a state or may be wrong: the direction in which it acts.
 SIGNS = (
     Quantity("g_alpha", r"g_\alpha", "1", "direction in which V_d acts, alpha axis"),
     Quantity("g_beta", r"g_\beta", "1", "direction in which V_d acts, beta axis"),
@@ -53,6 +54,7 @@ class StateSpaceModel:
     root_order: tuple[str, ...] = ()
     lost: LostVoltage | None = None
     wrong: WrongData | None = None
+    doubt: float = 0.0  # V, of V_d where that is a constant: the deviation that counts in a sample
 
     @property
     def states(self) -> tuple[Quantity, ...]:
@@ -76,8 +78,8 @@ class StateSpaceModel:
 
     @property
     def constants(self) -> list[Constant]:
-        """The folded constants that f, h and G use, in order of appearance."""
-        _ = self.f_commanded, self.h, self.G
+        """The folded constants that f, h, G and bounds use, in order of appearance."""
+        _ = self.f_commanded, self.h, self.G, self.kept(ca.vertsplit(self.x))
         return list(self._constants.items.values())
 
     def numeric(self, expression: Any) -> Any:
@@ -100,11 +102,16 @@ class StateSpaceModel:
         """What f takes beside the state, by the names its arrays have in a step.
 
         ``u`` is the voltage as commanded, ``v`` the one applied. Where V_d is a state each point has its own: f takes
-        it off v times the direction ``g``, which the points share.
+        it off v times the direction ``g``, which the points share. Where V_d may be wrong, G alone hangs on g.
         """
         if self.lost is None:
             return {"u": INPUTS}
-        return {"v": INPUTS, "g": SIGNS} if STATE in self.adaptive.words else {"v": INPUTS}
+        return {"v": INPUTS, "g": SIGNS} if self.estimates_voltage or self.doubt else {"v": INPUTS}
+
+    @property
+    def estimates_voltage(self) -> bool:
+        """Whether V_d is a state."""
+        return STATE in self.adaptive.words
 
     def applied(self, x: list[Any], u: list[Any]) -> tuple[dict[str, Pair], Named]:
         """What f takes for a commanded voltage where the state is x, its arrays by name.
@@ -130,9 +137,12 @@ class StateSpaceModel:
         if named:  # the currents are no states
             named = {**named, "i_alpha": i[0], "i_beta": i[1]}
         g, signs = self.lost.signs(i)
-        if STATE not in self.adaptive.words:
+        if not self.estimates_voltage:
             V_d = constant_voltage(self._constants, self.lost.par.V_d)
-            return {"v": self.lost.remaining(commanded, g, V_d)}, {**named, **signs, "g_alpha": g[0], "g_beta": g[1]}
+            remaining = {"v": self.lost.remaining(commanded, g, V_d)}
+            if self.doubt:
+                return {**remaining, "g": g}, {**named, **signs}
+            return remaining, {**named, **signs, "g_alpha": g[0], "g_beta": g[1]}
         seen = self.lost.seen(i)
         named |= {**signs, "whole_alpha": g[0], "whole_beta": g[1], "seen": seen}
         hidden = (1 - seen) * self._voltage(x)
@@ -154,7 +164,7 @@ class StateSpaceModel:
         g : list of Any, optional
             The direction in which V_d acts.
         """
-        if self.lost is not None and g is not None:
+        if self.lost is not None and g is not None and self.estimates_voltage:
             u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), self._voltage(x)))
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
@@ -194,6 +204,26 @@ class StateSpaceModel:
             return self.machine
         par = self.adaptive.parameters(self._mechanical(x)[1])
         return type(self.machine)(par, self._constants, self.machine.par)
+
+    def kept(self, x: list[Any]) -> list[Any]:
+        """An estimate as it is kept for the next sample.
+
+        theta lies in [-pi, pi), since float32 loses digits of an angle that is let grow; adaptive states lie within
+        their tolerance (:meth:`Adaptive.within`).
+
+        Parameters
+        ----------
+        x : list of Any
+            State, in the model's order.
+        """
+        slow = len(self.adaptive.words)
+        fast = [ca.remainder(value, 2 * math.pi) if i == self.angle else value for i, value in enumerate(x)]
+        return [*fast[: len(x) - slow], *self.adaptive.within(fast[len(x) - slow :])]
+
+    @property
+    def kept_meaning(self) -> str:
+        """What :meth:`kept` does, in words."""
+        return "theta wrapped" + (", adaptive states within their tolerance" if any(self.adaptive.half_widths) else "")
 
     def measurement_jacobian(self, x: list[Any]) -> Any:
         """H at the point ``x``, an SX of shape (2, n).
@@ -240,11 +270,21 @@ class StateSpaceModel:
     @cached_property
     def G(self) -> dict[str, Any]:
         """Its deviation times df/dp of each datum that may be wrong, by its letter: SX columns of ``arguments``."""
-        if self.wrong is None:
-            return {}
         _ = self.f_commanded, self.h  # whose constants come first
-        f = ca.vertcat(*self.wrong.propagate(*map(ca.vertsplit, self.arguments))[0])
-        return self.wrong.columns(f, self._constants)
+        columns: dict[str, Any] = {}
+        if self.wrong is not None:
+            f = ca.vertcat(*self.wrong.propagate(*map(ca.vertsplit, self.arguments))[0])
+            columns = self.wrong.columns(f, self._constants)
+        if self.doubt:
+            sigma = self._constants("SIGMA_V_D", ca.SX(self.doubt), "one sigma of V_d, V")
+            columns["V_d"] = sigma * self.voltage_slope
+        return columns
+
+    @property
+    def voltage_slope(self) -> Any:
+        """df/dV_d where V_d is no state, (n, 1), of ``arguments``: it acts against g."""
+        v, g = self.arguments[1:]
+        return -ca.jtimes(self.f, v, g)
 
     @cached_property
     def F(self) -> Any:
@@ -276,10 +316,11 @@ def build(drive: Drive, parameters: Parameters | None = None, constants: Constan
     machine = find_machine(drive)(parameters, constants)
     mechanics = MECHANICS[drive.model.mechanics](parameters, constants)
     model = drive.model
-    adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants)
+    adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants, half_widths(drive))
     order = tuple(drive.filter.root_order or ())
     lost = LostVoltage(parameters, constants) if takes_voltage(drive) else None
-    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost, wrong)
+    doubt = voltage_deviation(drive)
+    return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost, wrong, doubt)
 
 
 def _wrong_data(drive: Drive) -> WrongData | None:

@@ -8,7 +8,7 @@ noise of 2 tau / T times the variance. So::
 
     P_pred = ... + Q + Q_p,     Q_p = sum over data of (2 tau / T) sigma_p^2 (df/dp)(df/dp)^T,  at the estimate.
 
-Data that are states have their uncertainty in P, and none here.
+Data that are states have their uncertainty in P, and none here: a tolerance bounds them (:func:`half_widths`).
 
 Why noise, and how long it stays alike: measured on ``spmsm_load_torque`` with tolerances of R 20, L 10 and psi_m 5 %,
 averaged inverter, 5 N m stepped on. tau 0.3, 0.5, 0.6 and 1.5 ms hold an R that is off by a fifth to 5 degrees at 100
@@ -31,6 +31,7 @@ from typing import Any
 
 import casadi as ca
 
+from model.inverter import STATE, lost_voltage
 from model.machines.adaptive import ADAPTIVE
 from model.quantities import Constants, Formulas
 from model.schema import Drive
@@ -42,6 +43,17 @@ DATA = {
     "L_q": "inductance",
     "psi_m": "magnet_flux",
 }
+
+
+def half_widths(drive: Drive) -> tuple[float, ...]:
+    """Half the width of the range that each adaptive state is held in, relative; 0 where nothing is said.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    keys = {**DATA, "V_d": "dead_time"}
+    return tuple(getattr(drive.tolerance, keys[ADAPTIVE[word][1]], 0.0) for word in drive.model.adaptive)
 
 
 def deviations(drive: Drive) -> dict[str, float]:
@@ -60,9 +72,26 @@ def deviations(drive: Drive) -> dict[str, float]:
     if stated is None:
         return {}
     slow = {ADAPTIVE[word][1] for word in drive.model.adaptive}
-    alike = math.sqrt(2 * stated.correlation_time / drive.model.sample_time / 3)
     widths = {letter: getattr(stated, key) for letter, key in DATA.items() if letter not in slow}
-    return {letter: width * alike for letter, width in widths.items() if width}
+    return {letter: width * _alike(drive) for letter, width in widths.items() if width}
+
+
+def voltage_deviation(drive: Drive) -> float:
+    """The deviation of the inverter's V_d that counts in a sample, V; 0 where it is a state or told exactly.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    if drive.tolerance is None or STATE in drive.model.adaptive or not drive.tolerance.dead_time:
+        return 0.0
+    return lost_voltage(drive) * drive.tolerance.dead_time * _alike(drive)
+
+
+def _alike(drive: Drive) -> float:
+    """The deviation that counts in a sample, of a half-width."""
+    assert drive.tolerance is not None
+    return math.sqrt(2 * drive.tolerance.correlation_time / drive.model.sample_time / 3)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,11 @@ CANCELLED = 1e-4
 PER_CONDITION = 3e-6
 
 
+#: What motor data that may be wrong add to P_pred comes of differences that may vanish (at rest a wrong L does nothing):
+#: it is judged by no less than this share of P_pred.
+ADDED = 1e-4
+
+
 @dataclass(frozen=True)
 class Sigmas:
     """The scales of a step's errors, each with a leading step axis N.
@@ -63,9 +68,11 @@ def scale_of(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
     sigmas : Sigmas
         Of the same N steps.
     """
-    if stage.scale not in ("covariance", "difference"):
+    if stage.scale not in ("covariance", "difference", "addend"):
         return row_scale(stage, values, sigmas)
     scale = covariance_scale(values)
+    if stage.scale == "addend":
+        scale = np.maximum(scale, ADDED * sigmas.state[..., :, None] * sigmas.state[..., None, :])
     if stage.scale == "difference":
         scale = np.maximum(scale, minuend_scale(sigmas.state, sigmas.condition))
     return entries_of(stage, scale)

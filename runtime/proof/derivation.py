@@ -197,17 +197,16 @@ def second_inverter(i: sp.Matrix) -> sp.Matrix:
 
 
 def _inverter_rows(drive: Drive) -> list[Row]:
-    """What the model makes of a commanded voltage: u - V_d g; or g as far as V_d shows, and the rest taken off."""
+    """What the model makes of a commanded voltage: u - V_d g; of an estimated V_d what does not show."""
     model = build(drive, Parameters.symbolic())
     applied = model.applied(ca.vertsplit(model.x), ca.vertsplit(model.u))[0]
     i = to_sympy(model.h)
     g = second_inverter(i)
-    if "g" in applied:
+    shown, off = sp.Integer(1), V_d
+    if "dead_time_voltage" in drive.model.adaptive:
         shown = sp.Max(0, sp.Min(1, i.dot(i) / I_1**2 - 1))
-        off, wanted = SLOW["dead_time_voltage"] * (1 - shown), {"g": shown * g}
-    else:
-        off, wanted = V_d, {}
-    wanted["v"] = sp.Matrix([v_alpha, v_beta]) - off * g
+        off = SLOW["dead_time_voltage"] * (1 - shown)
+    wanted = {"g": shown * g, "v": sp.Matrix([v_alpha, v_beta]) - off * g}
     roots = {math.sqrt(3) / 2: ROOT_3 / 2, 1 / math.sqrt(3): ROOT_3 / 3}
     rows = []
     for name, ours in applied.items():
@@ -257,7 +256,12 @@ def compare_derivations(drive: Drive) -> Link:
     if takes_voltage(drive):
         rows += _inverter_rows(drive)
     for name, slope in slopes(drive).items():
-        pairs = [(entry, f[i], sp.Symbol(name, real=True)) for i, entry in enumerate(slope)]
+        arriving = {v_alpha: v_alpha - V_d * g_alpha, v_beta: v_beta - V_d * g_beta} if name == "V_d" else {}
+        moved = f.subs(arriving, simultaneous=True)
+        pairs = [
+            (entry.subs(arriving, simultaneous=True), moved[i], sp.Symbol(name, real=True))
+            for i, entry in enumerate(slope)
+        ]
         different = sum(not is_derivative(*pair) for pair in pairs)
         rows.append(Row(f"df/d{name}", "G", "entries that differ", float(different), 0.0, len(pairs)))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

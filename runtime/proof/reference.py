@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.proof.inverter import LossyInverter, make_inverter
+from runtime.proof.inverter import LossyInverter, lost_volts, make_inverter
 from runtime.proof.motors import Plant, make_motor
-from runtime.proof.wrong_data import STEP, moved_data
+from runtime.proof.wrong_data import STEP, bounds, doubt, moved_data
 
 Array = NDArray[Any]
 Stages = dict[str, Any]
@@ -41,8 +41,11 @@ class Reference:
     eps: float
     order: list[int]  # of the states in the factors of P
     inverter: LossyInverter | None = None
-    shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of V_d
+    shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of a state V_d
+    way: Array = field(default_factory=lambda: np.zeros(2))  # the same of any V_d
+    doubt: float = 0.0  # deviation of a V_d that is no state, V
     moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
+    bounds: list[tuple[int, float, float]] = field(default_factory=list)  # of slow states, by place
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -61,7 +64,7 @@ class Reference:
         )
         x_pred, P_pred = self._predict(u)
         self.x, self.P = update(x_pred, P_pred, y)
-        self.x[..., 3] = wrap(self.x[..., 3])
+        self._keep()
         self.stages |= {"x": self.x, "P": self.P}
         return self.stages
 
@@ -74,7 +77,13 @@ class Reference:
             Voltages, V, (N, 2).
         """
         self.x, self.P = self._predict(u)
+        self._keep()
+
+    def _keep(self) -> None:
+        """The angle within a turn, slow states within their bounds."""
         self.x[..., 3] = wrap(self.x[..., 3])
+        for place, least, most in self.bounds:
+            self.x[..., place] = np.clip(self.x[..., place], least, most)
 
     def _predict(self, u: Array) -> tuple[Array, Array]:
         if self.inverter:  # the estimate's word for all points alike: which way, and at its own V_d what does not show
@@ -82,8 +91,8 @@ class Reference:
             way, shown = self.inverter.shortfall(i), self.inverter.shown(i)
             estimated = self.inverter.place is not None
             u = u - self.inverter.voltage(self.x) * (1 - shown if estimated else 1) * way
-            self.shortfall = shown * way if estimated else np.zeros(2)
-            self.stages |= {"g": self.shortfall[..., None, :], "v": u[..., None, :]}
+            self.way, self.shortfall = way, shown * way if estimated else np.zeros(2)
+            self.stages |= {"g": (shown * way)[..., None, :], "v": u[..., None, :]}
         predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
         return predict(u)
 
@@ -100,11 +109,13 @@ class Reference:
     def _noise(self, u: Array) -> Array:
         """Q and, where motor data may be wrong, sigma^2 (df/dp)(df/dp)^T for each, at the estimate."""
         Q = np.diag(self.Q)
-        if not self.moved:
+        shifts = [deviation * self._f(self.x, u, motor).imag / STEP for motor, deviation in self.moved]
+        if self.doubt:
+            shifts.append(self._f(self.x, u - 1j * STEP * self.doubt * self.way).imag / STEP)
+        if not shifts:
             return Q
         Q_p = np.zeros((*self.x.shape, self.x.shape[-1]))
-        for motor, deviation in self.moved:
-            shift = deviation * self._f(self.x, u, motor).imag / STEP
+        for shift in shifts:
             Q_p += shift[..., :, None] * shift[..., None, :]
         self.stages["Q_p"] = Q_p
         return np.asarray(Q + Q_p)
@@ -368,4 +379,6 @@ def make_reference(
         order=_order(parameters),
         inverter=make_inverter(parameters),
         moved=moved,
+        bounds=bounds(parameters),
+        doubt=doubt(parameters) * lost_volts(parameters),
     )

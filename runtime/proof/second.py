@@ -79,14 +79,15 @@ class CasadiMotor:
 
     def __init__(self, model: StateSpaceModel) -> None:
         x, v, *signs = model.arguments
-        exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v)), *map(ca.densify, model.G.values())]
+        G = [ca.densify(column) for letter, column in model.G.items() if letter != "V_d"]  # whose f has the voltage
+        exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v)), *G]
         exprs = [ca.substitute(e, g, ca.DM.zeros(2)) for e in exprs for g in signs] or exprs  # the voltage that arrives
         self._f, self._F, self._B, *columns = (ca.Function("f", [x, v], [model.numeric(e)]) for e in exprs)
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
         self.moved: list[tuple[Any, float]] = [(_MovedMotor(column), 1.0) for column in columns]
 
     def f(self, x: Array, u: Array) -> Array:
-        """Return the state one sample later, (n,).
+        """Return the state one sample later, (n,); to first order along a voltage's imaginary part.
 
         Parameters
         ----------
@@ -95,7 +96,8 @@ class CasadiMotor:
         u : ndarray
             Voltages, V, (N, 2).
         """
-        return np.array(self._f(x, u)).reshape(x.shape)
+        after = np.array(self._f(x, u.real)).reshape(x.shape)
+        return after + 1j * np.einsum("ij...,j...->i...", self.B(x, u.real), u.imag) if np.iscomplexobj(u) else after
 
     def h(self, x: Array) -> Array:
         """Return the currents, A, (2,).
