@@ -194,7 +194,8 @@ class Stage:
     sigma of the state, ``"output"`` one sigma of the measurement noise, ``"cross"`` and ``"gain"`` the size
     a cross covariance and a gain have by their sigmas, ``"row"`` nothing more. An entry of a ``"covariance"`` is judged
     by the product of its two sigmas, whose units it has; of an ``"addend"`` of P_pred at least by a share of that of
-    P_pred, and of a ``"difference"`` of covariances at least by a share of that of the minuend. ``"none"``: a working quantity that is named but not compared.
+    P_pred, and of a ``"difference"`` of covariances at least by a share of that of the minuend. ``"none"``: a working
+    quantity that is named but not compared.
     """
 
     name: str

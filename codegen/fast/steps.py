@@ -357,9 +357,7 @@ class FilterBuilder(SigmaPoints):
         b.output("LD", to_packed(state.L, state.D, self.model.order))
 
     def _kept(self, b: GraphBuilder, x: Vector) -> Vector:
-        """The estimate as the next sample finds it."""
-        model = self.model
-        return Tape(model, [model.x], model.kept(ca.vertsplit(model.x)), {}).at(b, [x])
+        return Tape(self.model, [self.model.x], self.model.kept(ca.vertsplit(self.model.x)), {}).at(b, [x])
 
     def _factor_names(self, tag: str) -> list[str]:
         """L_10, D_i_beta, ... in the places of a packed lower triangle: a pivot is called after its state."""

@@ -16,7 +16,6 @@ Vector = list[Any]
 Matrix = list[list[Any]]
 
 
-
 def packed_names(name: str, n: int) -> list[str]:
     """Names of a packed lower triangle, row by row: P_00, P_10, P_11, ...
 

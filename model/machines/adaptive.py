@@ -100,10 +100,9 @@ class Adaptive:
 
     def _within(self, word: str, value: Any, width: float) -> Any:
         own = self._own(word)
-        least, most = (
-            self.constant(f"{end}_{word.upper()}", own * (1 + share), f"{share:+.3g} of the {self._whose(word)}'s {word}")
-            for end, share in (("LEAST", -width), ("MOST", width))
-        )
+        of = f"of the {self._whose(word)}'s {word}"
+        least = self.constant(f"LEAST_{word.upper()}", own * (1 - width), f"{1 - width:.6g} {of}")
+        most = self.constant(f"MOST_{word.upper()}", own * (1 + width), f"{1 + width:.6g} {of}")
         return ca.fmax(least, ca.fmin(most, value))
 
     def _own(self, word: str) -> Any:

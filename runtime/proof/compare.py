@@ -20,8 +20,8 @@ CANCELLED = 1e-4
 PER_CONDITION = 3e-6
 
 
-#: What motor data that may be wrong add to P_pred comes of differences that may vanish (at rest a wrong L does nothing):
-#: it is judged by no less than this share of P_pred.
+#: What motor data that may be wrong add to P_pred comes of differences that may vanish, as at rest a wrong L does
+#: nothing: it is judged by no less than this share of P_pred (1e-10 of it: 45 roundings of P_pred).
 ADDED = 1e-4
 
 

@@ -14,14 +14,17 @@ from model.drives.load import cautions, load_drive, parse_drive
 from model.machines.state_space import StateSpaceModel, build
 from model.machines.tolerance import DATA, deviations
 from model.schema import Drive, DriveError, Tolerance
+from runtime.proof.inverter import lost_volts
 from runtime.proof.motors import make_motor
-from runtime.proof.wrong_data import STEP, moved_data
+from runtime.proof.wrong_data import STEP, bounds, doubt, moved_data
 from tests.model.accepted import draw_tolerance
 from tests.model.test_accepted_motors import EPS, by_complex_step, draw_point, drives, letters, value_of
 
 pytestmark = pytest.mark.unit
 
 ALL = Tolerance(stator_resistance=0.2, inductance=0.1, magnet_flux=0.05)
+#: In which a V_d that is no state acts.
+DIRECTION = np.array([0.7, -1.1])
 
 
 def tolerant(drive: Drive, tolerance: Tolerance | None = ALL) -> Drive:
@@ -37,12 +40,13 @@ def columns_at(model: StateSpaceModel, x: Any, u: Any) -> np.ndarray:
     """G at a point, (n, data); u is the voltage that arrives, so that a V_d that is a state takes nothing more off."""
     G = model.numeric(ca.densify(ca.horzcat(*model.G.values())))
     _, _, *directions = model.arguments
-    return np.array(ca.Function("G", model.arguments, [G])(x, u, *(np.zeros(2) for _ in directions)))
+    g = np.zeros(2) if model.estimates_voltage else DIRECTION
+    return np.array(ca.Function("G", model.arguments, [G])(x, u, *(g for _ in directions)))
 
 
 def test_a_wrong_datum_moves_f_as_the_motor_by_hand_says() -> None:
-    """By a complex step of the datum in the hand-written f, on the scale of f's terms."""
-    rng, compared = np.random.default_rng(6), 0
+    """By a complex step of the datum in the hand-written f, on the scale of f's terms; V_d's by one of the voltage."""
+    rng, compared, doubted = np.random.default_rng(6), 0, 0
     for drive in drawn(4, 3):
         model = build(drive)
         if not model.G:
@@ -59,14 +63,19 @@ def test_a_wrong_datum_moves_f_as_the_motor_by_hand_says() -> None:
         assert len(moved) == len(deviations(drive))
         theirs = [size * make_motor(sections).f(x, u).imag / STEP for sections, size in moved]
         by_hand = dict(zip(deviations(drive), theirs, strict=True))
-        for (name, deviation), ours in zip(
-            ((name, deviations(drive)[name]) for name in model.G), columns_at(model, x, u).T, strict=True
-        ):
+        off = doubt(drive.model_dump()) * lost_volts(drive.model_dump())
+        if off:
+            by_hand["V_d"] = off * hand.f(x, u - 1j * STEP * DIRECTION).imag / STEP
+        for name, ours in zip(model.G, columns_at(model, x, u).T, strict=True):
             compared += 1
-            assert np.all(np.abs(ours - by_hand[name]) <= allowed * deviation * scale), (name, drive.motor)
+            volts = name == "V_d"
+            reach = off * (by_u @ np.abs(DIRECTION)) if volts else deviations(drive)[name] * scale
+            assert np.all(np.abs(ours - by_hand[name]) <= allowed * reach + 1e-250), (name, drive.motor)
+            doubted += volts
         for name in set(by_hand) - set(model.G):
             assert not np.any(by_hand[name]), name
     assert compared > 200
+    assert doubted > 10
 
 
 def test_each_share_is_the_derivative_of_its_constant() -> None:
@@ -109,6 +118,26 @@ def _named_after(letter: str, value: Any, known: dict[str, Any]) -> dict[str, An
 
 def test_data_that_f_does_not_hold_have_no_column() -> None:
     assert set(build(tolerant(load_drive("paper_spmsm"))).G) == {"R", "L_d", "psi_m"}
+
+
+def test_adaptive_states_are_held_within_their_tolerance() -> None:
+    """Each by itself and no other, as the bounds by hand say."""
+    held = 0
+    for drive in drawn(7, 2):
+        model = build(drive)
+        kept = ca.Function("kept", [model.x], [model.numeric(ca.vertcat(*model.kept(ca.vertsplit(model.x))))])
+        own = np.array([0.1, 0.1, 1.0, 0.5, *([0.2] * (len(model.states) - 4))])
+        expected = {len(own) + place: (least, most) for place, least, most in bounds(drive.model_dump())}
+        for share in (-1e3, 0.999, 1.001, 1e3):
+            x = own.copy()
+            for place, (least, most) in expected.items():
+                x[place] = (least if share < 1 else most) * share
+            after = np.array(kept(x)).ravel()
+            for place, value in enumerate(x):
+                least, most = expected.get(place, (-np.inf, np.inf))
+                assert after[place] == pytest.approx(min(max(value, least), most), rel=1e-14), (place, drive.tolerance)
+            held += len(expected)
+    assert held > 100
 
 
 def test_without_a_tolerance_nothing_is_uncertain() -> None:
@@ -156,6 +185,7 @@ def test_cautions_say_where_a_tolerance_does_not_help() -> None:
     assert "below 112 r/min" in line
     assert not cautions(tolerant(drive, Tolerance(stator_resistance=0.08, inductance=0.1, magnet_flux=0.05)))
     assert not cautions(tolerant(load_drive("spmsm_adaptive"), Tolerance(stator_resistance=0.2)))
+    assert not cautions(tolerant(load_drive("ipmsm_adaptive"), Tolerance(magnet_flux=0.1)))
     (line,) = cautions(tolerant(load_drive("ipmsm_flux")))
     assert "act in the measurement" in line
     assert not cautions(tolerant(load_drive("ipmsm_flux"), Tolerance(stator_resistance=0.2)))
@@ -167,6 +197,7 @@ def test_cautions_say_where_a_tolerance_does_not_help() -> None:
         ({"stator_resistance": -0.1}, "tolerance.stator_resistance = -0.1 is outside 0 .. 0.9"),
         ({"inductance": 1.5}, "tolerance.inductance = 1.5 is outside 0 .. 0.9"),
         ({"resistance": 0.1}, "unknown key tolerance.resistance. Did you mean 'stator_resistance'?"),
+        ({"dead_time": 0.3}, "tolerance.dead_time says how far off [inverter] may be, and there is none"),
         ({"correlation_time": 0.0}, "tolerance.correlation_time = 0.0 s is outside 1e-06 .. 1 s"),
     ],
 )

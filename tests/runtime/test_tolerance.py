@@ -12,7 +12,9 @@ from codegen.output.folder import write_folder
 from model.drives.load import load_drive
 from model.schema import Drive, Inverter, Tolerance
 from runtime.drive.fleet import Cases, Fleet, Outcomes
-from runtime.drive.scenario import Scenario
+from runtime.drive.scenario import Scenario, find_scenario
+from runtime.drive.simulation import Conditions, Simulator
+from runtime.estimator.estimator import load
 from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.proof.derivation import compare_derivations
@@ -68,6 +70,56 @@ def test_where_the_inverter_is_part_of_the_model(kind: str, learnt: bool, tmp_pa
     prover = _prover(drive, package, tmp_path / drive.name)
     for link in [compare_derivations(drive), *prover._box(kind), prover._bits(kind).link(("-O2",))]:
         assert link.passed, str(link.divergence)
+
+
+def bounded(drive: Drive, **more: float) -> Drive:
+    """R and psi_m as states, held within a fifth and a tenth."""
+    return tolerant(drive, Tolerance(stator_resistance=0.2, magnet_flux=0.1, **more))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "kinds", "dead_time"),
+    [("spmsm_adaptive", ["ickf", "ekf"], None), ("ipmsm", ["ckf", "ekf"], 0.3), ("ipmsm_adaptive", ["ukf"], 0.3)],
+)
+def test_bounds_and_a_doubtful_inverter(name: str, kinds: list[str], dead_time: float | None, tmp_path: Path) -> None:
+    """The whole chain: adaptive states held, beside or without a V_d that may be off."""
+    drive = variant(load_drive(name), filter={"kinds": kinds}, budget={"controller_cycles": None, "ram_words": None})
+    drive = bounded(drive, dead_time=dead_time or 0.0)
+    if dead_time:
+        drive = drive.model_copy(update={"inverter": Inverter(dead_time=2e-6)})
+    write_folder(tmp_path / drive.name, generate_bare(drive).files)
+    proof, _ = prove(NamedDrive(drive.name, drive, tmp_path / drive.name), QUICK, lambda text: None, current=True)
+    assert proof.passed, list(proof.failures())
+
+
+def test_a_bound_hides_no_nan(tmp_path: Path) -> None:
+    """A state that is no number is noticed and the filter restarts, though a bound would make a number of it."""
+    drive = bounded(variant(load_drive("spmsm_adaptive"), filter={"kinds": ["ckf"]}))
+    write_folder(tmp_path / drive.name, generate_bare(drive).files)
+    for backend in ("numpy", "c"):
+        for name in ("stator_resistance", "magnet_flux"):
+            f = load(tmp_path / drive.name, "ckf", backend, "float32")
+            x = f.x.copy()
+            x[f.state_names.index(name)] = np.nan
+            f.reset(x)
+            f.step([0.0, 0.0], [0.0, 0.0])
+            assert f.status, (backend, name)
+            assert np.all(np.isfinite(f.x))
+
+
+def test_an_adaptive_drive_survives_an_inverter_it_does_not_know(tmp_path: Path) -> None:
+    """2 us of dead time that only the controller knows of: taken for R i and psi_m it lost every run."""
+    drive = load_drive("ipmsm_adaptive")
+    locked = []
+    for k, tried in enumerate((tolerant(drive, None), bounded(drive))):
+        write_folder(tmp_path / str(k), generate_bare(variant(tried, filter={"kinds": ["ckf"]})).files)
+        simulator = Simulator(GeneratedFolder(tmp_path / str(k), checked=False), "ckf")
+        behind = [Conditions("pwm", dead_time=2e-6, delay=1, bits=12, seed=seed) for seed in range(1, 5)]
+        scenario = find_scenario("load_step", drive, speed=100.0)
+        locked.append([simulator.run(scenario, conditions).locked for conditions in behind])
+    assert not all(locked[0])
+    assert all(locked[1])
 
 
 @pytest.mark.slow

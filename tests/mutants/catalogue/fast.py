@@ -251,8 +251,8 @@ FORM = (
         ),
         (
             "theta not wrapped",
-            'return [value.apply("wrap") if i == self.model.angle else value',
-            "return [value if i == self.model.angle else value",
+            "        x = self._kept(b, x)\n",
+            "",
             ("B-C ipmsm_flux", "D-E paper_spmsm"),
         ),
         (

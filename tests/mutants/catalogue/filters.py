@@ -54,9 +54,7 @@ CUBATURE = _of(
     ("mean of all but one", "for point in pts[1:]]) for i", "for point in pts[2:]]) for i", PAPER),
     ("deviation's sign in one place", "dev = [[value - m for value, m", "dev = [[value + m for value, m", PAPER),
     ("products of one side", "products = [p[i] * q[j] for", "products = [p[i] * q[i % len(q)] for", PAPER),
-    ("wrapped at half a turn", "ca.remainder(value, TWO_PI)", "ca.remainder(2 * value, TWO_PI) / 2", PAPER),
-    ("coasting unwrapped", 'b.output("x", wrapped(x_pred, model))', 'b.output("x", x_pred)', PAPER),
-    ("the wrong state wrapped", "if i == model.angle else value", "if i == model.angle - 1 else value", PAPER),
+    ("coasting unwrapped", 'b.output("x", model.kept(x_pred))', 'b.output("x", x_pred)', PAPER),
     ("determinant's sign", "Pyy[0][0] * Pyy[1][1] - Pyy[1][0]", "Pyy[0][0] * Pyy[1][1] + Pyy[1][0]", PAPER),
     (
         "inverse not exchanged",
@@ -198,7 +196,7 @@ ICKF = _of(
         "    return 'idle'\n",
         FLUX,
     ),
-    ("not wrapped", "    x = wrapped(x_last, model)\n", "    x = list(x_last)\n", ("A-B ipmsm_flux",)),
+    ("not wrapped", "    x = model.kept(x_last)\n", "    x = list(x_last)\n", ("A-B ipmsm_flux",)),
     (
         "Pxy = P_pred H, rows for columns",
         "Pxy = [[_dot(P_pred[i], H[k]) for k in range(2)]",

@@ -256,13 +256,20 @@ STATES = _of(
     ("slow states stand", "after.append(value + back * (own - value))", "after.append(value)", ADAPTIVE),
     (
         "return to the other's value",
-        "getattr(self.motor, ADAPTIVE[word][1]), f",
-        "getattr(self.motor, ADAPTIVE[self.words[0]][1]), f",
+        "return getattr(self.motor, ADAPTIVE[word][1])",
+        "return getattr(self.motor, ADAPTIVE[self.words[0]][1])",
         ADAPTIVE,
     ),
     ("R for psi_m", '"magnet flux linkage, wandering"), "psi_m")', '"magnet flux linkage, wandering"), "R")', ADAPTIVE),
 ) + _of(
     "model/machines/state_space.py",
+    (
+        "wrapped at half a turn",
+        "ca.remainder(value, 2 * math.pi)",
+        "ca.remainder(2 * value, 2 * math.pi) / 2",
+        PAPER,
+    ),
+    ("the wrong state wrapped", "if i == self.angle else value", "if i == self.angle - 1 else value", PAPER),
     ("voltage axes exchanged", "(x[0], x[1]), (u[0], u[1]), omega_e", "(x[0], x[1]), (u[1], u[0]), omega_e", PAPER),
     ("mechanical for electrical speed", "omega_e = self.mechanics.electrical_speed(x[2])", "omega_e = x[2]", PAPER),
     (

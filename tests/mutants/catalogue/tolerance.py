@@ -10,13 +10,69 @@ FORMS = ("pytest tests/runtime/test_tolerance.py -k 'both_forms and paper_spmsm 
 NOTICED = ("noticed tests/runtime/test_tolerance.py -k 'both_forms and paper_spmsm and ckf'",)
 OWN = ("pytest tests/runtime/test_tolerance.py -k ones_own",)
 
+#: Bounds of adaptive states, and a V_d that may be off.
+HELD = ("pytest tests/model/test_tolerance.py -k held_within",)
+VOLTS = ("pytest tests/model/test_tolerance.py -k by_hand_says",)
+CHAIN = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and ipmsm-'",)
+BOTH = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and spmsm_adaptive'",)
+
 TOLERANCE = (
+    *of(
+        "tolerance",
+        "model/machines/adaptive.py",
+        ("least for most", "ca.fmax(least, ca.fmin(most, value))", "ca.fmax(most, ca.fmin(least, value))", HELD),
+        ("no least", "ca.fmax(least, ca.fmin(most, value))", "ca.fmin(most, value)", HELD),
+        ("no most", "ca.fmax(least, ca.fmin(most, value))", "ca.fmax(least, value)", HELD),
+        ("absolute for relative", "own * (1 + width)", "own + width", HELD),
+        (
+            "widths of the other",
+            "zip(self.words, values, widths, strict",
+            "zip(self.words, values, widths[::-1], strict",
+            HELD,
+        ),
+    ),
+    *of(
+        "tolerance",
+        "model/machines/state_space.py",
+        ("bounds forgotten", "*self.adaptive.within(fast[len(x) - slow :])", "*fast[len(x) - slow :]", HELD),
+        ("V_d acts with g", "return -ca.jtimes(self.f, v, g)", "return ca.jtimes(self.f, v, g)", VOLTS),
+        ("V_d acts on all axes alike", "ca.jtimes(self.f, v, g)", "ca.jtimes(self.f, v, v)", VOLTS),
+        ("V_d surely right", 'columns["V_d"] = sigma * self.voltage_slope', "pass", VOLTS),
+    ),
+    *of(
+        "tolerance",
+        "model/filters/inverter.py",
+        ("half a direction", "b.output(name, list(pair))", "b.output(name, [pair[0], pair[0]])", CHAIN),
+    ),
+    *of(
+        "tolerance",
+        "codegen/fast/steps.py",
+        (
+            "the measured estimate free",
+            "        x = self._kept(b, x)\n",
+            "        x = [v.apply('wrap') if i == 3 else v for i, v in enumerate(x)]\n",
+            BOTH,
+        ),
+        (
+            "the coasting estimate free",
+            'b.output("x", self._kept(b, x))',
+            'b.output("x", [v.apply("wrap") if i == 3 else v for i, v in enumerate(x)])',
+            BOTH,
+        ),
+    ),
     *of(
         "tolerance",
         "model/machines/tolerance.py",
         ("variance of the half-width itself", "/ drive.model.sample_time / 3)", "/ drive.model.sample_time)", DRAWN),
-        ("one sample for two", "math.sqrt(2 * stated", "math.sqrt(stated", DRAWN),
-        ("variance for deviation", "alike = math.sqrt(2 *", "alike = (2 *", DRAWN),
+        ("one sample for two", "math.sqrt(2 * drive", "math.sqrt(drive", DRAWN),
+        ("variance for deviation", "return math.sqrt(2 *", "return (2 *", DRAWN),
+        (
+            "V_d's width alone",
+            "lost_voltage(drive) * drive.tolerance.dead_time *",
+            "drive.tolerance.dead_time *",
+            VOLTS,
+        ),
+        ("R's width for V_d", '"V_d": "dead_time"}', '"V_d": "stator_resistance"}', HELD),
         (
             "a state's datum kept",
             "for letter, key in DATA.items() if letter not in slow",
