@@ -60,7 +60,7 @@ class Tap:
 
 
 class DeadTime(model.CarrierComparison):
-    """Motulator's carrier, up and down once a sample, for switches that turn on late: NaN where both of a leg are off."""
+    """Motulator's carrier, up and down once a sample, switches turning on late; NaN: both of a leg are off."""
 
     def __init__(self) -> None:
         super().__init__(return_complex=False)
