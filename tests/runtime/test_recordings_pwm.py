@@ -1,6 +1,6 @@
 """Shipped drives with ``[inverter]`` on recordings of another simulator's switching inverter (motulator, tests/data).
 
-2 us of dead time in 100 us that nobody makes up for, the voltage as commanded, currents of 12 bits with 0.05 A of noise.
+2 us of dead time in 100 us that nobody makes up for, the voltage as commanded, 12-bit currents with 0.05 A of noise.
 
 ``python -m tests.runtime.test_recordings_pwm`` prints the table of docs/inverter.md.
 """
