@@ -24,6 +24,7 @@ from runtime.commands.faults import faults
 from runtime.commands.firmware import firmware
 from runtime.commands.fuzz import fuzz
 from runtime.commands.generate import generate
+from runtime.commands.new import new
 from runtime.commands.pil import pil
 from runtime.commands.record import record
 from runtime.commands.replay import replay
@@ -57,7 +58,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, design, generate, simulate, verify, firmware, pil, record, replay, compare, faults, fuzz, soak):
+for command in (
+    run,
+    new,
+    design,
+    generate,
+    simulate,
+    verify,
+    firmware,
+    pil,
+    record,
+    replay,
+    compare,
+    faults,
+    fuzz,
+    soak,
+):
     app.command()(command)
 app.add_typer(study, name="study")
 

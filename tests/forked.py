@@ -16,26 +16,34 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any
 
 ROOT = Path(__file__).parents[1]
 
 
-def call(*arguments: str, cwd: Path, environment: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+def call(
+    *arguments: str, cwd: Path, environment: Mapping[str, str] | None = None, answers: str = ""
+) -> subprocess.CompletedProcess[str]:
     """Run ``pmsm-ickf`` with some arguments.
 
     Parameters
     ----------
     environment : mapping of str to str, optional
         Variables that differ from this process's.
+    answers : str, optional
+        What its standard input holds.
     """
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as out, tempfile.TemporaryFile("w+", encoding="utf-8") as err:
+    with ExitStack() as stack:
+        told, out, err = (stack.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8")) for _ in range(3))
+        told.write(answers)
+        told.flush()
         request = {
             "arguments": arguments,
             "cwd": str(cwd),
             "environment": {**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
-            "streams": [f"/proc/{os.getpid()}/fd/{stream.fileno()}" for stream in (out, err)],
+            "streams": [f"/proc/{os.getpid()}/fd/{stream.fileno()}" for stream in (told, out, err)],
         }
         code = _ask(request)
         texts = [_read(stream) for stream in (out, err)]
@@ -93,11 +101,10 @@ def _serve() -> None:
 def _become(request: dict[str, Any]) -> None:
     """This process is the command now."""
     os.setpgid(0, 0)
-    for number, path in enumerate(request["streams"], 1):
-        stream = os.open(path, os.O_WRONLY)
+    for number, path in enumerate(request["streams"]):
+        stream = os.open(path, os.O_WRONLY if number else os.O_RDONLY)
         os.dup2(stream, number)
         os.close(stream)
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["cwd"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -14,6 +14,12 @@ from runtime.commands.words import Json
 from runtime.system.errors import UserError
 from runtime.system.files import write_text
 
+if TYPE_CHECKING:
+    from runtime.design.facts import Facts
+
+Draws = Annotated[int, typer.Option(min=8, max=100_000, help="Motors drawn within tolerance, at each speed.")]
+Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn.")]
+
 
 def design(
     facts: Annotated[Path, typer.Argument(metavar="FACTS", help="A facts file (TOML): what you know of the drive.")],
@@ -22,33 +28,49 @@ def design(
         Path | None, typer.Option(metavar="F", help="Edit this drive file; its comments and other keys stay.")
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Only the rules and the trial; write nothing.")] = False,
-    draws: Annotated[int, typer.Option(min=8, max=100_000, help="Motors drawn within tolerance, at each speed.")] = 128,
-    seed: Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn.")] = 1,
+    draws: Draws = 128,
+    seed: Seed = 1,
     json: Json = None,
 ) -> None:
     """Make a drive file from facts, and try it: motors within tolerance, a switching inverter, a load step.
 
     Ends with 1 where the design does not hold from a tenth of rated speed on; the file is written all the same.
     """
-    from runtime.design.cost import priced
     from runtime.design.facts import read_facts
-    from runtime.design.rules import design as make
-    from runtime.design.tables import trial_facts, trial_table
-    from runtime.design.trial import blame, package, try_out
-    from runtime.design.write import drive_text, edit_drive
 
     if check and (out or write):
         raise UserError("--check writes nothing: leave out --out and --write, or --check.")
     if not check and not (out or write):
         raise UserError("say where the drive file goes: --out F, --write F to edit one, or --check to write none.")
-    known = read_facts(facts)
+    carry_out(read_facts(facts), facts.name, out, write, draws, seed, json)
+
+
+def carry_out(
+    known: Facts, where: str, out: Path | None, write: Path | None, draws: int, seed: int, json: Path | None
+) -> None:
+    """Rules, trial, and what they say; the drive file to ``out``, into ``write``, or to neither.
+
+    Parameters
+    ----------
+    known : Facts
+    where : str
+        Name of the facts file.
+    out, write, json : Path or None
+    draws, seed : int
+    """
+    from runtime.design.cost import priced
+    from runtime.design.rules import design as make
+    from runtime.design.tables import trial_facts, trial_table
+    from runtime.design.trial import blame, package, try_out
+    from runtime.design.write import drive_text, edit_drive
+
     with working() as progress:
         progress(f"{known.name}: rules")
         drafted = make(known)
         progress(f"{known.name}: generating")
         made = package(drafted)
         chosen = priced(drafted, made)
-    text = drive_text(chosen, facts.name)
+    text = drive_text(chosen, where)
     edited = edit_drive(chosen, write) if write else None
     for line in chosen.remarks:
         console.print(f"[yellow]{escape(line)}[/yellow]", highlight=False, soft_wrap=True)

@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -46,6 +46,7 @@ Degrees = Annotated[float, Field(ge=0.0, le=180.0), Unit("degrees")]
 StepTime = Annotated[float, Field(ge=1e-3, le=1e4), Unit("s")]
 Share = Annotated[float, Field(ge=0.0, le=0.9), Unit("of the value")]
 PairCount = Annotated[int, Field(ge=1, le=100, strict=True), Unit("pairs")]
+BitCount = Annotated[int, Field(ge=4, le=24, strict=True), Unit("bits")]
 PoleCount = Annotated[int, Field(ge=2, le=200, multiple_of=2, strict=True), Unit("poles")]
 
 #: Degrees about 0 within which the rotor stands at the start, where a facts file does not say.
@@ -54,47 +55,63 @@ START_ANGLE = 30.0
 NOISE_SHARE = 1e-3
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
+    """Base of the sections: keys with their units, ranges, defaults and meanings.
+
+    ``title``: its name in the file. ``alternatives``: quantities that can be stated in several ways; a way is a key, or
+    some that go together.
+    """
+
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-def _one_of(section: BaseModel, where: str, *ways: tuple[str, ...]) -> None:
-    """ValueError unless exactly one of the ways to state a quantity is taken, whole."""
-    stated = [way for way in ways if any(getattr(section, key) is not None for key in way)]
-    words = [" and ".join(f"{where}.{key}" for key in way) for way in ways]
-    if not stated:
-        raise ValueError(f"{' or '.join(words)} is missing; one is enough.")
-    if len(stated) > 1:
-        both = " and ".join(f"{where}.{key}" for way in stated for key in way if getattr(section, key) is not None)
-        raise ValueError(f"{both} state the same quantity; leave one of them out.")
-    for key in stated[0]:
-        if getattr(section, key) is None:
-            raise ValueError(f"{where}.{key} is missing: {' and '.join(stated[0])} go together.")
-
-
-class MotorFacts(_Section):
-    """The motor: star-equivalent phase values, or those between two terminals."""
-
-    stator_resistance: Resistance | None = None
-    line_resistance: LineResistance | None = None
-    inductance_d: Inductance | None = None
-    inductance_q: Inductance | None = None
-    line_inductance: LineInductance | None = None
-    magnet_flux: FluxLinkage | None = None
-    ke_v_per_krpm: BackEmf | None = None
-    kv_rpm_per_v: SpeedConstant | None = None
-    pole_pairs: PairCount | None = None
-    poles: PoleCount | None = None
-    inertia: Inertia
-    friction: Friction = 0.0
+    title: ClassVar[str] = ""
+    alternatives: ClassVar[tuple[tuple[tuple[str, ...], ...], ...]] = ()
 
     @model_validator(mode="after")
-    def _each_once(self) -> MotorFacts:
-        _one_of(self, "motor", ("stator_resistance",), ("line_resistance",))
-        _one_of(self, "motor", ("inductance_d", "inductance_q"), ("line_inductance",))
-        _one_of(self, "motor", ("magnet_flux",), ("ke_v_per_krpm",), ("kv_rpm_per_v",))
-        _one_of(self, "motor", ("pole_pairs",), ("poles",))
+    def _each_once(self) -> Self:
+        for ways in self.alternatives:
+            self._one_of(ways)
         return self
+
+    def _one_of(self, ways: tuple[tuple[str, ...], ...]) -> None:
+        """ValueError unless exactly one of the ways to state a quantity is taken, whole."""
+        stated = [way for way in ways if any(getattr(self, key) is not None for key in way)]
+        words = [" and ".join(f"{self.title}.{key}" for key in way) for way in ways]
+        if not stated:
+            raise ValueError(f"{' or '.join(words)} is missing; one is enough.")
+        if len(stated) > 1:
+            keys = [key for way in stated for key in way if getattr(self, key) is not None]
+            both = " and ".join(f"{self.title}.{key}" for key in keys)
+            raise ValueError(f"{both} state the same quantity; leave one of them out.")
+        for key in stated[0]:
+            if getattr(self, key) is None:
+                raise ValueError(f"{self.title}.{key} is missing: {' and '.join(stated[0])} go together.")
+
+
+class MotorFacts(Section):
+    """The motor: star-equivalent phase values, or those between two terminals."""
+
+    title = "motor"
+    alternatives = (
+        (("stator_resistance",), ("line_resistance",)),
+        (("inductance_d", "inductance_q"), ("line_inductance",)),
+        (("magnet_flux",), ("ke_v_per_krpm",), ("kv_rpm_per_v",)),
+        (("pole_pairs",), ("poles",)),
+    )
+
+    stator_resistance: Resistance | None = Field(None, description="resistance of a phase")
+    line_resistance: LineResistance | None = Field(None, description="resistance between two terminals")
+    inductance_d: Inductance | None = Field(None, description="inductance of a phase along the magnets, L_d")
+    inductance_q: Inductance | None = Field(None, description="inductance of a phase across the magnets, L_q")
+    line_inductance: LineInductance | None = Field(None, description="inductance between two terminals, round rotor")
+    magnet_flux: FluxLinkage | None = Field(None, description="flux linkage of the magnets, psi_m")
+    ke_v_per_krpm: BackEmf | None = Field(None, description="Ke: back-EMF between two terminals at 1000 r/min, rms")
+    kv_rpm_per_v: SpeedConstant | None = Field(
+        None, description="Kv: speed over the peak voltage between two terminals"
+    )
+    pole_pairs: PairCount | None = Field(None, description="pole pairs")
+    poles: PoleCount | None = Field(None, description="poles")
+    inertia: Inertia = Field(description="inertia, with what is coupled to the shaft")
+    friction: Friction = Field(default=0.0, description="friction that grows with speed")
 
     @property
     def pairs(self) -> int:
@@ -127,20 +144,17 @@ class MotorFacts(_Section):
         return self.magnet_flux or 0.0
 
 
-class RatedFacts(_Section):
+class RatedFacts(Section):
     """The task: nameplate speed, torque or power, and the largest current that may flow."""
 
-    speed_rpm: Rpm | None = None
-    speed: Speed | None = None
-    torque: Torque | None = None
-    power: Power | None = None
-    max_current: Current
+    title = "rated"
+    alternatives = ((("speed_rpm",), ("speed",)), (("torque",), ("power",)))
 
-    @model_validator(mode="after")
-    def _each_once(self) -> RatedFacts:
-        _one_of(self, "rated", ("speed_rpm",), ("speed",))
-        _one_of(self, "rated", ("torque",), ("power",))
-        return self
+    speed_rpm: Rpm | None = Field(None, description="rated speed")
+    speed: Speed | None = Field(None, description="rated speed")
+    torque: Torque | None = Field(None, description="rated torque")
+    power: Power | None = Field(None, description="rated power at the shaft")
+    max_current: Current = Field(description="largest current that may flow, peak of a phase")
 
     @property
     def omega(self) -> float:
@@ -153,26 +167,30 @@ class RatedFacts(_Section):
         return self.torque or (self.power or 0.0) / self.omega
 
 
-class ToleranceFacts(_Section):
+class ToleranceFacts(Section):
     """Half-widths, of the value, within which the motor's data are known."""
 
-    stator_resistance: Share = 0.2
-    inductance: Share = 0.1
-    magnet_flux: Share = 0.05
-    inertia: Share = 0.2
+    title = "tolerance"
+
+    stator_resistance: Share = Field(default=0.2, description="how far off the resistance may be, warm too, as a share")
+    inductance: Share = Field(default=0.1, description="how far off the inductance may be, as a share")
+    magnet_flux: Share = Field(default=0.05, description="how far off the magnets' flux may be, as a share")
+    inertia: Share = Field(default=0.2, description="how far off the inertia may be, as a share")
 
 
-class InverterFacts(_Section):
+class InverterFacts(Section):
     """DC link and timing."""
 
-    dc_link: Voltage
-    sample_time: SampleTime | None = None
-    pwm_frequency: Frequency | None = None
-    dead_time: DeadTime = 0.0
+    title = "inverter"
+    alternatives = ((("sample_time",), ("pwm_frequency",)),)
+
+    dc_link: Voltage = Field(description="DC link voltage")
+    sample_time: SampleTime | None = Field(None, description="sample time")
+    pwm_frequency: Frequency | None = Field(None, description="PWM frequency, one sample a period")
+    dead_time: DeadTime = Field(default=0.0, description="dead time")
 
     @model_validator(mode="after")
-    def _each_once(self) -> InverterFacts:
-        _one_of(self, "inverter", ("sample_time",), ("pwm_frequency",))
+    def _short(self) -> Self:
         if self.dead_time > 0.2 * self.period:
             raise ValueError(
                 f"inverter.dead_time = {self.dead_time:g} s is more than a fifth of the sample time, "
@@ -186,18 +204,26 @@ class InverterFacts(_Section):
         return self.sample_time or 1 / (self.pwm_frequency or math.inf)
 
 
-class SensorFacts(_Section):
+class SensorFacts(Section):
     """The current sensors: full scale of either sign, converter's bits, noise."""
 
-    range: Current
-    bits: Annotated[int, Field(ge=4, le=24, strict=True), Unit("bits")] = 12
-    noise: Noise | None = None
+    title = "sensor"
+
+    range: Current = Field(description="largest current that the sensors measure, of either sign")
+    bits: BitCount = Field(default=12, description="bits of the converter")
+    noise: Noise | None = Field(
+        None, description=f"noise of a measured current, rms; else {NOISE_SHARE:g} of the range"
+    )
 
 
-class StartFacts(_Section):
+class StartFacts(Section):
     """How far the rotor may stand from angle 0 at the start, degrees electrical; "unknown" is 180."""
 
-    angle: Degrees = START_ANGLE
+    title = "start"
+
+    angle: Degrees = Field(
+        default=START_ANGLE, description="how far off angle 0 the rotor may start, electrical, or unknown"
+    )
 
     @field_validator("angle", mode="before")
     @classmethod
@@ -205,16 +231,18 @@ class StartFacts(_Section):
         return 180.0 if angle == "unknown" else angle
 
 
-class LoadFacts(_Section):
+class LoadFacts(Section):
     """How often the load steps by about the rated torque."""
 
-    step_every: StepTime = 0.3
+    title = "load"
+
+    step_every: StepTime = Field(default=0.3, description="time between load steps of about the rated torque")
 
 
-class FactsFile(_Section):
+class FactsFile(Section):
     """A whole facts file."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$", description="name: small letters, digits and _")]
     motor: MotorFacts
     rated: RatedFacts
     tolerance: ToleranceFacts = ToleranceFacts()
@@ -225,14 +253,9 @@ class FactsFile(_Section):
 
 
 #: The sections of a facts file.
-SECTIONS: dict[str, type[BaseModel]] = {
-    "motor": MotorFacts,
-    "rated": RatedFacts,
-    "tolerance": ToleranceFacts,
-    "inverter": InverterFacts,
-    "sensor": SensorFacts,
-    "start": StartFacts,
-    "load": LoadFacts,
+SECTIONS: dict[str, type[Section]] = {
+    section.title: section
+    for section in (MotorFacts, RatedFacts, ToleranceFacts, InverterFacts, SensorFacts, StartFacts, LoadFacts)
 }
 
 

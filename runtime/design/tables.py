@@ -2,16 +2,60 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from runtime.design.facts import Facts
+from runtime.design.questions import section_of, unit_of
 from runtime.design.rules import Design
 from runtime.design.trial import ENOUGH, MUST_HOLD, Point, Trial, blame
 from runtime.drive.simulation import LOCKED_ANGLE
 from runtime.recorded.units import RPM
 from runtime.style.tables import columns_table
+
+#: Facts by the keys that state them as they are kept.
+IN_SI = {
+    "R": ("motor", "stator_resistance"),
+    "L_d": ("motor", "inductance_d"),
+    "L_q": ("motor", "inductance_q"),
+    "psi_m": ("motor", "magnet_flux"),
+    "p": ("motor", "pole_pairs"),
+    "J": ("motor", "inertia"),
+    "D": ("motor", "friction"),
+    "speed": ("rated", "speed"),
+    "torque": ("rated", "torque"),
+    "max_current": ("rated", "max_current"),
+    "d_R": ("tolerance", "stator_resistance"),
+    "d_L": ("tolerance", "inductance"),
+    "d_psi": ("tolerance", "magnet_flux"),
+    "d_J": ("tolerance", "inertia"),
+    "dc_link": ("inverter", "dc_link"),
+    "T": ("inverter", "sample_time"),
+    "dead_time": ("inverter", "dead_time"),
+    "range": ("sensor", "range"),
+    "bits": ("sensor", "bits"),
+    "noise": ("sensor", "noise"),
+    "angle": ("start", "angle"),
+    "step_every": ("load", "step_every"),
+}
+
+
+def facts_table(facts: Facts) -> Table:
+    """The facts as they were understood, in SI; the angle in degrees.
+
+    Parameters
+    ----------
+    facts : Facts
+    """
+    table = columns_table("fact", "value", "", left=(0, 2))
+    for name, (section, key) in IN_SI.items():
+        words, unit = section_of(section).model_fields[key].description or key, unit_of(section, key)
+        value = getattr(facts, name)
+        table.add_row(words, f"{math.degrees(value) if name == 'angle' else value:.6g}", unit)
+    return table
 
 
 def trial_table(trial: Trial) -> Table:

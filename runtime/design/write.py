@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from runtime.design.questions import meaning
 from runtime.design.rules import Choice, Design
 from runtime.system.errors import UserError
 
@@ -33,6 +34,26 @@ def drive_text(design: Design, facts_name: str) -> str:
         lines += ["", f"[{section}]"]
         for key, choice in choices.items():
             lines += _line(key, choice)
+    return "\n".join(lines) + "\n"
+
+
+def facts_text(tables: dict[str, Any]) -> str:
+    """A facts file, with the meaning and the unit of each number beside it.
+
+    Parameters
+    ----------
+    tables : dict
+        As tomllib reads them; some may be missing yet.
+    """
+    lines = [
+        "# What is known of a drive; pmsm-ickf design makes a drive file of it.",
+        f"name = {toml_value(tables['name'])}",
+    ]
+    for section, keys in tables.items():
+        if section != "name" and keys:
+            lines += ["", f"[{section}]"]
+            for key, value in keys.items():
+                lines += _line(key, Choice(value, meaning(section, key)))
     return "\n".join(lines) + "\n"
 
 
