@@ -29,16 +29,16 @@ class Unit:
 
 Resistance = Annotated[float, Field(ge=1e-5, le=1e3), Unit("ohm")]
 Inductance = Annotated[float, Field(ge=1e-7, le=0.5), Unit("H")]
-FluxLinkage = Annotated[float, Field(ge=1e-5, le=10.0), Unit("Wb")]
-Inertia = Annotated[float, Field(ge=1e-9, le=1e4), Unit("kg m^2")]
-Friction = Annotated[float, Field(ge=0.0, le=1e3), Unit("N m s / rad")]
+FluxLinkage = Annotated[float, Field(ge=1e-5, le=100.0), Unit("Wb")]
+Inertia = Annotated[float, Field(ge=1e-11, le=1e8), Unit("kg m^2")]
+Friction = Annotated[float, Field(ge=0.0, le=1e6), Unit("N m s / rad")]
 ShortTime = Annotated[float, Field(ge=1e-6, le=1.0), Unit("s")]
 SlowTime = Annotated[float, Field(ge=1e-2, le=1e6), Unit("s")]
 SampleTime = Annotated[float, Field(ge=1e-6, le=1e-2), Unit("s")]
 Current = Annotated[float, Field(ge=1e-3, le=1e5), Unit("A")]
 Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
-Torque = Annotated[float, Field(ge=1e-5, le=1e6), Unit("N m")]
+Torque = Annotated[float, Field(ge=1e-7, le=1e7), Unit("N m")]
 Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
 DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
@@ -60,7 +60,7 @@ class Motor(_Section):
     inductance_d: Inductance
     inductance_q: Inductance
     magnet_flux: FluxLinkage
-    pole_pairs: Annotated[int, Field(ge=1, le=100, strict=True)]
+    pole_pairs: Annotated[int, Field(ge=1, le=200, strict=True)]
     inertia: Inertia
     friction: Friction
 

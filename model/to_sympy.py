@@ -26,6 +26,10 @@ _APPLY = {
 }
 
 
+#: Largest denominator of a number that is dyadic on purpose.
+DYADIC = 2**40
+
+
 def to_sympy(expression: Any) -> sp.Matrix:
     """A SymPy matrix of the same shape; symbols keep their names, small dyadic numbers become rationals.
 
@@ -83,10 +87,16 @@ def _replay(function: Any, cut: list[str]) -> list[dict[int, Any]]:
             if target[0] < len(cut):
                 work[source[0]] = sp.Symbol(cut[target[0]], real=True)
         elif op == ca.OP_CONST:
-            work[target[0]] = sp.nsimplify(function.instruction_constant(k), rational=True)
+            work[target[0]] = _number(function.instruction_constant(k))
         else:
             work[target[0]] = _APPLY[op](*(work[s] for s in source[: _arity(op)]))
     return outputs
+
+
+def _number(value: float) -> sp.Rational:
+    """A constant of few binary digits exactly, all of them: 1 - T / adaptive_time has up to 40; others as written."""
+    exact = sp.Rational(value)
+    return exact if exact.q <= DYADIC else sp.nsimplify(value, rational=True)
 
 
 def _arity(op: int) -> int:

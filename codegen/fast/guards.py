@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from codegen.ir.covariance import place
 from model.filters.conditions import All, Compare, Either, Entry, Name, Not, Number, Operation, Reported, total
 from model.filters.program import Count, If, Report, Restart, Seldom, Set, Size
 from model.machines.state_space import StateSpaceModel
 
-#: The step restarts where a state, a word of the covariance or the monitor's mean is beyond it. Its square is far from
-#: the largest float, and a motor's states in SI units are far from it; the sine of an angle turned so fast is a number.
-SANE_LIMIT = 1e9
+#: The step restarts where a state, a word of the covariance or the monitor's mean is beyond the sane limit: this, or so
+#: many times the largest variance that the drive file states. Its square is far from the largest float, and a motor's
+#: states in SI units are far from it; the sine of an angle turned so fast is a number.
+SANE_LIMIT, ABOVE_VARIANCES = 1e9, 1e4
 
 #: The divergence monitor as shipped: normalised innovation squared (two measurements: 2 expected), mean over 64 steps,
 #: from innovations ten times as large as the filter expects. Dead time or R 30 % off make up to 175 of it, a lost rotor
@@ -19,6 +23,22 @@ NIS_MAX, NIS_WEIGHT = 200.0, 1.0 / 64.0
 _CHECK, _MEAN = Entry("check", 0), Entry("nis")
 _CALM = Compare("<", _MEAN, Entry("nis_max"))
 _REPAIRED, _RESTARTED, _DIVERGED = "COVARIANCE_REPAIRED", "RESTARTED", "DIVERGED"
+
+
+def sane_limit(P_0: Sequence[float], Q: Sequence[float]) -> float:
+    """Beyond it nothing in a drive's filter is sane: :data:`SANE_LIMIT`, or a power of two, whose square float32 holds.
+
+    The load torque of a ship's motor has a variance of 1e10 (N m)^2.
+
+    Parameters
+    ----------
+    P_0, Q : sequence of float
+        The diagonals that the drive file states.
+
+    >>> sane_limit([0.1, 0.1, 50.0], [0.01, 0.02, 0.24]), sane_limit([0.1, 6.4e9], [0.01, 2e9])
+    (1000000000.0, 70368744177664.0)
+    """
+    return max(SANE_LIMIT, 2.0 ** math.ceil(math.log2(ABOVE_VARIANCES * max(*P_0, *Q))))
 
 
 def watch_pivots(model: StateSpaceModel) -> Report:

@@ -12,7 +12,7 @@ from typing import Any
 
 import jinja2
 
-from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, SANE_LIMIT
+from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
@@ -77,6 +77,11 @@ class Description:
     def sample_time(self) -> str:
         """The sample time in words, microseconds."""
         return f"T = {self.drive.model.sample_time * 1e6:g} us"
+
+    @property
+    def sane_limit(self) -> float:
+        """Where the step restarts: a state, variance or mean beyond it."""
+        return sane_limit(self.drive.filter.initial_covariance, self.drive.filter.process_noise)
 
     def title(self, kind: str) -> str:
         """Return a filter's title: kind, machine, number of states, sample time.
@@ -201,8 +206,8 @@ def _words(
         "libm": library_calls([listings[block.name] for block in step.blocks], target),
         "covariance": step.covariance,
         "guarded": step.has(Restart),
-        "sane_limit": printer.format_literal(SANE_LIMIT),
-        "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
+        "sane_limit": printer.format_literal(about.sane_limit),
+        "per_sane_limit": printer.format_literal(1.0 / about.sane_limit),
         "one": printer.format_literal(1.0),
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from codegen.fast.guards import SANE_LIMIT
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
@@ -49,8 +48,8 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "packed": layout.size,
         "covariance": step.covariance,
         "guarded": step.has(Restart),
-        "sane_limit": printer.format_literal(SANE_LIMIT),
-        "per_sane_limit": printer.format_literal(1.0 / SANE_LIMIT),
+        "sane_limit": printer.format_literal(about.sane_limit),
+        "per_sane_limit": printer.format_literal(1.0 / about.sane_limit),
         "one": printer.format_literal(1.0),
         "most_turns": max(
             (len(node.block.outputs[0].entries) for node in step.nodes if isinstance(node, Turns)), default=0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.fast.guards import SANE_LIMIT
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
@@ -64,8 +63,8 @@ def render_module(
         small={f"{n:g}": repr(LIMIT / n) for n in spreads},
         guarded=guarded,
         seldom=["\n".join(printer.format_seldom(node)) for node in seldom],
-        sane_limit=repr(SANE_LIMIT),
-        per_sane_limit=repr(1.0 / SANE_LIMIT),
+        sane_limit=repr(about.sane_limit),
+        per_sane_limit=repr(1.0 / about.sane_limit),
         small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
         covariance=covariance,
         packing=render("packing.py.j2", covariance=covariance),

@@ -141,7 +141,8 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     if module.COVARIANCE != "LD":
         return None
     order, n, word = module.ORDER, len(x), module.word
-    theta, omega, half = module.ANGLE, module.STATES.index("omega"), 0.5 * module.SAMPLE_TIME * module.POLE_PAIRS
+    pole_pairs = getattr(module, "POLE_PAIRS", 1.0)  # a factor of one is no constant of the module
+    theta, omega, half = module.ANGLE, module.STATES.index("omega"), 0.5 * module.SAMPLE_TIME * pole_pairs
     angle = module.ROWS[theta]
     absurd = [k for k in range(n) if k != module.ANGLE]
     apart, far = 16, [(column, z) for column in range(angle + 2) for z in (2 * LIMIT, 1.5 * UNKNOWN)]
@@ -155,11 +156,11 @@ def _corners(module: ModuleType, x: Array, u: Array, y: Array) -> Start | None:
     x[2, lane], x[module.ANGLE, lane] = 0.0, 0.0
     Q[:, lane], nis[lane] = 1e-30, 2 * module.DEFAULTS["nis_max"]
     words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
-    words[word(0, 1), lane] = 1e10
+    words[word(0, 1), lane] = 10 * module.SANE_LIMIT
     # --- each state
     for state, lane in zip(absurd, place, strict=False):
         x[:, lane], y[0, :, lane], Q[:, lane] = 0.0, np.nan, 1e-30
-        x[state, lane] = 2e9
+        x[state, lane] = 2 * module.SANE_LIMIT
         words[:, lane] = _diagonal(module, Q[:, lane], 1)[:, 0]
     # --- turns of the angle's own column: once and twice halved, exactly small
     for power, lane in zip((1, 2), place, strict=False):

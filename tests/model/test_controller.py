@@ -22,7 +22,7 @@ MOTORS, SHARES = 10_000, 24
 
 
 def draw(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
-    """Motors over all that is accepted: L_d / L_q 0.05 .. 20, some nearly equal, psi_m 1e-5 .. 10 Wb, any current."""
+    """Motors over all that is accepted: L_d / L_q 0.05 .. 20, some nearly equal, psi_m 1e-5 .. 100 Wb, any current."""
 
     def between(low: float, high: float) -> np.ndarray:
         return np.exp(rng.uniform(np.log(low), np.log(high), count))
@@ -34,8 +34,8 @@ def draw(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
     return {
         "inductance_d": L_q * ratio,
         "inductance_q": L_q,
-        "magnet_flux": between(1e-5, 10.0),
-        "pole_pairs": rng.integers(1, 101, count).astype(float),
+        "magnet_flux": between(1e-5, 100.0),
+        "pole_pairs": rng.integers(1, 201, count).astype(float),
         "max_current": between(1e-3, 1e5),
     }
 

@@ -51,7 +51,7 @@ def test_paper_drive_is_the_papers_table() -> None:
         ("stator_resistance = 2.875", "stator_resistance = 'high'", "motor.stator_resistance = 'high'"),
         ("inertia = 0.008", "inertia = 0", "motor.inertia"),
         ("pole_pairs = 4", "pole_pairs = 4.5", "motor.pole_pairs = 4.5"),
-        ("pole_pairs = 4", "", "motor.pole_pairs is missing (1 .. 100)"),
+        ("pole_pairs = 4", "", "motor.pole_pairs is missing (1 .. 200)"),
         ("pole_pairs = 4", "pole_pair = 4", "unknown key motor.pole_pair. Did you mean 'pole_pairs'?"),
         ("friction = 0.002", "friction = 0.002\ncogging = 1", "unknown key motor.cogging"),
         ('machine = "surface"', 'machine = "surfaces"', "model.machine = 'surfaces' is none of"),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.fast.guards import SANE_LIMIT
+from codegen.fast.guards import sane_limit
 from model.machines import MACHINES
 
 #: Variances in the box reach this times P_0 (or Q, where that is more). Intervals forget how the entries of a
@@ -66,7 +66,8 @@ def filter_box(manifest: dict[str, Any], field: str) -> Box:
     places = {f"f.x[{k}]": _state(name, parameters) for k, name in enumerate(names)}
     places |= {f"f.{field}[{k}]": interval for k, interval in enumerate(_covariance(names, parameters, field))}
     if field == "LD":
-        places["f.nis"] = Interval(0.0, 4.0 * SANE_LIMIT)  # beyond it the step restarts
+        limit = sane_limit(parameters["filter"]["initial_covariance"], parameters["filter"]["process_noise"])
+        places["f.nis"] = Interval(0.0, 4.0 * limit)  # beyond it the step restarts
     for k in range(2):
         places[f"f.u_held[{k}]"] = Interval.within(box["voltage"])
         places[f"u[{k}]"] = Interval.within(BEYOND * box["voltage"])
