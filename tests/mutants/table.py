@@ -32,6 +32,7 @@ KINDS = {
     "gates": "what judges the C without running it",
     "example interrupt, drawn": "the emitted example, by rule",
     "self-test, drawn": "the emitted self-tests, by rule",
+    "design": "drive files from facts: conversions, rules, what is written, the trial's verdicts, questions",
     "judges": "verdicts, exit codes, tables, figures, conversions: listed",
     "judges, by rule": "the same modules: comparisons, aggregates, truth, numbers, drawn by a seed",
 }

@@ -47,7 +47,7 @@ EDGES: dict[str, dict[str, Any]] = {
     # a telescope's axis
     "telescope": {"motor": motor(0.5, 5e-3, 0.5, 200, 500.0)} | task(0.1, 500.0, 10.0, 100.0, 1e-4),
     # motors of a few millimetres
-    "micro": {"motor": motor(30.0, 0.2e-3, 1e-4, 1, 1e-11)} | task(2000.0, 1e-5, 0.2, 5.0, 2e-5),
+    "micro": {"motor": motor(10.0, 0.1e-3, 3e-4, 1, 1e-11)} | task(4000.0, 2e-5, 0.1, 6.0, 1e-5),
     "micro_torque": {"motor": motor(30.0, 0.2e-3, 1e-4, 1, 1e-10)} | task(2000.0, 1e-7, 0.1, 5.0, 2e-5),
 }
 

@@ -1,10 +1,11 @@
 """The lists of mutants: wrong data, wrong equations, wrong filters, wrong rewriting, a wrong controller, errors around them,
-wrong judges."""
+wrong judges, wrong designs."""
 
 from __future__ import annotations
 
 from tests.mutants.catalogue.control import CONTROL
 from tests.mutants.catalogue.data import data_mutants
+from tests.mutants.catalogue.design import DESIGN
 from tests.mutants.catalogue.fast import FORM
 from tests.mutants.catalogue.filters import FILTERS
 from tests.mutants.catalogue.inverter import INVERTER
@@ -28,6 +29,7 @@ SOURCES: tuple[Mutant, ...] = (
     *CONTROL,
     *SURROUNDINGS,
     *JUDGES,
+    *DESIGN,
 )
 
 __all__ = ["SOURCES", "data_mutants"]
