@@ -47,7 +47,7 @@ def new(
     tables: Tables = {} if name is None else {"name": name}
     if name is not None and (why := refusal(tables, "", "name")):
         raise UserError(why)
-    _say(INTRODUCTION)
+    console.print(INTRODUCTION, highlight=False)
     try:
         if name is None:
             _ask_for(tables, "", "name")

@@ -183,6 +183,7 @@ def test_nonsense_is_not_kept_and_an_end_loses_nothing(monkeypatch: pytest.Monke
     assert code == 2
     assert "motor.line_inductance = 300 H is outside" in said
     assert "What was answered lies in mine_facts.part.toml" in said
+    assert Path("mine_facts.part.toml").is_file()
     assert tomllib.loads(Path("mine_facts.part.toml").read_text()) == {
         "name": "mine",
         "motor": {"line_resistance": 0.6},

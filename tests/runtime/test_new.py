@@ -144,6 +144,7 @@ def test_what_was_understood_is_shown_whole_and_in_si() -> None:
     ):
         assert row in rows
     assert any(row[1:] == ["180", "degrees"] for row in rows)
+    assert len({row[0] for row in rows}) == len(rows), "each fact once"
 
 
 # --- the command
