@@ -22,7 +22,9 @@ from tests.model.accepted import evenly
 
 pytestmark = pytest.mark.unit
 
-FACTS = sorted((Path(__file__).parents[1] / "data" / "facts").glob("*.toml"))
+DATA = Path(__file__).parents[1] / "data"
+FACTS = sorted((DATA / "facts").glob("*.toml"))
+HELD_OUT = sorted((DATA / "facts_held_out").glob("*.toml"))
 
 
 def with_(**sections: dict[str, Any]) -> dict[str, Any]:
@@ -217,6 +219,30 @@ def test_facts_that_no_drive_file_holds_are_bad_input() -> None:
     facts = parse_facts(with_(motor={"magnet_flux": None, "kv_rpm_per_v": 9e5}), "x")
     with pytest.raises(UserError, match=r"motor\.magnet_flux"):
         design(facts)
+
+
+@pytest.mark.parametrize("path", FACTS + HELD_OUT, ids=lambda path: path.stem)
+def test_the_motors_that_designs_are_tried_on_could_be_built(path: Path) -> None:
+    """The rated point is within voltage and current, copper loss a part of the power, the sample fits the motor."""
+    facts = read_facts(path)
+    point = rated_point(facts)
+    assert facts.name == path.stem
+    assert facts.omega_e * facts.psi_m < 0.9 * facts.voltage
+    assert point.base_speed > 1.1 * facts.speed
+    assert point.current < 0.75 * facts.max_current <= 0.75 * facts.range
+    assert 1.5 * facts.R * point.current**2 < 0.5 * facts.torque * facts.speed
+    assert facts.omega_e * facts.T < 0.33
+    assert facts.dead_time < 0.035 * facts.T
+    assert (facts.d_R, facts.d_L, facts.d_psi, facts.d_J) == (0.2, 0.1, 0.05, 0.2)
+
+
+def test_the_motors_held_out_are_others() -> None:
+    assert len(FACTS) >= 18
+    assert len(HELD_OUT) >= 10
+    known = [read_facts(path) for path in FACTS]
+    for path in HELD_OUT:
+        new = read_facts(path)
+        assert all((new.R, new.psi_m, new.J) != (old.R, old.psi_m, old.J) for old in known)
 
 
 # --- what is written
