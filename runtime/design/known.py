@@ -28,11 +28,14 @@ DEAD_SHARE, SEEN_SHARE = 0.5, 0.3
 #: Share of the resistance's tolerance that stays in Q where the resistance is adapted.
 ADAPTED_SHARE = 0.6
 #: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.
-HURTING_SHARE = 0.2
+HURTING_SHARE = 0.125
+#: Largest gain of the loop from torque over a wrong inductance to the speed estimate and back.
+INDUCTANCE_GAIN = 0.5
 #: Variance of the load torque's walk, in steps of the rated torque.
 LOAD_STEPS = 5.0
-#: Dead-time compensation fades below so many sigmas of the current sensor and this share of the largest current.
-FADING_SIGMAS, FADING_SHARE = 6.0, 0.02
+#: Dead-time compensation fades below so many sigmas of the current sensor, and below what the voltage of the dead time
+#: drives through the inductance in this share of a sample.
+FADING_SIGMAS, FADING_SHARE = 3.0, 0.6
 #: Largest relative difference of L_d and L_q that counts as none.
 ROUND = 0.02
 #: Largest electrical turn in a sample, rad, and largest T R / L, at which these rules are known to run.
@@ -103,8 +106,18 @@ def resistance_hurts(f: Facts, point: RatedPoint) -> bool:
     f : Facts
     point : RatedPoint
     """
-    active_flux = f.psi_m + (f.L_d - f.L_q) * point.i_d
-    return f.d_R * f.R * point.current > HURTING_SHARE * 0.1 * f.omega_e * active_flux
+    return f.d_R * f.R * point.current > HURTING_SHARE * 0.1 * f.omega_e * active_flux(f, point)
+
+
+def active_flux(f: Facts, point: RatedPoint) -> float:
+    """The flux linkage that makes torque and back-EMF at the rated point, reluctance in it, Wb.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    return f.psi_m + (f.L_d - f.L_q) * point.i_d
 
 
 def unknown_share(f: Facts, point: RatedPoint) -> float:
@@ -140,6 +153,22 @@ def filter_bandwidth(f: Facts, point: RatedPoint) -> float:
     return float((q / r) ** 0.25)
 
 
+def inductance_bandwidth(f: Facts, point: RatedPoint) -> float:
+    """Speed-loop bandwidth up to which a wrong inductance leaves the loop stable, rad/s.
+
+    An inductance d_L L_q too large in the model takes a change of torque for one of speed, against it: as fast as the
+    filter follows (w) it reads d_L L_q w / (1.5 p^2 psi^2) rad/s less speed per N m, psi the active flux, and the
+    regulator answers with 2 J times its bandwidth. The product of the two stays below INDUCTANCE_GAIN.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    misread = f.d_L * f.L_q * filter_bandwidth(f, point) / (1.5 * (f.p * active_flux(f, point)) ** 2)
+    return INDUCTANCE_GAIN / (2 * f.J * misread) if misread else math.inf
+
+
 def fading_current(f: Facts) -> float:
     """The current below which dead-time compensation fades, A: there the sign of a measured current is none.
 
@@ -147,7 +176,8 @@ def fading_current(f: Facts) -> float:
     ----------
     f : Facts
     """
-    return float(rounded(max(FADING_SIGMAS * f.sigma, FADING_SHARE * f.max_current), Current))
+    driven = f.dc_link * f.dead_time / min(f.L_d, f.L_q)  # V_d T / L
+    return float(rounded(max(FADING_SIGMAS * f.sigma, FADING_SHARE * driven), Current))
 
 
 def remarks(f: Facts, point: RatedPoint) -> list[str]:

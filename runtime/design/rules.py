@@ -20,6 +20,7 @@ from runtime.design.known import (
     ROUND,
     RatedPoint,
     filter_bandwidth,
+    inductance_bandwidth,
     is_salient,
     limits,
     motor_data,
@@ -212,6 +213,7 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         "a tenth of the currents'": SPEED_TO_CURRENT * current,
         "what the largest torque can do": point.largest_torque / (0.2 * f.J * f.speed),
         "what the filter can follow": SPEED_TO_FILTER * filter_bandwidth(f, point),
+        f"what an inductance within {f.d_L:.0%} leaves stable": inductance_bandwidth(f, point),
     }
     return {
         "dc_link": Choice(f.dc_link, "V"),
