@@ -15,10 +15,16 @@ from typing import Any
 from model.schema import Bandwidth, Speed, Torque, Variance
 from runtime.design.facts import Facts
 from runtime.design.known import (
+    COMPENSATION_SAMPLES,
+    FADING_SAMPLES,
+    FADING_SIGMAS,
     HURTING_SHARE,
     LOAD_STEPS,
     ROUND,
+    RUN_UPS,
     RatedPoint,
+    adaptive_time,
+    fading_current,
     filter_bandwidth,
     inductance_bandwidth,
     is_salient,
@@ -33,8 +39,6 @@ from runtime.design.known import (
 )
 from runtime.recorded.units import RPM
 
-#: An adaptive resistance goes through its tolerance in this time, s.
-ADAPTIVE_TIME = 1.0
 #: Variances of the speed and the angle a sample that no other noise explains: of the largest acceleration; rad^2.
 SPEED_SHARE, ANGLE_NOISE = 0.01, 1e-8
 #: The speed regulator's bandwidth is at most this share of the current regulators' and of the filter's own.
@@ -93,6 +97,7 @@ def design(facts: Facts) -> Design:
         "rated": _rated(facts),
         "operating_box": _box(facts, point),
         "control": _control(facts, point),
+        **({"inverter": _inverter(facts)} if facts.dead_time else {}),
     }
     return Design(facts.name, sections, remarks(facts, point))
 
@@ -132,7 +137,9 @@ def _model(f: Facts, point: RatedPoint) -> Section:
         "discretization": Choice("exact", f"T R / L = {decay:.2g}; Euler's method would bias the angle"),
         "sample_time": Choice(f.T, f"s; {math.degrees(f.omega_e * f.T):.2g} degrees electrical at rated speed"),
         "adaptive": adaptive,
-        "adaptive_time": Choice(ADAPTIVE_TIME, "s, in which an adaptive state goes back where nothing is learnt"),
+        "adaptive_time": Choice(
+            adaptive_time(f), f"s, {RUN_UPS:g} run-ups; an adaptive state goes back in it where nothing is learnt"
+        ),
     }
 
 
@@ -147,7 +154,7 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
     units = ["Wb^2" if salient else "A^2"] * 2 + ["(rad/s)^2", "rad^2", "(N m)^2"]
     if resistance_hurts(f, point):
         p0.append((f.d_R * f.R) ** 2 / 3)
-        q.append(p0[-1] * 2 * f.T / ADAPTIVE_TIME)
+        q.append(p0[-1] * 2 * f.T / adaptive_time(f))
         units.append("ohm^2")
     angle = "anywhere" if f.angle >= math.pi else f"within {math.degrees(f.angle):.0f} degrees"
     single = (
@@ -221,5 +228,16 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         "current_bandwidth": Choice(current, f"rad/s: {min(currents, key=lambda k: currents[k])}"),
         "speed_bandwidth": Choice(
             rounded(min(speeds.values()), Bandwidth), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"
+        ),
+    }
+
+
+def _inverter(f: Facts) -> Section:
+    way = f"more of {FADING_SIGMAS:g} sigmas and what V_d drives through L in"
+    return {
+        "dead_time": Choice(f.dead_time, f"s, {f.dead_time / f.T:.1%} of a sample; model and controller have it"),
+        "fading_current": Choice(fading_current(f), f"A, the {way} {FADING_SAMPLES:g} sample"),
+        "compensation_current": Choice(
+            fading_current(f, COMPENSATION_SAMPLES), f"A, the {way} {COMPENSATION_SAMPLES:g} samples"
         ),
     }
