@@ -43,7 +43,7 @@ Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
 DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
 SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
-FadingCurrent = Annotated[float | None, Field(ge=1e-5, le=1e4), Unit("A")]
+FadingCurrent = Annotated[float | None, Field(ge=1e-5, le=1e5), Unit("A")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 HalfWidth = Annotated[float, Field(ge=0.0, le=0.9)]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.

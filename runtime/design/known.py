@@ -24,7 +24,7 @@ from runtime.system.errors import UserError
 LEAST_SHARE = 2e-3
 #: Share of the dead time's voltage that its compensation leaves, and of what magnet and inductance within tolerance
 #: take at rated speed: the filter sees the back-EMF itself, and Q for all of it would be far too much at low speed.
-DEAD_SHARE, SEEN_SHARE = 0.3, 0.3
+DEAD_SHARE, SEEN_SHARE = 0.4, 0.3
 #: Share of the resistance's tolerance that stays in Q where the resistance is adapted.
 ADAPTED_SHARE = 0.6
 #: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.

@@ -236,6 +236,7 @@ def _inverter(f: Facts) -> Section:
     way = f"more of {FADING_SIGMAS:g} sigmas and what V_d drives through L in"
     return {
         "dead_time": Choice(f.dead_time, f"s, {f.dead_time / f.T:.1%} of a sample; model and controller have it"),
+        "switching_frequency": Choice(stated(1 / f.T), "Hz, one period a sample"),
         "fading_current": Choice(fading_current(f), f"A, the {way} {FADING_SAMPLES:g} sample"),
         "compensation_current": Choice(
             fading_current(f, COMPENSATION_SAMPLES), f"A, the {way} {COMPENSATION_SAMPLES:g} samples"

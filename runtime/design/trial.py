@@ -253,6 +253,7 @@ def load_step(drive: Drive, share: float) -> Scenario:
 def _conditions(facts: Facts, motors: Draws, k: int, seeds: int) -> Conditions:
     return Conditions(
         inverter="pwm",
+        dead_time=facts.dead_time,
         delay=1,
         noise=facts.noise,
         bits=facts.bits,
