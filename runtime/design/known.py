@@ -30,7 +30,7 @@ ADAPTED_SHARE = 0.6
 #: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.
 HURTING_SHARE = 0.125
 #: An adaptive resistance goes through its tolerance in so many run-ups with rated torque, at least in this time, s.
-RUN_UPS, LEAST_TIME = 10.0, 0.3
+RUN_UPS, LEAST_TIME = 20.0, 0.3
 #: Largest gain of the loop from torque over a wrong inductance to the speed estimate and back.
 INDUCTANCE_GAIN = 0.5
 #: Variance of the load torque's walk, in steps of the rated torque.
@@ -88,6 +88,24 @@ def rated_point(f: Facts) -> RatedPoint:
     rated = rating(drive)
     i_d, i_q = mtpa_currents(drive, rated.current)
     return RatedPoint(i_d, i_q, rated.base_speed, rated.largest_torque)
+
+
+def usable_current(f: Facts, point: RatedPoint) -> float:
+    """The largest current that the voltage can still turn at rated speed, A: omega_e L_q i_q takes all of it.
+
+    On the curve of maximum torque per ampere. Of a reluctance machine more locks the current regulators into the
+    voltage limit during the run-up: the controller does not weaken the field.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+        Its own current is always granted.
+    """
+    i_q = f.voltage / (f.omega_e * f.L_q)
+    r = (f.L_q - f.L_d) / f.psi_m
+    i_d = -2 * r * i_q**2 / (1 + math.sqrt(1 + (2 * r * i_q) ** 2))
+    return min(f.max_current, max(stated(math.hypot(i_d, i_q)), point.current, 1e-3))
 
 
 def is_salient(f: Facts) -> bool:

@@ -9,7 +9,7 @@ shares were chosen by Monte Carlo over the motors of ``tests/data/facts`` (``pyt
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from model.schema import Bandwidth, Speed, Torque, Variance
@@ -36,6 +36,7 @@ from runtime.design.known import (
     rounded,
     stated,
     unknown_share,
+    usable_current,
 )
 from runtime.recorded.units import RPM
 
@@ -89,17 +90,25 @@ def design(facts: Facts) -> Design:
     UserError
         Facts that no drive file can hold, such as a magnet flux out of its range; one line.
     """
-    point = rated_point(facts)
+    point, box = rated_point(facts), limits(facts)
+    said, usable = remarks(facts, point), usable_current(facts, point)
+    if usable < facts.max_current:
+        said.append(
+            f"currents up to {usable:.3g} A instead of {facts.max_current:g} A: more takes the whole voltage at rated "
+            "speed, and the controller does not weaken the field."
+        )
+        facts = replace(facts, max_current=usable)
+        point = rated_point(facts)
     sections = {
         "motor": _motor(facts),
         "model": _model(facts, point),
         "filter": _filter(facts, point),
         "rated": _rated(facts),
-        "operating_box": _box(facts, point),
+        "operating_box": _box(facts, point, box),
         "control": _control(facts, point),
         **({"inverter": _inverter(facts)} if facts.dead_time else {}),
     }
-    return Design(facts.name, sections, remarks(facts, point))
+    return Design(facts.name, sections, said)
 
 
 def _motor(f: Facts) -> Section:
@@ -200,8 +209,7 @@ def _rated(f: Facts) -> Section:
     }
 
 
-def _box(f: Facts, point: RatedPoint) -> Section:
-    inside = limits(f)
+def _box(f: Facts, point: RatedPoint, inside: dict[str, float]) -> Section:
     return {
         "current": Choice(inside["current"], "A, 2.5 times the largest"),
         "voltage": Choice(inside["voltage"], "V, 1.5 times the DC link"),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from model.drives.load import accepted_range, load_drive, parse_drive
+from model.rating import mtpa_currents
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
 from runtime.design.known import (
     LEAST_SHARE,
@@ -257,9 +258,21 @@ def test_the_speed_loop_heeds_a_wrong_inductance_where_that_would_shake_it() -> 
     assert gain / (1.5 * (lift.p * active_flux(lift, point)) ** 2) == pytest.approx(0.5)
 
 
-def test_an_adapted_resistance_remembers_ten_run_ups() -> None:
+def test_a_reluctance_machine_gets_no_more_current_than_the_voltage_can_turn() -> None:
+    """On the MTPA curve, where omega_e L_q i_q takes the voltage; the other motors keep what their facts say."""
+    ferrite = read_facts(next(path for path in HELD_OUT if path.stem == "ferrite"))
+    chosen = design(ferrite)
+    drive = parse_drive(chosen.tables(), "x")
+    _, i_q = mtpa_currents(drive, drive.control.max_current)
+    assert ferrite.omega_e * ferrite.L_q * i_q == pytest.approx(ferrite.voltage, rel=1e-4)
+    assert any("does not weaken the field" in line for line in chosen.remarks)
+    for path in FACTS:
+        assert design(read_facts(path)).sections["control"]["max_current"].value == read_facts(path).max_current
+
+
+def test_an_adapted_resistance_remembers_twenty_run_ups() -> None:
     facts = parse_facts(EXAMPLE, "x")
-    assert adaptive_time(replace(facts, J=1e-4)) == pytest.approx(10 * 1e-4 * facts.speed / facts.torque, rel=5e-3)
+    assert adaptive_time(replace(facts, J=1e-4)) == pytest.approx(20 * 1e-4 * facts.speed / facts.torque, rel=5e-3)
     assert adaptive_time(replace(facts, J=1e-9)) == 0.3
 
 
