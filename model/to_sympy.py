@@ -83,7 +83,7 @@ def _replay(function: Any, cut: list[str]) -> list[dict[int, Any]]:
             if target[0] < len(cut):
                 work[source[0]] = sp.Symbol(cut[target[0]], real=True)
         elif op == ca.OP_CONST:
-            work[target[0]] = sp.nsimplify(function.instruction_constant(k), rational=True)
+            work[target[0]] = _rational(function.instruction_constant(k))
         else:
             work[target[0]] = _APPLY[op](*(work[s] for s in source[: _arity(op)]))
     return outputs
@@ -91,3 +91,13 @@ def _replay(function: Any, cut: list[str]) -> list[dict[int, Any]]:
 
 def _arity(op: int) -> int:
     return 2 if op in {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_FMIN, ca.OP_FMAX} else 1
+
+
+def _rational(number: float) -> sp.Rational:
+    """A decimal fraction as it was written; a sum of powers of two, such as 1 - 2^-17, as what it is to the last digit.
+
+    >>> _rational(0.1), _rational(1 - 2**-17)
+    (1/10, 131071/131072)
+    """
+    exact = sp.Rational(number)
+    return exact if exact.q <= 2**40 else sp.nsimplify(number, rational=True)
