@@ -1,6 +1,7 @@
 """How often designs from facts alone hold: every motor of tests/data/facts, 512 draws within its tolerances.
 
-``python -m benchmarks.design [MOTOR...] [--draws N] [--json F]``; some ten minutes for all on two quiet cores.
+``python -m benchmarks.design [MOTOR...] [--held-out] [--draws N] [--json F]``; some ten minutes for all on two quiet
+cores. ``--held-out``: the motors of tests/data/facts_held_out, which no rule was chosen by.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from runtime.design.facts import read_facts
 from runtime.design.rules import design
 from runtime.design.trial import Trial, package, try_out
 
-FACTS = Path(__file__).parents[1] / "tests" / "data" / "facts"
+DATA = Path(__file__).parents[1] / "tests" / "data"
+FACTS, HELD_OUT = DATA / "facts", DATA / "facts_held_out"
 SPEEDS = (0.05, 0.1, 0.5, 1.0)
 
 
@@ -38,6 +40,7 @@ def row(name: str, trial: Trial, seconds: float) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("motors", nargs="*", help="names of facts files; default: all")
+    parser.add_argument("--held-out", action="store_true", help="motors that no rule was chosen by")
     parser.add_argument("--draws", type=int, default=512)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
@@ -45,7 +48,7 @@ def main() -> None:
     speeds = "  ".join(f"{f'held {share:.0%} locked':>13s}" for share in SPEEDS)
     print(f"{'motor':14s} 10..100%   {speeds}   cpu s")
     found = {}
-    for path in sorted(FACTS.glob("*.toml")):
+    for path in sorted((HELD_OUT if words.held_out else FACTS).glob("*.toml")):
         if words.motors and path.stem not in words.motors:
             continue
         trial, seconds = measure(path, words.draws, words.seed)

@@ -58,7 +58,7 @@ def takes_voltage(drive: Drive) -> bool:
 
 
 def fading_current(drive: Drive) -> float:
-    """The current up to which a leg's sign is linear, A.
+    """The current up to which a leg's sign is linear, A: as stated, else as sensor and largest current suggest.
 
     Parameters
     ----------
@@ -67,8 +67,21 @@ def fading_current(drive: Drive) -> float:
     """
     if not takes_voltage(drive):
         return UNTOLD_CURRENT
+    if drive.inverter is not None and drive.inverter.fading_current is not None:
+        return drive.inverter.fading_current
     sigma = math.sqrt(drive.filter.measurement_noise[0])
     return max(FADING_SIGMAS * sigma, FADING_SHARE * drive.control.max_current)
+
+
+def compensation_current(drive: Drive) -> float:
+    """The current up to which the controller's compensation is linear, A: as stated, else that of the model.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    stated = drive.inverter.compensation_current if drive.inverter is not None and takes_voltage(drive) else None
+    return fading_current(drive) if stated is None else stated
 
 
 def seeing_current(drive: Drive) -> float:

@@ -43,6 +43,7 @@ Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
 DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
 SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
+FadingCurrent = Annotated[float | None, Field(ge=1e-5, le=1e5), Unit("A")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 HalfWidth = Annotated[float, Field(ge=0.0, le=0.9)]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
@@ -157,11 +158,20 @@ class Inverter(_Section):
     """What the inverter takes from the voltage that is commanded (:mod:`model.inverter`).
 
     ``switching_frequency``: by default one period a sample. ``switch_drop``: of a switch or diode that conducts.
+    ``fading_current``: below it a leg's sign is linear; by default what suits sensor and largest current.
+    ``compensation_current``: the same for the controller's compensation; by default that of the model.
     """
 
     dead_time: DeadTime = 0.0
     switching_frequency: SwitchingFrequency = None
     switch_drop: SwitchDrop = 0.0
+    fading_current: FadingCurrent = None
+    compensation_current: FadingCurrent = None
+
+    @model_serializer(mode="wrap")
+    def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A current that is not stated does not show."""
+        return {key: value for key, value in dump(self).items() if value is not None or not key.endswith("_current")}
 
 
 class Budget(_Section):

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 
 from model.filters.program import BlockBuilder
-from model.inverter import STATE, clarke, fading_current, legs, lost_voltage, saturated, takes_voltage
+from model.inverter import STATE, clarke, compensation_current, legs, lost_voltage, saturated, takes_voltage
 from model.machines.base import Pair, Rotor
 from model.machines.lost_voltage import constant_voltage
 from model.machines.state_space import StateSpaceModel
@@ -93,7 +93,7 @@ def design(drive: Drive, delay: int = 0) -> Gains:
         current_i=c.current_bandwidth * m.stator_resistance * T,
         max_current=c.max_current,
         dead_share=1.0 if takes_voltage(drive) else 0.0,
-        dead_current=fading_current(drive),
+        dead_current=compensation_current(drive),
         advance=(0.5 + delay) * T,
     )
 

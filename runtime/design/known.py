@@ -15,7 +15,7 @@ from typing import Any, get_args
 
 from model.drives.load import parse_drive
 from model.rating import mtpa_currents, rating
-from model.schema import Current, DriveError, Voltage
+from model.schema import Current, DriveError, SlowTime, Voltage
 from runtime.design.facts import Facts
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
@@ -24,15 +24,20 @@ from runtime.system.errors import UserError
 LEAST_SHARE = 2e-3
 #: Share of the dead time's voltage that its compensation leaves, and of what magnet and inductance within tolerance
 #: take at rated speed: the filter sees the back-EMF itself, and Q for all of it would be far too much at low speed.
-DEAD_SHARE, SEEN_SHARE = 0.5, 0.3
+DEAD_SHARE, SEEN_SHARE = 0.4, 0.3
 #: Share of the resistance's tolerance that stays in Q where the resistance is adapted.
 ADAPTED_SHARE = 0.6
 #: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.
-HURTING_SHARE = 0.2
+HURTING_SHARE = 0.125
+#: An adaptive resistance goes through its tolerance in so many run-ups with rated torque, at least in this time, s.
+RUN_UPS, LEAST_TIME = 20.0, 0.3
+#: Largest gain of the loop from torque over a wrong inductance to the speed estimate and back.
+INDUCTANCE_GAIN = 0.5
 #: Variance of the load torque's walk, in steps of the rated torque.
 LOAD_STEPS = 5.0
-#: Dead-time compensation fades below so many sigmas of the current sensor and this share of the largest current.
-FADING_SIGMAS, FADING_SHARE = 6.0, 0.02
+#: The sign of a leg's current fades below so many sigmas of its sensor, and below what the voltage that dead time takes
+#: drives through the inductance in so many samples: in the model, and in the controller's compensation.
+FADING_SIGMAS, FADING_SAMPLES, COMPENSATION_SAMPLES = 3.0, 1.0, 0.6
 #: Largest relative difference of L_d and L_q that counts as none.
 ROUND = 0.02
 #: Largest electrical turn in a sample, rad, and largest T R / L, at which these rules are known to run.
@@ -85,6 +90,24 @@ def rated_point(f: Facts) -> RatedPoint:
     return RatedPoint(i_d, i_q, rated.base_speed, rated.largest_torque)
 
 
+def usable_current(f: Facts, point: RatedPoint) -> float:
+    """The largest current that the voltage can still turn at rated speed, A: omega_e L_q i_q takes all of it.
+
+    On the curve of maximum torque per ampere. Of a reluctance machine more locks the current regulators into the
+    voltage limit during the run-up: the controller does not weaken the field.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+        Its own current is always granted.
+    """
+    i_q = f.voltage / (f.omega_e * f.L_q)
+    r = (f.L_q - f.L_d) / f.psi_m
+    i_d = -2 * r * i_q**2 / (1 + math.sqrt(1 + (2 * r * i_q) ** 2))
+    return min(f.max_current, max(stated(math.hypot(i_d, i_q)), point.current, 1e-3))
+
+
 def is_salient(f: Facts) -> bool:
     """Whether L_d and L_q differ by more than can be left out.
 
@@ -103,8 +126,18 @@ def resistance_hurts(f: Facts, point: RatedPoint) -> bool:
     f : Facts
     point : RatedPoint
     """
-    active_flux = f.psi_m + (f.L_d - f.L_q) * point.i_d
-    return f.d_R * f.R * point.current > HURTING_SHARE * 0.1 * f.omega_e * active_flux
+    return f.d_R * f.R * point.current > HURTING_SHARE * 0.1 * f.omega_e * active_flux(f, point)
+
+
+def active_flux(f: Facts, point: RatedPoint) -> float:
+    """The flux linkage that makes torque and back-EMF at the rated point, reluctance in it, Wb.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    return f.psi_m + (f.L_d - f.L_q) * point.i_d
 
 
 def unknown_share(f: Facts, point: RatedPoint) -> float:
@@ -140,14 +173,49 @@ def filter_bandwidth(f: Facts, point: RatedPoint) -> float:
     return float((q / r) ** 0.25)
 
 
-def fading_current(f: Facts) -> float:
-    """The current below which dead-time compensation fades, A: there the sign of a measured current is none.
+def adaptive_time(f: Facts) -> float:
+    """Time in which a resistance that is adapted goes through its tolerance, s.
+
+    Longer than a start, in which little is seen of it; where starts are quick, load steps are, and an estimate that one
+    of them misled must have gone back before the next.
 
     Parameters
     ----------
     f : Facts
     """
-    return float(rounded(max(FADING_SIGMAS * f.sigma, FADING_SHARE * f.max_current), Current))
+    return float(rounded(max(LEAST_TIME, RUN_UPS * f.J * f.speed / f.torque), SlowTime))
+
+
+def inductance_bandwidth(f: Facts, point: RatedPoint) -> float:
+    """Speed-loop bandwidth up to which a wrong inductance leaves the loop stable, rad/s.
+
+    An inductance d_L L_q too large in the model takes a change of torque for one of speed, against it: as fast as the
+    filter follows (w) it reads d_L L_q w / (1.5 p^2 psi^2) rad/s less speed per N m, psi the active flux, and the
+    regulator answers with 2 J times its bandwidth. The product of the two stays below INDUCTANCE_GAIN.
+
+    Parameters
+    ----------
+    f : Facts
+    point : RatedPoint
+    """
+    misread = f.d_L * f.L_q * filter_bandwidth(f, point) / (1.5 * (f.p * active_flux(f, point)) ** 2)
+    return INDUCTANCE_GAIN / (2 * f.J * misread) if misread else math.inf
+
+
+def fading_current(f: Facts, samples: float = FADING_SAMPLES) -> float:
+    """The current below which the sign of a leg's current fades, A.
+
+    A sign from a current that the voltage of the dead time turns around within the sample would make the model's own
+    step unstable; one that fades at more leaves a loss that a filter takes for resistance.
+
+    Parameters
+    ----------
+    f : Facts
+    samples : float, optional
+        In which that voltage drives the current; COMPENSATION_SAMPLES in the controller.
+    """
+    driven = samples * f.dc_link * f.dead_time / min(f.L_d, f.L_q)  # V_d T / L
+    return float(rounded(max(FADING_SIGMAS * f.sigma, driven), Current))
 
 
 def remarks(f: Facts, point: RatedPoint) -> list[str]:
@@ -177,11 +245,6 @@ def remarks(f: Facts, point: RatedPoint) -> list[str]:
         lines.append(
             f"a sample of {f.T * 1e6:.3g} us is long: {math.degrees(f.omega_e * f.T):.0f} degrees electrical at rated "
             f"speed, T R / L = {decay:.2f}. Up to {shorter * 1e6:.2g} us is tried ground; the trial says what holds."
-        )
-    if f.dead_time:
-        lines.append(
-            f"tried with the controller's dead-time compensation on: gain dead_share = {f.dead_time / f.T:.3g}, "
-            f"dead_current = {fading_current(f):g} A; the firmware sets them (docs/design.md)."
         )
     return lines
 

@@ -9,17 +9,24 @@ shares were chosen by Monte Carlo over the motors of ``tests/data/facts`` (``pyt
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from model.schema import Bandwidth, Speed, Torque, Variance
 from runtime.design.facts import Facts
 from runtime.design.known import (
+    COMPENSATION_SAMPLES,
+    FADING_SAMPLES,
+    FADING_SIGMAS,
     HURTING_SHARE,
     LOAD_STEPS,
     ROUND,
+    RUN_UPS,
     RatedPoint,
+    adaptive_time,
+    fading_current,
     filter_bandwidth,
+    inductance_bandwidth,
     is_salient,
     limits,
     motor_data,
@@ -29,11 +36,10 @@ from runtime.design.known import (
     rounded,
     stated,
     unknown_share,
+    usable_current,
 )
 from runtime.recorded.units import RPM
 
-#: An adaptive resistance goes through its tolerance in this time, s.
-ADAPTIVE_TIME = 1.0
 #: Variances of the speed and the angle a sample that no other noise explains: of the largest acceleration; rad^2.
 SPEED_SHARE, ANGLE_NOISE = 0.01, 1e-8
 #: The speed regulator's bandwidth is at most this share of the current regulators' and of the filter's own.
@@ -84,16 +90,25 @@ def design(facts: Facts) -> Design:
     UserError
         Facts that no drive file can hold, such as a magnet flux out of its range; one line.
     """
-    point = rated_point(facts)
+    point, box = rated_point(facts), limits(facts)
+    said, usable = remarks(facts, point), usable_current(facts, point)
+    if usable < facts.max_current:
+        said.append(
+            f"currents up to {usable:.3g} A instead of {facts.max_current:g} A: more takes the whole voltage at rated "
+            "speed, and the controller does not weaken the field."
+        )
+        facts = replace(facts, max_current=usable)
+        point = rated_point(facts)
     sections = {
         "motor": _motor(facts),
         "model": _model(facts, point),
         "filter": _filter(facts, point),
         "rated": _rated(facts),
-        "operating_box": _box(facts, point),
+        "operating_box": _box(facts, point, box),
         "control": _control(facts, point),
+        **({"inverter": _inverter(facts)} if facts.dead_time else {}),
     }
-    return Design(facts.name, sections, remarks(facts, point))
+    return Design(facts.name, sections, said)
 
 
 def _motor(f: Facts) -> Section:
@@ -131,7 +146,9 @@ def _model(f: Facts, point: RatedPoint) -> Section:
         "discretization": Choice("exact", f"T R / L = {decay:.2g}; Euler's method would bias the angle"),
         "sample_time": Choice(f.T, f"s; {math.degrees(f.omega_e * f.T):.2g} degrees electrical at rated speed"),
         "adaptive": adaptive,
-        "adaptive_time": Choice(ADAPTIVE_TIME, "s, in which an adaptive state goes back where nothing is learnt"),
+        "adaptive_time": Choice(
+            adaptive_time(f), f"s, {RUN_UPS:g} run-ups; an adaptive state goes back in it where nothing is learnt"
+        ),
     }
 
 
@@ -146,7 +163,7 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
     units = ["Wb^2" if salient else "A^2"] * 2 + ["(rad/s)^2", "rad^2", "(N m)^2"]
     if resistance_hurts(f, point):
         p0.append((f.d_R * f.R) ** 2 / 3)
-        q.append(p0[-1] * 2 * f.T / ADAPTIVE_TIME)
+        q.append(p0[-1] * 2 * f.T / adaptive_time(f))
         units.append("ohm^2")
     angle = "anywhere" if f.angle >= math.pi else f"within {math.degrees(f.angle):.0f} degrees"
     single = (
@@ -192,8 +209,7 @@ def _rated(f: Facts) -> Section:
     }
 
 
-def _box(f: Facts, point: RatedPoint) -> Section:
-    inside = limits(f)
+def _box(f: Facts, point: RatedPoint, inside: dict[str, float]) -> Section:
     return {
         "current": Choice(inside["current"], "A, 2.5 times the largest"),
         "voltage": Choice(inside["voltage"], "V, 1.5 times the DC link"),
@@ -212,6 +228,7 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         "a tenth of the currents'": SPEED_TO_CURRENT * current,
         "what the largest torque can do": point.largest_torque / (0.2 * f.J * f.speed),
         "what the filter can follow": SPEED_TO_FILTER * filter_bandwidth(f, point),
+        f"what an inductance within {f.d_L:.0%} leaves stable": inductance_bandwidth(f, point),
     }
     return {
         "dc_link": Choice(f.dc_link, "V"),
@@ -219,5 +236,17 @@ def _control(f: Facts, point: RatedPoint) -> Section:
         "current_bandwidth": Choice(current, f"rad/s: {min(currents, key=lambda k: currents[k])}"),
         "speed_bandwidth": Choice(
             rounded(min(speeds.values()), Bandwidth), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"
+        ),
+    }
+
+
+def _inverter(f: Facts) -> Section:
+    way = f"more of {FADING_SIGMAS:g} sigmas and what V_d drives through L in"
+    return {
+        "dead_time": Choice(f.dead_time, f"s, {f.dead_time / f.T:.1%} of a sample; model and controller have it"),
+        "switching_frequency": Choice(stated(1 / f.T), "Hz, one period a sample"),
+        "fading_current": Choice(fading_current(f), f"A, the {way} {FADING_SAMPLES:g} sample"),
+        "compensation_current": Choice(
+            fading_current(f, COMPENSATION_SAMPLES), f"A, the {way} {COMPENSATION_SAMPLES:g} samples"
         ),
     }

@@ -25,7 +25,7 @@ from model.drives.load import parse_drive
 from model.rating import rating
 from model.schema import Drive, DriveError
 from runtime.design.facts import Facts
-from runtime.design.known import fading_current, is_salient
+from runtime.design.known import is_salient
 from runtime.design.rules import Design
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Run, Simulator
@@ -166,34 +166,20 @@ def package(design: Design) -> Package:
         raise UserError(f"these facts make a drive file that is refused: {error}") from None
 
 
-class Loop(Simulator):
-    """The closed loop; its dead-time compensation fades below a current of the drive's own, A, as firmware sets it."""
-
-    def __init__(self, folder: GeneratedFolder, kind: str, fading: float) -> None:
-        super().__init__(folder, kind)
-        self.fading = fading
-
-    def _gain(self, conditions: Conditions) -> tuple[float, ...]:
-        gain = dict(zip(self.module.GAIN_NAMES, super()._gain(conditions), strict=True))
-        return tuple(float(value) for value in (gain | {"dead_current": self.fading}).values())
-
-
 @contextmanager
-def simulator(made: Package, facts: Facts, kind: str) -> Iterator[Loop]:
+def simulator(made: Package, kind: str) -> Iterator[Simulator]:
     """The closed loop of a package that lies in no folder yet.
 
     Parameters
     ----------
     made : Package
-    facts : Facts
-        They say where the sign of a measured current is one.
     kind : str
         Of the filter.
     """
     with tempfile.TemporaryDirectory(prefix="pmsm-ickf-") as place:
         path = Path(place) / made.drive.name
         write_folder(path, made.files, force=False)
-        yield Loop(GeneratedFolder(path), kind, fading_current(facts))
+        yield Simulator(GeneratedFolder(path), kind)
 
 
 def try_out(
@@ -229,7 +215,7 @@ def try_out(
     motors = draw(facts, draws, seed)
     points: list[Point] = []
     hurts: dict[float, list[str]] = {}
-    with simulator(made, facts, design.kind) as loop:
+    with simulator(made, design.kind) as loop:
         for k, share in enumerate(speeds):
             scenario = load_step(made.drive, share)
 
@@ -264,10 +250,10 @@ def load_step(drive: Drive, share: float) -> Scenario:
     return replace(scenario, duration=max(scenario.duration, scenario.load_at + min(LONGEST, half_turn)))
 
 
-def _conditions(facts: Facts, motors: Draws, k: int, dead_time: float, seeds: int) -> Conditions:
+def _conditions(facts: Facts, motors: Draws, k: int, seeds: int) -> Conditions:
     return Conditions(
         inverter="pwm",
-        dead_time=dead_time,
+        dead_time=facts.dead_time,
         delay=1,
         noise=facts.noise,
         bits=facts.bits,
@@ -279,22 +265,20 @@ def _conditions(facts: Facts, motors: Draws, k: int, dead_time: float, seeds: in
 
 
 def _point(
-    loop: Loop,
+    loop: Simulator,
     facts: Facts,
     scenario: Scenario,
     share: float,
     motors: Draws,
     which: Sequence[int],
     tell: Callable[[int], None] | None = None,
-    dead_time: float | None = None,
     seeds: int = 0,
 ) -> Point:
     """Some of the draws at one speed, on all cores: the loop in C holds no lock of Python's."""
-    dead = facts.dead_time if dead_time is None else dead_time
     rows = np.zeros((4, len(which)))
 
     def one(place: int) -> None:
-        run = loop.run(scenario, _conditions(facts, motors, which[place], dead, seeds))
+        run = loop.run(scenario, _conditions(facts, motors, which[place], seeds))
         rows[:, place] = judge(run)
 
     with ExitStack() as stack:
@@ -331,17 +315,15 @@ CAUSES = {
 }
 
 
-def _to_blame(loop: Loop, facts: Facts, scenario: Scenario, point: Point, motors: Draws) -> list[str]:
+def _to_blame(loop: Simulator, facts: Facts, scenario: Scenario, point: Point, motors: Draws) -> list[str]:
     """The facts that, known exactly, would mend most of the draws that did not hold, and clearly more than luck."""
     failed = [int(k) for k in np.flatnonzero(~point.held)][:LOOKED_AT]
 
-    def mended(again: Draws, dead_time: float | None = None, seeds: int = 0) -> float:
-        return float(np.mean(_point(loop, facts, scenario, point.share, again, failed, None, dead_time, seeds).held))
+    def mended(again: Draws, seeds: int = 0) -> float:
+        return float(np.mean(_point(loop, facts, scenario, point.share, again, failed, None, seeds).held))
 
     by_luck = mended(motors, seeds=10_000)  # the same motors under other noise
     found = {cause: mended(motors.exactly(names)) for cause, names in CAUSES.items()}
-    if facts.dead_time:
-        found["dead_time"] = mended(motors, dead_time=0.0)
     best = max(found.values())
     named = [cause for cause, share in found.items() if share >= max(MENDED, by_luck + LUCK, best - LUCK / 2)]
     return named if len(named) <= SINGLE else []  # what any change mends is nobody's fault
@@ -364,7 +346,6 @@ def blame(trial: Trial) -> list[str]:
         "magnet_flux": (f"magnet_flux within {f.d_psi:.0%}", "identify it, or adapt it"),
         "inertia": (f"inertia within {f.d_J:.0%}", "identify it with the load coupled"),
         "angle": (f"a start within {math.degrees(f.angle):.0f} degrees", "align the rotor first"),
-        "dead_time": (f"dead time of {f.dead_time * 1e6:.2g} us", "a shorter one, or a lower PWM frequency"),
     }
     lines = []
     for cause, (what, help_) in words.items():

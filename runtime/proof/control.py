@@ -36,7 +36,7 @@ def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
     J, R = m["inertia"], m["stator_resistance"]
     regulators = [2 * speed * J, speed * speed * J * T, current * m["inductance_d"], current * m["inductance_q"]]
     inverter = make_inverter(parameters)
-    dead = [1.0, inverter.fading] if inverter else [0.0, DEAD_CURRENT]
+    dead = [1.0, inverter.compensated] if inverter else [0.0, DEAD_CURRENT]
     return np.array([*regulators, current * R * T, c["max_current"], *dead, T / 2 + delay * T])
 
 

@@ -31,6 +31,7 @@ class LossyInverter:
     fading: float
     place: int | None
     showing: float
+    compensated: float  # A, up to which the controller's compensation is linear
 
     def shortfall(self, i: Array) -> Array:
         """In which direction and how far, in units of V_d, the voltage falls short: (..., 2) of currents (..., 2).
@@ -85,7 +86,9 @@ def make_inverter(parameters: Mapping[str, Any]) -> LossyInverter | None:
     noise = math.sqrt(parameters["filter"]["measurement_noise"][0])
     place = slow.index("dead_time_voltage") - len(slow) if estimated else None
     most = parameters["control"]["max_current"]
-    return LossyInverter(V_d, max(3 * noise, most / 200), place, most / 20)
+    stated = parameters.get("inverter") or {}
+    fading = stated.get("fading_current") or max(3 * noise, most / 200)
+    return LossyInverter(V_d, fading, place, most / 20, stated.get("compensation_current") or fading)
 
 
 def commanded(parameters: Mapping[str, Any], v: Array, i: Array) -> Array:

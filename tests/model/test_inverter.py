@@ -14,6 +14,7 @@ from model.inverter import fading_current, lost_voltage, seeing_current, takes_v
 from model.loop.controller import Gains, design
 from model.machines.state_space import StateSpaceModel, build
 from model.schema import Drive, DriveError, Inverter
+from runtime.proof.control import gains_of
 from runtime.proof.inverter import make_inverter
 from runtime.proof.motors import make_motor
 from tests.conftest import variant
@@ -58,6 +59,23 @@ def test_the_signs_fade_below_what_the_sensor_and_the_largest_current_say() -> N
     assert fading_current(quiet) == pytest.approx(0.005 * 20.0)
     assert fading_current(load_drive("spmsm_load_torque")) == 0.3, "the paper's constant where nothing is said"
     assert seeing_current(lossy()) == pytest.approx(1.0)
+
+
+def test_the_fading_that_is_stated_counts_in_model_controller_and_hand_alike() -> None:
+    drive = lossy(fading_current=0.7)
+    assert fading_current(drive) == design(drive).dead_current == 0.7
+    apart = lossy(fading_current=0.7, compensation_current=0.4)
+    assert (fading_current(apart), design(apart).dead_current) == (0.7, 0.4)
+    assert gains_of(apart.model_dump(), 0)[7] == 0.4
+    hand = make_inverter(drive.model_dump())
+    assert hand is not None
+    for i in ([0.3, -0.2], [2.0, 0.4]):
+        np.testing.assert_allclose(taken(i, fading_current=0.7), hand.shortfall(np.array(i)), atol=1e-13)
+    np.testing.assert_allclose(taken([0.35, 0.0], fading_current=0.7), [0.5, 0.0], atol=1e-13)
+    untold = lossy(dead_time=0.0, fading_current=0.7)
+    assert fading_current(untold) == 0.3, "nothing is taken, so nothing fades"
+    assert "fading_current" not in lossy().stated["inverter"]
+    assert drive.stated["inverter"]["fading_current"] == 0.7
 
 
 def test_beyond_the_fading_every_leg_counts_whole() -> None:
@@ -163,6 +181,7 @@ def _flux(drive: Drive, i: np.ndarray, theta: float) -> np.ndarray:
         ({"dead_time": -1e-6}, "inverter.dead_time = -1e-06 s is outside"),
         ({"deadtime": 1e-6}, "unknown key inverter.deadtime. Did you mean .dead_time"),
         ({"switch_drop": 50.0}, "inverter.switch_drop = 50.0 V is outside 0 .. 20 V"),
+        ({"fading_current": 2e5}, "inverter.fading_current = 200000.0 A is outside 1e-05 .. 100000 A"),
         ({"switching_frequency": 10.0}, r"inverter.switching_frequency = 10.0 Hz is outside 100 .. 1e\+06 Hz"),
         ({"dead_time": 3e-5}, "more than a quarter of a switching period at 10000 Hz"),
         ({"dead_time": 2e-6, "switching_frequency": 2e5}, "more than a quarter of a switching period at 200000 Hz"),

@@ -13,8 +13,18 @@ import numpy as np
 import pytest
 
 from model.drives.load import accepted_range, load_drive, parse_drive
+from model.rating import mtpa_currents
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
-from runtime.design.known import LEAST_SHARE, rated_point, resistance_hurts, unknown_share
+from runtime.design.known import (
+    LEAST_SHARE,
+    active_flux,
+    adaptive_time,
+    filter_bandwidth,
+    inductance_bandwidth,
+    rated_point,
+    resistance_hurts,
+    unknown_share,
+)
 from runtime.design.rules import CURRENT_TURN, SPEED_TO_CURRENT, design
 from runtime.design.write import drive_text, edit_drive, toml_value
 from runtime.system.errors import UserError
@@ -22,7 +32,9 @@ from tests.model.accepted import evenly
 
 pytestmark = pytest.mark.unit
 
-FACTS = sorted((Path(__file__).parents[1] / "data" / "facts").glob("*.toml"))
+DATA = Path(__file__).parents[1] / "data"
+FACTS = sorted((DATA / "facts").glob("*.toml"))
+HELD_OUT = sorted((DATA / "facts_held_out").glob("*.toml"))
 
 
 def with_(**sections: dict[str, Any]) -> dict[str, Any]:
@@ -217,6 +229,75 @@ def test_facts_that_no_drive_file_holds_are_bad_input() -> None:
     facts = parse_facts(with_(motor={"magnet_flux": None, "kv_rpm_per_v": 9e5}), "x")
     with pytest.raises(UserError, match=r"motor\.magnet_flux"):
         design(facts)
+
+
+@pytest.mark.parametrize("path", FACTS, ids=lambda path: path.stem)
+def test_the_inverter_is_in_the_drive_file_where_there_is_dead_time(path: Path) -> None:
+    """Its currents: one that V_d drives through the inductance in a sample, and never within the sensor's noise."""
+    facts = read_facts(path)
+    section = {key: choice.value for key, choice in design(facts).sections["inverter"].items()}
+    driven = facts.dc_link * facts.dead_time / min(facts.L_d, facts.L_q)
+    assert section["dead_time"] == facts.dead_time
+    assert section["switching_frequency"] == pytest.approx(1 / facts.T)
+    assert section["fading_current"] == pytest.approx(max(3 * facts.sigma, driven), rel=5e-3)
+    assert section["compensation_current"] == pytest.approx(max(3 * facts.sigma, 0.6 * driven), rel=5e-3)
+    assert "inverter" not in design(replace(facts, dead_time=0.0)).sections
+
+
+def test_the_speed_loop_heeds_a_wrong_inductance_where_that_would_shake_it() -> None:
+    """Of a lift the inductance decides; known exactly, it does not; a quarter of the inertia doubles the limit."""
+    lift = read_facts(next(path for path in FACTS if path.stem == "lift"))
+    point = rated_point(lift)
+    limit = inductance_bandwidth(lift, point)
+    assert design(lift).sections["control"]["speed_bandwidth"].value == pytest.approx(limit, rel=5e-3)
+    assert "inductance within 10%" in design(lift).sections["control"]["speed_bandwidth"].reason
+    assert math.isinf(inductance_bandwidth(replace(lift, d_L=0.0), point))
+    lighter = replace(lift, J=lift.J / 4)  # the filter follows twice as fast
+    assert inductance_bandwidth(lighter, point) == pytest.approx(2 * limit)
+    gain = 2 * lift.J * limit * lift.d_L * lift.L_q * filter_bandwidth(lift, point)
+    assert gain / (1.5 * (lift.p * active_flux(lift, point)) ** 2) == pytest.approx(0.5)
+
+
+def test_a_reluctance_machine_gets_no_more_current_than_the_voltage_can_turn() -> None:
+    """On the MTPA curve, where omega_e L_q i_q takes the voltage; the other motors keep what their facts say."""
+    ferrite = read_facts(next(path for path in HELD_OUT if path.stem == "ferrite"))
+    chosen = design(ferrite)
+    drive = parse_drive(chosen.tables(), "x")
+    _, i_q = mtpa_currents(drive, drive.control.max_current)
+    assert ferrite.omega_e * ferrite.L_q * i_q == pytest.approx(ferrite.voltage, rel=1e-4)
+    assert any("does not weaken the field" in line for line in chosen.remarks)
+    for path in FACTS:
+        assert design(read_facts(path)).sections["control"]["max_current"].value == read_facts(path).max_current
+
+
+def test_an_adapted_resistance_remembers_twenty_run_ups() -> None:
+    facts = parse_facts(EXAMPLE, "x")
+    assert adaptive_time(replace(facts, J=1e-4)) == pytest.approx(20 * 1e-4 * facts.speed / facts.torque, rel=5e-3)
+    assert adaptive_time(replace(facts, J=1e-9)) == 0.3
+
+
+@pytest.mark.parametrize("path", FACTS + HELD_OUT, ids=lambda path: path.stem)
+def test_the_motors_that_designs_are_tried_on_could_be_built(path: Path) -> None:
+    """The rated point is within voltage and current, copper loss a part of the power, the sample fits the motor."""
+    facts = read_facts(path)
+    point = rated_point(facts)
+    assert facts.name == path.stem
+    assert facts.omega_e * facts.psi_m < 0.9 * facts.voltage
+    assert point.base_speed > 1.1 * facts.speed
+    assert point.current < 0.75 * facts.max_current <= 0.75 * facts.range
+    assert 1.5 * facts.R * point.current**2 < 0.5 * facts.torque * facts.speed
+    assert facts.omega_e * facts.T < 0.33
+    assert facts.dead_time < 0.035 * facts.T
+    assert (facts.d_R, facts.d_L, facts.d_psi, facts.d_J) == (0.2, 0.1, 0.05, 0.2)
+
+
+def test_the_motors_held_out_are_others() -> None:
+    assert len(FACTS) >= 18
+    assert len(HELD_OUT) >= 10
+    known = [read_facts(path) for path in FACTS]
+    for path in HELD_OUT:
+        new = read_facts(path)
+        assert all((new.R, new.psi_m, new.J) != (old.R, old.psi_m, old.J) for old in known)
 
 
 # --- what is written

@@ -38,6 +38,8 @@ NUMBERS = _of(
         "if takes_voltage(drive):\n        return",
         UNIT,
     ),
+    ("a compensation that is stated and not heard", "if stated is None else stated", "if True else stated", UNIT),
+    ("a fading that is stated and not heard", "return drive.inverter.fading_current", "return UNTOLD_CURRENT", UNIT),
     ("seen from another share on", "SEEN_SHARE = 0.05", "SEEN_SHARE = 0.1", UNIT),
     ("legs b and c exchanged", "half + cross, half - cross], {", "half - cross, half + cross], {", SYMPY),
     ("axes of the legs", "(SQRT_3 / 2) * vector[1]", "(SQRT_3 / 2) * vector[0]", SYMPY),
