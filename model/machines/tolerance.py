@@ -44,6 +44,10 @@ DATA = {
     "psi_m": "magnet_flux",
 }
 
+#: Deviation of the voltage on an axis where no leg's sign is known, relative to V_d: the longest g squared is 16/9, and
+#: an axis has half of it.
+NOISE_OF_LOSS = math.sqrt(8) / 3
+
 
 def half_widths(drive: Drive) -> tuple[float, ...]:
     """Half the width of the range that each adaptive state is held in, relative; 0 where nothing is said.
