@@ -12,7 +12,7 @@ import casadi as ca
 from model.inverter import STATE, takes_voltage
 from model.machines import Machine, find_machine
 from model.machines.adaptive import Adaptive, own_value
-from model.machines.base import Named, Pair, Parameters, Rotor
+from model.machines.base import Named, Pair, Parameters, Rotor, Sampled
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
 from model.machines.tolerance import NOISE_OF_LOSS, WrongData, deviations, half_widths, voltage_deviation
@@ -173,9 +173,8 @@ class StateSpaceModel:
             u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), self._voltage(x)))
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
-        sample = machine.euler if self.discretization == "euler" else machine.exact
         advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
-        electrical = sample((x[0], x[1]), (u[0], u[1]), omega_e, x[3])
+        electrical = self._sampled(machine, x, u, omega_e)
         mechanical, named = advance(moving, omega_e, lambda: machine.rotor_torque(*electrical.torque_at))
         if "torque" in named and self.discretization != "euler":  # then it is taken between two samples
             axes = [f"{machine.states[0].name.removesuffix('alpha')}{axis}_between" for axis in "dq"]
@@ -186,6 +185,11 @@ class StateSpaceModel:
             **electrical.named,
             **named,
         }
+
+    def _sampled(self, machine: Machine, x: list[Any], v: list[Any], omega_e: Any) -> Sampled:
+        """The electrical side of a sample."""
+        sample = machine.euler if self.discretization == "euler" else machine.exact
+        return sample((x[0], x[1]), (v[0], v[1]), omega_e, x[3])
 
     def measure(self, x: list[Any]) -> tuple[list[Any], Named]:
         """h: the currents, eq. 5.
@@ -294,11 +298,15 @@ class StateSpaceModel:
     def voltage_slopes(self) -> dict[str, Any]:
         """How f moves with what an inverter of a known V_d leaves unsure, by its letter: SX columns of ``arguments``.
 
-        With V_d, which acts against g; with a volt along the rotor's axis, and across it.
+        With V_d, which acts against g; with a volt along the rotor's axis, and across it, where f has its torque. Both
+        together are any volt of one size; on these axes each turns with the stator frame, too.
         """
         v, g = self.arguments[1:]
-        sine, cosine = ca.sin(self.x[self.angle]), ca.cos(self.x[self.angle])
-        ways = {"V_d": -g[:2], "loss_along": ca.vertcat(cosine, sine), "loss_across": ca.vertcat(-sine, cosine)}
+        x = ca.vertsplit(self.x)
+        machine, omega_e = self._machine_at(x), self.mechanics.electrical_speed(x[2])
+        rotor = self._sampled(machine, x, ca.vertsplit(v), omega_e).torque_at[1]
+        axes = {"loss_along": rotor.to_stator((1.0, 0.0)), "loss_across": rotor.to_stator((0.0, 1.0))}
+        ways = {"V_d": -g[:2]} | {letter: ca.vertcat(*axis) for letter, axis in axes.items()}
         return {letter: ca.jtimes(self.f, v, way) for letter, way in ways.items()}
 
     @cached_property

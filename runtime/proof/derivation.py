@@ -28,12 +28,6 @@ V_d, I_0, I_1 = sp.symbols("V_d I_0 I_1", real=True)
 g_alpha, g_beta = sp.symbols("g_alpha g_beta", real=True)
 #: Stands for the square root of 3, which no field of numbers modulo a prime need have; it is nowhere squared.
 ROOT_3 = sp.Symbol("root_3", real=True)
-#: Which way the voltage that arrives is off where the inverter's loss is: V_d the way it acts, and the rotor's axes.
-WAYS = {
-    "V_d": (-g_alpha, -g_beta),
-    "loss_along": (sp.cos(theta), sp.sin(theta)),
-    "loss_across": (-sp.sin(theta), sp.cos(theta)),
-}
 
 
 @dataclass(frozen=True)
@@ -226,6 +220,17 @@ def _inverter_rows(drive: Drive) -> list[Row]:
     return rows
 
 
+def _way(name: str, exact: bool) -> tuple[sp.Expr, sp.Expr]:
+    """Which way the voltage that arrives moves: V_d the way it acts, the rest of a loss on the rotor's axes."""
+    angle = theta + p * omega * T / 2 if exact else theta
+    ways = {
+        "V_d": (-g_alpha, -g_beta),
+        "loss_along": (sp.cos(angle), sp.sin(angle)),
+        "loss_across": (-sp.sin(angle), sp.cos(angle)),
+    }
+    return ways.get(name, (sp.Integer(0), sp.Integer(0)))
+
+
 def _seen_from(z: sp.Expr, angle: sp.Expr) -> sp.Expr:
     """A phasor in a frame turned by ``angle``."""
     return sp.expand_complex(z * sp.exp(-sp.I * angle))
@@ -266,7 +271,7 @@ def compare_derivations(drive: Drive) -> Link:
     if takes_voltage(drive):
         rows += _inverter_rows(drive)
     for name, slope in slopes(drive).items():
-        volts, way = sp.Symbol(name, real=True), WAYS.get(name, (0, 0))
+        volts, way = sp.Symbol(name, real=True), _way(name, drive.model.discretization == "exact")
         arriving = {v_alpha: v_alpha + volts * way[0], v_beta: v_beta + volts * way[1]}
         moved = f.subs(arriving, simultaneous=True)
         pairs = [
