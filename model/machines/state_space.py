@@ -12,7 +12,7 @@ import casadi as ca
 from model.inverter import STATE, takes_voltage
 from model.machines import Machine, find_machine
 from model.machines.adaptive import Adaptive, own_value
-from model.machines.base import Named, Pair, Parameters, Rotor, Sampled
+from model.machines.base import Named, Parameters, Rotor, Sampled
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
 from model.machines.tolerance import NOISE_OF_LOSS, WrongData, deviations, half_widths, voltage_deviation

@@ -274,10 +274,7 @@ def compare_derivations(drive: Drive) -> Link:
         volts, way = sp.Symbol(name, real=True), _way(name, drive.model.discretization == "exact")
         arriving = {v_alpha: v_alpha + volts * way[0], v_beta: v_beta + volts * way[1]}
         moved = f.subs(arriving, simultaneous=True)
-        pairs = [
-            (entry.subs(arriving, simultaneous=True), moved[i], volts)
-            for i, entry in enumerate(slope)
-        ]
+        pairs = [(entry.subs(arriving, simultaneous=True), moved[i], volts) for i, entry in enumerate(slope)]
         different = sum(not is_derivative(*pair) for pair in pairs)
         rows.append(Row(f"df/d{name}", "G", "entries that differ", float(different), 0.0, len(pairs)))
     return Link("model", "CasADi = SymPy, symbolically", drive.name, "f, h, F, H", "-", "all values", tuple(rows))

@@ -55,7 +55,7 @@ class LossyInverter:
     def _against(self, i: Array) -> Array:
         """Each leg's share of V_d, -1 .. 1, (..., 3) of currents (..., 2)."""
         z = i[..., 0] + 1j * i[..., 1]
-        return np.clip(np.real(z[..., None] * np.conj(LEGS)) / self.fading, -1, 1)
+        return np.asarray(np.clip(np.real(z[..., None] * np.conj(LEGS)) / self.fading, -1, 1))
 
     def shown(self, i: Array) -> Array:
         """The share of it that says something of a V_d that is a state: (..., 1) of currents (..., 2); else all."""
