@@ -11,14 +11,15 @@ import casadi as ca
 import sympy as sp
 
 from model.machines.base import Parameters
-from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, StateSpaceModel, build
+from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, UNSURE, StateSpaceModel, build
 from model.machines.tolerance import deviations, voltage_deviation
 from model.quantities import Constant, Formulas
 from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
 
-#: Motor data that may be wrong, as one writes them.
+#: What may be wrong, as one writes it: motor data, and the inverter's voltage along and across the rotor.
 DATA_LATEX = {"R": "R", "L_d": "L_d", "L_q": "L_q", "psi_m": r"\psi_m", "V_d": "V_d"}
+DATA_LATEX |= {"loss_along": r"\parallel", "loss_across": r"\perp"}
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,8 @@ def equations(drive: Drive) -> Equations:
 def slopes(drive: Drive) -> dict[str, sp.Matrix]:
     """df/dp of each datum that may be wrong, (n, 1), all data letters: by the chain rule through f's constants.
 
+    And df/dv along and across the rotor, where the inverter's loss may be off.
+
     Parameters
     ----------
     drive : Drive
@@ -59,7 +62,8 @@ def slopes(drive: Drive) -> dict[str, sp.Matrix]:
         letter = getattr(parameters, name)
         found[name] = to_sympy(formulas.in_letters(formulas.along(f, letter, ca.SX(1), formulas.slopes(letter))))
     if voltage_deviation(drive):
-        found["V_d"] = to_sympy(build(drive, parameters).voltage_slope)
+        by_volts = build(drive, parameters).voltage_slopes
+        found |= {letter: to_sympy(slope) for letter, slope in by_volts.items()}
     return found
 
 
@@ -169,7 +173,7 @@ def _in_full(expression: sp.Expr, lines: list[tuple[sp.Symbol, sp.Expr]]) -> sp.
 
 
 def _latex_names(model: StateSpaceModel) -> dict[sp.Symbol, str]:
-    names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS, *SIGNS)}
+    names = {quantity.name: quantity.symbol for quantity in (*model.states, *INPUTS, *SIGNS, UNSURE)}
     names |= {f"{state.name}_next": f"{state.symbol}'" for state in model.states}
     names |= {f"sign_{leg}": f"s_{leg}" for leg in "abc"} | {"seen": r"\sigma"}
     names |= {f"whole_{axis}": rf"\bar g_\{axis}" for axis in ("alpha", "beta")}

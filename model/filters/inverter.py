@@ -15,7 +15,7 @@ from model.machines.state_space import INPUTS, StateSpaceModel
 #: Where V_d is a constant, and where it is a state.
 _KNOWN = {
     "v": "v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs",
-    "g": "g(h(x)): the direction in which a wrong V_d acts",
+    "g": "g(h(x)): the direction in which a wrong V_d acts; sqrt(1 - |3/4 g|^2): how unsure it is",
 }
 _ESTIMATED = {
     "v": "v = u - (1 - seen) V_d g(h(x)), V_d the estimate's",
@@ -38,9 +38,10 @@ def inverter_calls(model: StateSpaceModel) -> tuple[Call, ...]:
     applied, named = model.applied(x, b.input("u", [quantity.name for quantity in INPUTS]))
     b.working("", named, "here")
     meanings = _ESTIMATED if model.estimates_voltage else _KNOWN
-    for name, pair in applied.items():
-        b.stage(name, "", meanings[name], list(pair), [f"{name}_alpha_now", f"{name}_beta_now"], columns=2)
-        b.output(name, list(pair))
+    for name, values in applied.items():
+        labels = [f"{quantity.name}_now" for quantity in model.inputs[name]]
+        b.stage(name, "", meanings[name], list(values), labels, columns=len(values))
+        b.output(name, list(values))
     return (Call(b.build()),)
 
 

@@ -27,7 +27,7 @@ def add_noise(
     Q : list of SX
         The diagonal.
     at : sequence of lists
-        What f takes: the estimate x (n), the voltage (2), and where V_d is a state the direction in which it acts (2).
+        What f takes: the estimate x (n), the voltage (2), and what the inverter says beside it.
 
     Returns
     -------

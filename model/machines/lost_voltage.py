@@ -46,6 +46,21 @@ class LostVoltage:
         g = clarke(signs)
         return g, {f"sign_{leg}": sign for leg, sign in zip("abc", signs, strict=True)}
 
+    @staticmethod
+    def unsure(signs: list[Any]) -> Any:
+        """sqrt(1 - |3/4 g|^2): 0 where all legs' signs are whole, 1 where there are none.
+
+        Of the signs, not of g: where they are whole numbers nothing is rounded, and the 0 is one.
+
+        Parameters
+        ----------
+        signs : list of SX, (3,)
+            Saturated, which makes the longest g 4/3 long.
+        """
+        a, b, c = signs
+        first, second = a - 0.5 * (b + c), b - c
+        return ca.sqrt(ca.fmax(0.0, 1 - 0.25 * (first * first) - 0.1875 * (second * second)))
+
     def seen(self, i: list[Any]) -> Any:
         """How much of what is lost says something of V_d: 0 below I_1, 1 from sqrt(2) I_1 on.
 

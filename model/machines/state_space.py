@@ -12,10 +12,10 @@ import casadi as ca
 from model.inverter import STATE, takes_voltage
 from model.machines import Machine, find_machine
 from model.machines.adaptive import Adaptive, own_value
-from model.machines.base import Named, Pair, Parameters, Rotor
+from model.machines.base import Named, Parameters, Rotor, Sampled
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
-from model.machines.tolerance import WrongData, deviations, half_widths, voltage_deviation
+from model.machines.tolerance import NOISE_OF_LOSS, WrongData, deviations, half_widths, voltage_deviation
 from model.quantities import Constant, Constants, Formulas, Quantity
 from model.schema import Drive
 
@@ -34,6 +34,8 @@ SIGNS = (
     Quantity("g_alpha", r"g_\alpha", "1", "direction in which V_d acts, alpha axis"),
     Quantity("g_beta", r"g_\beta", "1", "direction in which V_d acts, beta axis"),
 )
+#: And beside it, where V_d may be wrong.
+UNSURE = Quantity("unsure", r"\varsigma", "1", "0 where all legs' signs are whole, 1 where no current flows")
 
 
 @dataclass(frozen=True)
@@ -102,18 +104,21 @@ class StateSpaceModel:
         """What f takes beside the state, by the names its arrays have in a step.
 
         ``u`` is the voltage as commanded, ``v`` the one applied. Where V_d is a state each point has its own: f takes
-        it off v times the direction ``g``, which the points share. Where V_d may be wrong, G alone hangs on g.
+        it off v times the direction ``g``, which the points share. Where V_d may be wrong, G alone hangs on g, whose
+        third entry says how unsure the first two are.
         """
         if self.lost is None:
             return {"u": INPUTS}
-        return {"v": INPUTS, "g": SIGNS} if self.estimates_voltage or self.doubt else {"v": INPUTS}
+        if self.doubt:
+            return {"v": INPUTS, "g": (*SIGNS, UNSURE)}
+        return {"v": INPUTS, "g": SIGNS} if self.estimates_voltage else {"v": INPUTS}
 
     @property
     def estimates_voltage(self) -> bool:
         """Whether V_d is a state."""
         return STATE in self.adaptive.words
 
-    def applied(self, x: list[Any], u: list[Any]) -> tuple[dict[str, Pair], Named]:
+    def applied(self, x: list[Any], u: list[Any]) -> tuple[dict[str, tuple[Any, ...]], Named]:
         """What f takes for a commanded voltage where the state is x, its arrays by name.
 
         The signs are those of the current the filter believes in at the beginning of the interval: one point's, not
@@ -141,7 +146,7 @@ class StateSpaceModel:
             V_d = constant_voltage(self._constants, self.lost.par.V_d)
             remaining = {"v": self.lost.remaining(commanded, g, V_d)}
             if self.doubt:
-                return {**remaining, "g": g}, {**named, **signs}
+                return {**remaining, "g": (*g, self.lost.unsure(list(signs.values())))}, {**named, **signs}
             return remaining, {**named, **signs, "g_alpha": g[0], "g_beta": g[1]}
         seen = self.lost.seen(i)
         named |= {**signs, "whole_alpha": g[0], "whole_beta": g[1], "seen": seen}
@@ -168,9 +173,8 @@ class StateSpaceModel:
             u = list(self.lost.remaining((u[0], u[1]), (g[0], g[1]), self._voltage(x)))
         machine, moving, slow = self._machine_at(x), *self._mechanical(x)
         omega_e = self.mechanics.electrical_speed(x[2])
-        sample = machine.euler if self.discretization == "euler" else machine.exact
         advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
-        electrical = sample((x[0], x[1]), (u[0], u[1]), omega_e, x[3])
+        electrical = self._sampled(machine, x, u, omega_e)
         mechanical, named = advance(moving, omega_e, lambda: machine.rotor_torque(*electrical.torque_at))
         if "torque" in named and self.discretization != "euler":  # then it is taken between two samples
             axes = [f"{machine.states[0].name.removesuffix('alpha')}{axis}_between" for axis in "dq"]
@@ -181,6 +185,11 @@ class StateSpaceModel:
             **electrical.named,
             **named,
         }
+
+    def _sampled(self, machine: Machine, x: list[Any], v: list[Any], omega_e: Any) -> Sampled:
+        """The electrical side of a sample."""
+        sample = machine.euler if self.discretization == "euler" else machine.exact
+        return sample((x[0], x[1]), (v[0], v[1]), omega_e, x[3])
 
     def measure(self, x: list[Any]) -> tuple[list[Any], Named]:
         """h: the currents, eq. 5.
@@ -276,15 +285,29 @@ class StateSpaceModel:
             f = ca.vertcat(*self.wrong.propagate(*map(ca.vertsplit, self.arguments))[0])
             columns = self.wrong.columns(f, self._constants)
         if self.doubt:
+            assert self.lost is not None
             sigma = self._constants("SIGMA_V_D", ca.SX(self.doubt), "one sigma of V_d, V")
-            columns["V_d"] = sigma * self.voltage_slope
+            loss = NOISE_OF_LOSS * self.lost.par.V_d
+            noise = self._constants("SIGMA_LOSS", loss, "sqrt(8) / 3 V_d, V: of either axis where no sign is sure")
+            noise = noise * self.arguments[2][2]
+            sigmas = {"V_d": sigma, "loss_along": noise, "loss_across": noise}
+            columns |= {letter: sigmas[letter] * slope for letter, slope in self.voltage_slopes.items()}
         return columns
 
     @property
-    def voltage_slope(self) -> Any:
-        """df/dV_d where V_d is no state, (n, 1), of ``arguments``: it acts against g."""
+    def voltage_slopes(self) -> dict[str, Any]:
+        """How f moves with what an inverter of a known V_d leaves unsure, by its letter: SX columns of ``arguments``.
+
+        With V_d, which acts against g; with a volt along the rotor's axis, and across it, where f has its torque. Both
+        together are any volt of one size; on these axes each turns with the stator frame, too.
+        """
         v, g = self.arguments[1:]
-        return -ca.jtimes(self.f, v, g)
+        x = ca.vertsplit(self.x)
+        machine, omega_e = self._machine_at(x), self.mechanics.electrical_speed(x[2])
+        rotor = self._sampled(machine, x, ca.vertsplit(v), omega_e).torque_at[1]
+        axes = {"loss_along": rotor.to_stator((1.0, 0.0)), "loss_across": rotor.to_stator((0.0, 1.0))}
+        ways = {"V_d": -g[:2]} | {letter: ca.vertcat(*axis) for letter, axis in axes.items()}
+        return {letter: ca.jtimes(self.f, v, way) for letter, way in ways.items()}
 
     @cached_property
     def F(self) -> Any:

@@ -75,7 +75,10 @@ class SurfacePMSM(Machine):
             Sine and cosine of the electrical angle.
         """
         gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p * self.par.psi_m, "1.5 p psi_m, N m/A")
-        return gain * z_dq[1]
+        if gain.is_symbolic() or gain.is_constant():
+            return gain * z_dq[1]
+        # psi_m is a state or an input of the simulated motor
+        return self.constant("TORQUE_PER_FLUX", 1.5 * self.par.p, "1.5 p") * self.par.psi_m * z_dq[1]
 
     def electrical_state(self, i: Pair, rotor: Rotor) -> Pair:
         """Return the currents themselves: they are the states.

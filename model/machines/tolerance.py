@@ -10,6 +10,19 @@ noise of 2 tau / T times the variance. So::
 
 Data that are states have their uncertainty in P, and none here: a tolerance bounds them (:func:`half_widths`).
 
+An inverter whose V_d may be off may be off in its direction, too. Where a leg's sign is none, the leg takes whatever it
+is left to: up to V_d no current flows at standstill, and of a current that ripples about zero nothing is lost. g can be
+4/3 long; what it lacks of that, in its square, is noise of the voltage, half of it on each axis::
+
+    Q_p = ... + sigma_v^2 (df/dv)(df/dv)^T,     sigma_v^2 = V_d^2 (16/9 - |g|^2) / 2
+
+It is zero where all three signs are whole. Unlike a datum's it counts once a sample, without 2 tau / T: it is all that
+the legs can take, and ripple and sensor noise make another sign of it in each sample. Measured on recordings of a
+switching inverter, ``spmsm_load_torque``, a fading wide enough for its ripple of 1.3 A: without / with / with ten times
+that variance start 43 / 28 / 11, steady 5.4 / 1.3 / 1.4, load step 19 / 24 / 33 r/min. Within the fading of
+:mod:`model.inverter` that motor's ripple makes whole signs, and little is added. Where V_d is a state there is none of
+it: there f's g is as long as V_d shows, and P has V_d's own uncertainty.
+
 Why noise, and how long it stays alike: measured on ``spmsm_load_torque`` with tolerances of R 20, L 10 and psi_m 5 %,
 averaged inverter, 5 N m stepped on. tau 0.3, 0.5, 0.6 and 1.5 ms hold an R that is off by a fifth to 5 degrees at 100
 r/min, where it made 37 without; at 0.3 ms half of the errors are within 3 sigma of P, at 0.5 ms (the default) 93 and at
@@ -43,6 +56,10 @@ DATA = {
     "L_q": "inductance",
     "psi_m": "magnet_flux",
 }
+
+#: Deviation of the voltage on an axis where no leg's sign is known, relative to V_d: the longest g squared is 16/9, and
+#: an axis has half of it.
+NOISE_OF_LOSS = math.sqrt(8) / 3
 
 
 def half_widths(drive: Drive) -> tuple[float, ...]:

@@ -41,10 +41,22 @@ class LossyInverter:
         i : ndarray, (..., 2)
             Stator current, A.
         """
-        z = i[..., 0] + 1j * i[..., 1]
-        against = np.clip(np.real(z[..., None] * np.conj(LEGS)) / self.fading, -1, 1)
-        sum_of_legs = 2 / 3 * (against * LEGS).sum(axis=-1)
+        sum_of_legs = 2 / 3 * (self._against(i) * LEGS).sum(axis=-1)
         return np.stack([sum_of_legs.real, sum_of_legs.imag], axis=-1)
+
+    def unsure(self, i: Array) -> Array:
+        """How far the legs are from falling short in full, (..., 1) of currents (..., 2): 0 where all do, 1 where none.
+
+        Two legs of opposite sign differ by 2, and of three two pairs do: eight in the sum of squares.
+        """
+        against = self._against(i)
+        apart = np.sum((against - np.roll(against, 1, axis=-1)) ** 2, axis=-1, keepdims=True)
+        return np.asarray(np.sqrt(np.maximum(0.0, 1.0 - apart / 8.0)))
+
+    def _against(self, i: Array) -> Array:
+        """Each leg's share of V_d, -1 .. 1, (..., 3) of currents (..., 2)."""
+        z = i[..., 0] + 1j * i[..., 1]
+        return np.asarray(np.clip(np.real(z[..., None] * np.conj(LEGS)) / self.fading, -1, 1))
 
     def shown(self, i: Array) -> Array:
         """The share of it that says something of a V_d that is a state: (..., 1) of currents (..., 2); else all."""

@@ -43,6 +43,7 @@ class Reference:
     inverter: LossyInverter | None = None
     shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of a state V_d
     way: Array = field(default_factory=lambda: np.zeros(2))  # the same of any V_d
+    unsure: Array = field(default_factory=lambda: np.zeros(1))  # of the way: 0 where all legs fall short in full
     doubt: float = 0.0  # deviation of a V_d that is no state, V
     moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
     bounds: list[tuple[int, float, float]] = field(default_factory=list)  # of slow states, by place
@@ -92,7 +93,9 @@ class Reference:
             estimated = self.inverter.place is not None
             u = u - self.inverter.voltage(self.x) * (1 - shown if estimated else 1) * way
             self.way, self.shortfall = way, shown * way if estimated else np.zeros(2)
-            self.stages |= {"g": (shown * way)[..., None, :], "v": u[..., None, :]}
+            self.unsure = self.inverter.unsure(i)
+            g = np.concatenate([shown * way, self.unsure][: 2 if self.doubt else 1], axis=-1)
+            self.stages |= {"g": g[..., None, :], "v": u[..., None, :]}
         predict = {"ekf": self._ekf_prediction, "ukf": self._ukf_prediction}.get(self.kind, self._time_update)
         return predict(u)
 
@@ -111,7 +114,7 @@ class Reference:
         Q = np.diag(self.Q)
         shifts = [deviation * self._f(self.x, u, motor).imag / STEP for motor, deviation in self.moved]
         if self.doubt:
-            shifts.append(self._f(self.x, u - 1j * STEP * self.doubt * self.way).imag / STEP)
+            shifts += [self._f(self.x, u - 1j * STEP * volts).imag / STEP for volts in self._doubtful_volts()]
         if not shifts:
             return Q
         Q_p = np.zeros((*self.x.shape, self.x.shape[-1]))
@@ -119,6 +122,19 @@ class Reference:
             Q_p += shift[..., :, None] * shift[..., None, :]
         self.stages["Q_p"] = Q_p
         return np.asarray(Q + Q_p)
+
+    def _doubtful_volts(self) -> list[Array]:
+        """One sigma of each voltage the inverter may take beside its V_d g, (..., 2).
+
+        A wrong V_d the same way. And of V_d times a g that may be as long as 4/3 all that the legs do not say, half of
+        its square on each axis; the axes are the rotor's.
+        """
+        assert self.inverter is not None
+        theta = self.x[..., 3]
+        ahead = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
+        aside = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
+        noise = self.inverter.V_d * 4 / 3 * self.unsure / math.sqrt(2)
+        return [self.doubt * self.way, noise * ahead, noise * aside]
 
     def _f(self, x: Array, u: Array, motor: Plant | None = None) -> Array:
         """The motor's f, whose states are the first axis, of the voltage that arrives."""

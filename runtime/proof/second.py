@@ -18,6 +18,7 @@ from codegen.evidence.box import sample_box
 from model.machines import MACHINES
 from model.machines.own import MachineError, load_module, read_word, running
 from model.machines.state_space import StateSpaceModel, build
+from model.machines.tolerance import DATA
 from model.schema import Drive
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
@@ -79,9 +80,10 @@ class CasadiMotor:
 
     def __init__(self, model: StateSpaceModel) -> None:
         x, v, *signs = model.arguments
-        G = [ca.densify(column) for letter, column in model.G.items() if letter != "V_d"]  # whose f has the voltage
+        G = [ca.densify(column) for letter, column in model.G.items() if letter in DATA]  # others act by the voltage
         exprs = [model.f, ca.densify(model.F), ca.densify(ca.jacobian(model.f, v)), *G]
-        exprs = [ca.substitute(e, g, ca.DM.zeros(2)) for e in exprs for g in signs] or exprs  # the voltage that arrives
+        for g in signs:  # the voltage is the one that arrives
+            exprs = [ca.substitute(e, g, ca.DM.zeros(g.shape)) for e in exprs]
         self._f, self._F, self._B, *columns = (ca.Function("f", [x, v], [model.numeric(e)]) for e in exprs)
         self._h, self._H = (ca.Function("h", [x], [model.numeric(e)]) for e in (model.h, ca.densify(model.H)))
         self.moved: list[tuple[Any, float]] = [(_MovedMotor(column), 1.0) for column in columns]

@@ -13,7 +13,7 @@ from model.drives.load import load_drive, parse_drive
 from model.inverter import fading_current, lost_voltage, seeing_current, takes_voltage
 from model.loop.controller import Gains, design
 from model.machines.state_space import StateSpaceModel, build
-from model.schema import Drive, DriveError, Inverter
+from model.schema import Drive, DriveError, Inverter, Tolerance
 from runtime.proof.control import gains_of
 from runtime.proof.inverter import make_inverter
 from runtime.proof.motors import make_motor
@@ -94,6 +94,42 @@ def test_about_zero_it_is_the_current_itself() -> None:
     fading = fading_current(lossy())
     for i in ([0.0, 0.0], [0.3 * fading, -0.5 * fading], [-0.7 * fading, 0.1 * fading]):
         np.testing.assert_allclose(taken(i), np.array(i) / fading, atol=1e-13)
+
+
+def doubtful(**model: Any) -> Drive:
+    """Behind an inverter whose V_d is known to a third."""
+    return variant(lossy(), model=model).model_copy(update={"tolerance": Tolerance(dead_time=0.3)})
+
+
+def test_it_is_unsure_by_what_it_lacks_of_its_greatest_length() -> None:
+    """And sure to the last bit where every leg carries current enough, as no legs by hand see it otherwise."""
+    drive = doubtful()
+    model, inverter, fading = build(drive), make_inverter(drive.model_dump()), fading_current(drive)
+    assert inverter is not None
+    rng, sure = np.random.default_rng(4), 0
+    for i in rng.normal(0, 1, (200, 2)) * fading * 10 ** rng.uniform(-2, 2, (200, 1)):
+        *g, unsure = applied(model, "g", [*i, 0, 0, 0], [0, 0])
+        z, legs = complex(*i), np.exp(2j * math.pi / 3 * np.arange(3))
+        whole = bool(np.all(np.abs((z * legs.conj()).real) >= fading))
+        assert (unsure == 0) == whole
+        assert unsure**2 == pytest.approx(1 - (g[0] ** 2 + g[1] ** 2) * 9 / 16, abs=1e-14)
+        assert unsure == pytest.approx(inverter.unsure(i)[0], rel=1e-9, abs=1e-12)
+        sure += whole
+    assert 20 < sure < 180
+    assert applied(model, "g", np.zeros(5), [0, 0])[2] == 1.0
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.4, -2.0])
+def test_what_is_unsure_is_noise_of_the_voltage_alike_on_both_axes(theta: float) -> None:
+    """V_d^2 (16/9 - |g|^2) / 2 on each, whichever way the rotor looks."""
+    drive = doubtful(discretization="euler")
+    model, per_volt = build(drive), drive.model.sample_time / drive.motor.inductance_d
+    assert set(model.G) == {"V_d", "loss_along", "loss_across"}
+    at = [0.0, 0.0, 40.0, theta, 0.0], [3.0, -5.0], [0.9, 0.2, math.sqrt(1 - 0.85 * 9 / 16)]
+    columns = [model.numeric(model.G[letter][:2]) for letter in ("loss_along", "loss_across")]
+    G = np.array(ca.Function("G", model.arguments, [ca.horzcat(*columns)])(*at))
+    variance = lost_voltage(drive) ** 2 * (16 / 9 - 0.85) / 2
+    np.testing.assert_allclose(G @ G.T, per_volt**2 * variance * np.eye(2), rtol=1e-12, atol=1e-15)
 
 
 def test_it_is_odd_bounded_and_a_number_for_any_current() -> None:

@@ -123,10 +123,14 @@ def test_an_adaptive_drive_survives_an_inverter_it_does_not_know(tmp_path: Path)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("behind_inverter", [False, True])
 @pytest.mark.parametrize("stated", [True, False])
-def test_a_machine_of_ones_own(stated: bool, tmp_path: Path) -> None:
+def test_a_machine_of_ones_own(stated: bool, behind_inverter: bool, tmp_path: Path) -> None:
     """Its reference is given motor data moved along the imaginary axis; without one CasADi's own is taken."""
     drive = tolerant(variant(load_drive(EXAMPLE / "my_motor.toml"), filter={"kinds": ["ckf"]}))
+    if behind_inverter:
+        drive = tolerant(drive, ALL.model_copy(update={"dead_time": 0.2}))
+        drive = drive.model_copy(update={"inverter": Inverter(dead_time=2e-6)})
     if not stated:
         head, _, _ = drive.machine_text.partition("def reference(")
         drive = drive.model_copy(update={"machine_text": head})

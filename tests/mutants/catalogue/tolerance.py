@@ -13,6 +13,7 @@ OWN = ("pytest tests/runtime/test_tolerance.py -k ones_own",)
 #: Bounds of adaptive states, and a V_d that may be off.
 HELD = ("pytest tests/model/test_tolerance.py -k held_within",)
 VOLTS = ("pytest tests/model/test_tolerance.py -k by_hand_says",)
+UNSURE = ("pytest tests/model/test_inverter.py -k unsure",)
 CHAIN = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and ipmsm-'",)
 BOTH = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and spmsm_adaptive'",)
 
@@ -35,9 +36,31 @@ TOLERANCE = (
         "tolerance",
         "model/machines/state_space.py",
         ("bounds forgotten", "*self.adaptive.within(fast[len(x) - slow :])", "*fast[len(x) - slow :]", HELD),
-        ("V_d acts with g", "return -ca.jtimes(self.f, v, g)", "return ca.jtimes(self.f, v, g)", VOLTS),
-        ("V_d acts on all axes alike", "ca.jtimes(self.f, v, g)", "ca.jtimes(self.f, v, v)", VOLTS),
-        ("V_d surely right", 'columns["V_d"] = sigma * self.voltage_slope', "pass", VOLTS),
+        ("V_d acts with g", '"V_d": -g[:2]', '"V_d": g[:2]', VOLTS),
+        ("V_d acts on all axes alike", '"V_d": -g[:2]', '"V_d": -v', VOLTS),
+        (
+            "V_d surely right",
+            "columns |= {letter: sigmas[letter] * slope for letter, slope in self.voltage_slopes.items()}",
+            "pass",
+            VOLTS,
+        ),
+        (
+            "loss along twice",
+            '"loss_across": rotor.to_stator((0.0, 1.0))',
+            '"loss_across": rotor.to_stator((1.0, 0.0))',
+            VOLTS,
+        ),
+        ("V_d's sigma for the loss", '"loss_along": noise,', '"loss_along": sigma,', VOLTS),
+        ("loss as noisy where signs are whole", "noise = noise * self.arguments[2][2]", "pass", VOLTS),
+        ("loss per volt", "loss = NOISE_OF_LOSS * self.lost.par.V_d", "loss = ca.SX(NOISE_OF_LOSS)", VOLTS),
+    ),
+    *of(
+        "tolerance",
+        "model/machines/lost_voltage.py",
+        ("variance for sigma", "return ca.sqrt(ca.fmax(", "return (ca.fmax(", UNSURE),
+        ("second axis as the first", "- 0.1875 * (second * second)", "- 0.25 * (second * second)", UNSURE),
+        ("second axis left out", " - 0.1875 * (second * second)", "", UNSURE),
+        ("phase a alone", "first, second = a - 0.5 * (b + c), b - c", "first, second = 1.5 * a, b - c", UNSURE),
     ),
     *of(
         "tolerance",
@@ -72,6 +95,7 @@ TOLERANCE = (
             "drive.tolerance.dead_time *",
             VOLTS,
         ),
+        ("all of the loss on each axis", "math.sqrt(8) / 3", "4 / 3", UNSURE),
         ("R's width for V_d", '"V_d": "dead_time"}', '"V_d": "stator_resistance"}', HELD),
         (
             "a state's datum kept",
