@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from codegen.ir.constants import is_round
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
@@ -260,7 +261,22 @@ def plant_listings(drive: Drive) -> dict[str, Listing]:
         "substep": plant_block(drive),
         "outputs": outputs_block(drive),
     }
-    return {name: lay_out(block, [RUNGE_KUTTA]) for name, block in blocks.items()}
+    return {name: lay_out(block, plant_constants(drive)) for name, block in blocks.items()}
+
+
+def plant_constants(drive: Drive) -> list[Constant]:
+    """The numbers of the motor's equations that want a name: those of many pole pairs are no round ones.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    p = drive.motor.pole_pairs
+    of_p = [
+        Constant("POLE_PAIRS", float(p), "p", None),
+        Constant("TORQUE_PER_FLUX", 1.5 * p, "1.5 p", None),
+    ]
+    return [RUNGE_KUTTA, *(constant for constant in of_p if not is_round(constant.value))]
 
 
 def plant_data(drive: Drive) -> list[str]:
@@ -297,8 +313,7 @@ def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
         "states": ", ".join(STATES),
         "motor": ", ".join(MOTOR),
         "round": printer.format_literal(DOUBLE.rounding),
-        "weight": RUNGE_KUTTA,
-        "weight_text": printer.format_literal(RUNGE_KUTTA.value),
+        "constants": [(c.name, printer.format_literal(c.value), c.formula) for c in plant_constants(about.drive)],
         "pair": printer.pair,
         "sin_cos": sin_cos_arithmetic(printer, DOUBLE),
         **{name: printer.format_block(listing) for name, listing in listings.items()},

@@ -11,10 +11,11 @@ import pytest
 
 from codegen.ir.covariance import CovarianceLayout
 from model.drives.load import load_drive
+from runtime.drive.scenario import scenarios
 from runtime.drive.simulation import Simulator
 from runtime.estimator.folder import find_folder
 from tests.codegen.test_example import STUBS
-from tests.conftest import ALL_DRIVES, TASKS, thoroughly
+from tests.conftest import ALL_DRIVES, thoroughly
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (3, 0, 4, 1, 2)])
@@ -43,9 +44,10 @@ def test_module_and_header_name_the_same_places(name: str) -> None:
     """The module's unpack is the judge: a word alone changed must show in the state that it is said to belong to."""
     folder = find_folder(name)
     module = folder.module
-    header = folder.text(f"{name}_ickf.h")
+    kind = folder.chosen(None)
+    header = folder.text(f"{name}_{kind}.h")
     places = {key: int(value) for key, value in re.findall(r"^    (\w+) = (\d+),?$", header, re.MULTILINE)}
-    prefix, n = f"{name}_ICKF".upper(), len(module.STATES)
+    prefix, n = f"{name}_{kind}".upper(), len(module.STATES)
     assert len(places) == 2 * n
     for k, state in enumerate(module.STATES):
         assert places[f"{prefix}_{state.upper()}"] == k
@@ -79,11 +81,11 @@ def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_pat
     """Compiled and run; its words read back by unpack. The expected ones are the drive's, not the text's."""
     folder = find_folder(name)
     module, drive = folder.module, load_drive(name)
-    n = len(module.STATES)
-    main = MAIN.replace("PREFIX", f"{name}_ickf").replace("FIELD", module.COVARIANCE)
+    n, prefix = len(module.STATES), f"{name}_{folder.chosen(None)}"
+    main = MAIN.replace("PREFIX", prefix).replace("FIELD", module.COVARIANCE)
     main = main.replace("WORDS", str(module.WORDS)).replace("STATES", str(n))
     (tmp_path / "main.c").write_text(STUBS + main)
-    sources = [folder.path / f"{name}_ickf{tail}.c" for tail in ("", "_selftest")]
+    sources = [folder.path / f"{prefix}{tail}.c" for tail in ("", "_selftest")]
     command = ["gcc", "-std=c99", "-O1", "-DWHOLE_CONTROLLER=0", f"-I{folder.path}", "main.c"]
     subprocess.run([*command, *map(str, sources), "-lm", "-o", "example"], cwd=tmp_path, check=True)
     printed = subprocess.run([tmp_path / "example"], check=True, capture_output=True, text=True).stdout
@@ -104,8 +106,9 @@ def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_pat
 @pytest.mark.parametrize("name", ALL_DRIVES)
 def test_the_numpy_controller_has_the_bits_of_the_c(name: str, scenario: str) -> None:
     """``simulate --controller numpy``, the whole run."""
-    simulator = Simulator(find_folder(name), "ickf")
-    c, twin = (simulator.run(TASKS[scenario], controller=which) for which in ("c", "numpy"))
+    folder = find_folder(name)
+    simulator, task = Simulator(folder, folder.chosen(None)), scenarios(load_drive(name))[scenario]
+    c, twin = (simulator.run(task, controller=which) for which in ("c", "numpy"))
     for field in ("x", "duty", "status"):
         np.testing.assert_array_equal(getattr(c, field), getattr(twin, field))
 

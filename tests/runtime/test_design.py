@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.drives.load import accepted_range, load_drive, parse_drive
+from model.drives.load import accepted_range, drive_path, load_drive, parse_drive, shipped_drives
 from model.rating import mtpa_currents
+from runtime.design.cost import priced
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
 from runtime.design.known import (
     LEAST_SHARE,
@@ -26,6 +27,7 @@ from runtime.design.known import (
     unknown_share,
 )
 from runtime.design.rules import CURRENT_TURN, SPEED_TO_CURRENT, design
+from runtime.design.trial import package
 from runtime.design.write import drive_text, edit_drive, toml_value
 from runtime.system.errors import UserError
 from tests.model.accepted import evenly
@@ -321,6 +323,16 @@ def test_the_written_file_loads_as_the_rules_meant_it(tmp_path: Path) -> None:
 def test_values_are_written_to_the_last_digit() -> None:
     for value in (0.1, 1e-9, 123456.789, 7, True, 'a"b', ["x", "y"], [1e-300, 2.0]):
         assert tomllib.loads(f"v = {toml_value(value)}".replace("True", "true"))["v"] == value
+
+
+def test_shipped_drives_that_were_designed_are_what_their_facts_give() -> None:
+    """Where a rule changes: ``pmsm-ickf design tests/data/facts/X.toml --out model/drives/X.toml``, then generate."""
+    designed = [path for path in FACTS if path.stem in shipped_drives()]
+    assert len(designed) == 3
+    for path in designed:
+        drafted = design(read_facts(path))
+        text = drive_text(priced(drafted, package(drafted)), path.name)
+        assert drive_path(path.stem).read_text() == text
 
 
 def test_an_existing_file_keeps_its_comments_and_what_is_not_ours(tmp_path: Path) -> None:

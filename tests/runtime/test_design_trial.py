@@ -82,7 +82,7 @@ def test_draws_fill_their_tolerances_and_a_round_rotor_stays_round(outrunner: tu
         assert abs(np.mean(off)) < 0.1 * width
     np.testing.assert_array_equal(drawn.factors["L_d"], drawn.factors["L_q"])
     assert 0.98 * facts.angle < np.max(np.abs(drawn.theta)) <= facts.angle
-    salient = draw(read_facts(DATA / "traction.toml"), 100, 3)
+    salient = draw(read_facts(DATA / "traction_70kw.toml"), 100, 3)
     assert np.any(salient.factors["L_d"] != salient.factors["L_q"])
     known = drawn.exactly(("R", "theta"))
     assert not np.any(known.theta)

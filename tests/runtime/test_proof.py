@@ -18,6 +18,7 @@ from model.filters import cubature, sigma_point
 from model.filters import ickf as ickf_module
 from model.machines import MACHINES
 from model.machines.mechanics import ConstantSpeed
+from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.folders.resolve import NamedDrive
@@ -179,12 +180,12 @@ def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """The right angle modulo a turn, but not in [-pi, pi): float32 would lose digits."""
-    monkeypatch.setattr(cubature, "wrapped", lambda x, model: x)
+    monkeypatch.setattr(StateSpaceModel, "kept", lambda model, x: x)
 
 
 def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = cubature.wrapped
-    monkeypatch.setattr(cubature, "wrapped", lambda x, model: original([*x[:3], x[3] + 1e-6], model))
+    original = StateSpaceModel.kept
+    monkeypatch.setattr(StateSpaceModel, "kept", lambda model, x: original(model, [*x[:3], x[3] + 1e-6]))
 
 
 def test_an_angle_that_is_not_wrapped_is_caught(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
