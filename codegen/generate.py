@@ -43,6 +43,7 @@ from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
 from model.filters import FilterStep, build_filter
+from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
 from model.schema import Drive, DriveError
 
@@ -197,7 +198,7 @@ def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[
     model : StateSpaceModel
     steps : dict of str to FilterStep
     """
-    constants = model.constants
+    constants = [*model.constants, *(OF_LEGS if model.lost else ())]
     blocks = {block.name: block for step in steps.values() for block in step.blocks}
     return {name: lay_out(optimise(block), constants) for name, block in blocks.items()}
 

@@ -19,9 +19,19 @@ from typing import Any
 
 import casadi as ca
 
+from model.quantities import Constant
 from model.schema import Drive
 
 SQRT_3 = math.sqrt(3.0)
+
+#: Numbers of the transforms between three phases and two axes, by their names in generated text.
+TRANSFORM = (
+    Constant("ONE_BY_SQRT_3", 1 / SQRT_3, "1 / sqrt(3)", None),
+    Constant("TWO_BY_SQRT_3", 2 / SQRT_3, "2 / sqrt(3)", None),
+    Constant("SQRT_3_BY_2", SQRT_3 / 2, "sqrt(3) / 2", None),
+)
+#: Those of a voltage that is put together from three legs.
+OF_LEGS = (*TRANSFORM, Constant("TWO_THIRDS", 2 / 3, "2 / 3", None))
 
 #: The word of :attr:`model.schema.Model.adaptive` by which V_d is a state.
 STATE = "dead_time_voltage"

@@ -207,7 +207,9 @@ def _made_of(graph: Graph, index: int, names: dict[int, str], words: dict[str, s
     if not all(parts):
         return ""
     if node.op == "mul" and words is _SHORTEST and (scale := [g for g in node.args if graph[g].op == "const"]):
-        return f"{parts[1 - node.args.index(scale[0])]}_scaled"
+        other = parts[1 - node.args.index(scale[0])]
+        number = _NUMBERS.get(graph[scale[0]].value)
+        return f"{number}_{other}" if number else f"{other}_scaled"
     if node.op == "mul" and parts[0] == parts[1]:
         return f"{parts[0]}_sq"
     word = f"_{words.get(node.op, node.op)}_"

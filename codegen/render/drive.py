@@ -26,10 +26,9 @@ from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
 from model.filters import FilterStep
-from model.inverter import STATE
+from model.inverter import OF_LEGS, STATE, TRANSFORM
 from model.loop.controller import (
     SENSED_MAX,
-    TRANSFORM,
     Gains,
     believed_block,
     clarke_block,
@@ -53,7 +52,12 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     constants = Constants(named=True)
     block = control_block(about.drive, constants)
     found = list(constants.items.values())
-    return lay_out(block, [*found, *TRANSFORM]), found
+    return lay_out(block, [*found, *_transform(about)]), found
+
+
+def _transform(about: Description) -> tuple[Constant, ...]:
+    """Numbers of the transforms that the controller's text may hold."""
+    return OF_LEGS if about.model.lost else TRANSFORM
 
 
 def control_constants(about: Description, constants: list[Constant]) -> list[Constant]:
@@ -66,7 +70,7 @@ def control_constants(about: Description, constants: list[Constant]) -> list[Con
         The controller's.
     """
     try:
-        return united(constants, about.model.constants, TRANSFORM)
+        return united(constants, about.model.constants, _transform(about))
     except ConstantError as error:
         raise DriveError(f"drive '{about.drive.name}': controller and machine share a name: {error}.") from None
 

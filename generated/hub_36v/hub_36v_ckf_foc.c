@@ -40,6 +40,7 @@
 #define A_PER_TORQUE 1.2574002f /* 1 / (1.5 p psi_m), A/(N m) */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define TWO_THIRDS 0.6666667f /* 2 / 3 */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 
 /* Adding and subtracting it rounds to the nearest integer. */
@@ -201,7 +202,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
         lost_share * sign_i_b, 0.0f), 1.0f);
     const float32 part_of_v_alpha_commanded_2 = smaller(larger(0.5f + (v_c - v_common) / v_link +
         lost_share * sign_i_c, 0.0f), 1.0f);
-    const float32 v_alpha_commanded = v_link * (0.6666667f * (smaller(larger(0.5f +
+    const float32 v_alpha_commanded = v_link * (TWO_THIRDS * (smaller(larger(0.5f +
         (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0f), 1.0f) -
         0.5f * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2)));
     const float32 v_beta_commanded =

@@ -61,6 +61,9 @@ HALF_T = 5e-05  # T / 2, s
 NOMINAL_R = 0.3  # the motor's stator resistance, ohm
 GAIN_OMEGA = 10.0  # T / J, rad/s per N m
 GAIN_TORQUE = 0.042  # 1.5 p psi_m, N m/A
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_THIRDS = 0.6666666666666666  # 2 / 3
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
 HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
 GAIN_E_POLE_PAIRS = 0.0105540925730653  # GAIN_E * POLE_PAIRS
 PAIR_WEIGHT = 0.16666666666666666  # 1 / 6: weight of the two points of a column of S
@@ -77,8 +80,6 @@ L_Q = 0.00025  # L_q, H
 PSI_M = 0.007  # magnet flux linkage, Wb
 TORQUE_PER_A = 0.042  # 1.5 p psi_m, N m/A
 A_PER_TORQUE = 23.809523809523807  # 1 / (1.5 p psi_m), A/(N m)
-ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
-SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
 TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 OWN_STATOR_RESISTANCE = 0.3  # the motor's stator_resistance
 RETURN = 0.000244140625  # T / adaptive_time, to a power of two
@@ -341,13 +342,11 @@ def inverter(x, u, math, stages=None):
     sign_per_a_times_i_alpha = SIGN_PER_A * i_alpha
     sign_a_here = _larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha))
     sign_per_a_times_i_alpha_scaled = -0.5 * sign_per_a_times_i_alpha
-    sign_per_a_times_i_beta_scaled = 0.8660254037844386 * (SIGN_PER_A * i_beta)
-    sign_b_here = (_larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha_scaled +
-        sign_per_a_times_i_beta_scaled)))
-    sign_c_here = (_larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha_scaled -
-        sign_per_a_times_i_beta_scaled)))
-    g_alpha_here = 0.6666666666666666 * (sign_a_here - 0.5 * (sign_b_here + sign_c_here))
-    g_beta_here = 0.5773502691896258 * (sign_b_here - sign_c_here)
+    i_beta_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta)
+    sign_b_here = _larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha_scaled + i_beta_scaled_scaled))
+    sign_c_here = _larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha_scaled - i_beta_scaled_scaled))
+    g_alpha_here = TWO_THIRDS * (sign_a_here - 0.5 * (sign_b_here + sign_c_here))
+    g_beta_here = ONE_BY_SQRT_3 * (sign_b_here - sign_c_here)
 
     # --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs
     v_alpha_now = v_alpha - V_DEAD * g_alpha_here
@@ -406,30 +405,29 @@ def time_update(x, LD, Q, v, turn, math, stages=None):
     odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30
     emf_step = GAIN_E * omega_e
     odd_emf_step_0 = GAIN_E * odd_omega_e_0
-    part_of_i_alpha_pred = GAIN_V * (stator_resistance - NOMINAL_R)
-    part_of_i_q_between = ONE_PLUS_DECAY_I - part_of_i_alpha_pred
+    decay_off = GAIN_V * (stator_resistance - NOMINAL_R)
+    one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off
     sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
     i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta
     gain_v_times_v_alpha = GAIN_V * v_alpha
     gain_v_times_v_beta = GAIN_V * v_beta
-    i_d_between = (0.5 * (part_of_i_q_between * i_alpha_turned + (gain_v_times_v_alpha * cos_theta_mid +
+    i_d_between = (0.5 * (one_plus_decay_now * i_alpha_turned + (gain_v_times_v_alpha * cos_theta_mid +
         gain_v_times_v_beta * sin_theta_mid)))
     i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid
-    i_q_between = (0.5 * (part_of_i_q_between * i_beta_turned - emf_step +
-        (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid)))
+    i_q_between = (0.5 * (one_plus_decay_now * i_beta_turned - emf_step + (gain_v_times_v_beta * cos_theta_mid
+        - gain_v_times_v_alpha * sin_theta_mid)))
     n_D_0 = D_i_alpha * 6.0
-    gain_v_times_L_50 = GAIN_V * L_50
-    n_D_0_times_gain_v_times_L_50 = n_D_0 * gain_v_times_L_50
+    odd_decay_off_0 = GAIN_V * L_50
+    n_D_odd_decay_off_0 = n_D_0 * odd_decay_off_0
     odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
-    minus_even_i_beta_next_0 = (emf_step * cosm1_theta_mid_0 +
-        n_D_0_times_gain_v_times_L_50 * odd_i_beta_turned_0)
+    minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 + n_D_odd_decay_off_0 * odd_i_beta_turned_0
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
     n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0
     odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10
-    part_of_i_alpha_pred_2 = DECAY_I - part_of_i_alpha_pred
-    odd_i_alpha_next_0 = (part_of_i_alpha_pred_2 * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
-        gain_v_times_L_50 * i_alpha_turned)
+    decay_now = DECAY_I - decay_off
+    odd_i_alpha_next_0 = (decay_now * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
+        odd_decay_off_0 * i_alpha_turned)
     even_i_q_between_0 = (cosm1_theta_mid_0 * i_q_between -
         minus_even_i_beta_next_0 * 0.5 * one_plus_cosm1_theta_mid_0 -
         n_D_sind_theta_mid_0 * 0.5 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0))
@@ -437,14 +435,14 @@ def time_update(x, LD, Q, v, turn, math, stages=None):
     odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31
     odd_emf_step_1 = GAIN_E * odd_omega_e_1
     n_D_1 = 6.0 * D_i_beta
-    gain_v_times_L_51 = GAIN_V * L_51
-    n_D_1_times_gain_v_times_L_51 = n_D_1 * gain_v_times_L_51
-    minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 + cos_theta_mid * n_D_1_times_gain_v_times_L_51
+    odd_decay_off_1 = GAIN_V * L_51
+    n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1
+    minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 + cos_theta_mid * n_D_odd_decay_off_1
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
     sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
     n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
-    odd_i_alpha_next_1 = (part_of_i_alpha_pred_2 * sin_theta_mid + emf_step * sind_theta_mid_1 -
-        i_alpha_turned * gain_v_times_L_51)
+    odd_i_alpha_next_1 = (decay_now * sin_theta_mid + emf_step * sind_theta_mid_1 -
+        i_alpha_turned * odd_decay_off_1)
     even_i_q_between_1 = (cosm1_theta_mid_1 * i_q_between -
         minus_even_i_beta_next_1 * 0.5 * one_plus_cosm1_theta_mid_1 -
         n_D_sind_theta_mid_1 * 0.5 * (sin_theta_mid + odd_i_alpha_next_1))
@@ -453,8 +451,8 @@ def time_update(x, LD, Q, v, turn, math, stages=None):
     one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2
     sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
     n_D_sind_theta_mid_2 = 6.0 * D_omega * sind_theta_mid_2
-    gain_v_times_L_52 = GAIN_V * L_52
-    odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * gain_v_times_L_52
+    odd_decay_off_2 = GAIN_V * L_52
+    odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * odd_decay_off_2
     even_i_q_between_2 = (cosm1_theta_mid_2 * i_q_between -
         minus_even_i_beta_next_2 * 0.5 * one_plus_cosm1_theta_mid_2 -
         n_D_sind_theta_mid_2 * 0.5 * odd_i_alpha_next_2)
@@ -466,23 +464,20 @@ def time_update(x, LD, Q, v, turn, math, stages=None):
     even_i_q_between_3 = (cosm1_theta_mid_3 * i_q_between -
         minus_even_i_beta_next_3 * 0.5 * one_plus_cosm1_theta_mid_3 -
         3.0 * sinc_theta_mid_3 * D_odd_i_alpha_3)
-    even_i_alpha_next_0 = (odd_emf_step_0 * n_D_sind_theta_mid_0 -
-        n_D_0_times_gain_v_times_L_50 * odd_i_alpha_turned_0)
-    even_i_alpha_next_1 = (odd_emf_step_1 * n_D_sind_theta_mid_1 -
-        sin_theta_mid * n_D_1_times_gain_v_times_L_51)
+    even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 - n_D_odd_decay_off_0 * odd_i_alpha_turned_0
+    even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 - sin_theta_mid * n_D_odd_decay_off_1
     even_i_alpha_next_2 = GAIN_E_POLE_PAIRS * n_D_sind_theta_mid_2
-    odd_i_beta_next_0 = (part_of_i_alpha_pred_2 * odd_i_beta_turned_0 -
-        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * gain_v_times_L_50)
-    odd_i_beta_next_1 = (part_of_i_alpha_pred_2 * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
-        - i_beta_turned * gain_v_times_L_51)
+    odd_i_beta_next_0 = (decay_now * odd_i_beta_turned_0 - odd_emf_step_0 * one_plus_cosm1_theta_mid_0 -
+        i_beta_turned * odd_decay_off_0)
+    odd_i_beta_next_1 = (decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1 -
+        i_beta_turned * odd_decay_off_1)
     odd_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0)
         - GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5) -
         GAIN_OMEGA * L_40 + L_20)
     odd_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1)
         - GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5) -
         GAIN_OMEGA * L_41 + L_21)
-    minus_odd_i_beta_next_2 = (GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 +
-        i_beta_turned * gain_v_times_L_52)
+    minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 + i_beta_turned * odd_decay_off_2
     odd_omega_next_2 = (1.0 -
         GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 + L_42) -
         GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5))
@@ -676,9 +671,9 @@ def time_update(x, LD, Q, v, turn, math, stages=None):
     # --- eq. 16: x_pred = mean X_i'
     offset_omega = GAIN_OMEGA_GAIN_TORQUE * curv_omega_mean
     offset_theta = curv_omega_mean * GAIN_OMEGA_GAIN_TQ_HALF_T_PP
-    i_alpha_of_x = part_of_i_alpha_pred_2 * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha
+    i_alpha_of_x = decay_now * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha
     i_alpha_pred = i_alpha_of_x + cos_theta_mid * curv_i_alpha_mean + sin_theta_mid * minus_curv_i_beta_mean
-    i_beta_of_x = part_of_i_alpha_pred_2 * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta
+    i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta
     i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean - cos_theta_mid * minus_curv_i_beta_mean
     omega_of_x = (GAIN_OMEGA_GAIN_TORQUE_BY2 * cos_theta_mid * (i_beta_of_x + i_beta) -
         GAIN_OMEGA_GAIN_TORQUE_BY2 * sin_theta_mid * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque +
@@ -906,9 +901,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
         0.0), 1.0))
     part_of_v_alpha_commanded_2 = (_smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c,
         0.0), 1.0))
-    v_alpha_commanded = (v_link * (0.6666666666666666 * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link
-        + lost_share * sign_i_a, 0.0), 1.0) -
-        0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
+    v_alpha_commanded = (v_link * (TWO_THIRDS * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link +
+        lost_share * sign_i_a, 0.0), 1.0) - 0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
     v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2))
 
     return (

@@ -67,6 +67,9 @@
 #define NOMINAL_R 0.3f /* the motor's stator resistance, ohm */
 #define GAIN_OMEGA 10.0f /* T / J, rad/s per N m */
 #define GAIN_TORQUE 0.042f /* 1.5 p psi_m, N m/A */
+#define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define TWO_THIRDS 0.6666667f /* 2 / 3 */
+#define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS 0.010554093f /* GAIN_E * POLE_PAIRS */
 #define PAIR_WEIGHT 0.16666667f /* 1 / 6: weight of the two points of a column of S */
@@ -203,13 +206,13 @@ static void inverter(const float32 x[6], const float32 u[2], float32 v_out[2])
     const float32 sign_per_a_times_i_alpha = SIGN_PER_A * i_alpha;
     const float32 sign_a_here = larger(-1.0f, smaller(1.0f, sign_per_a_times_i_alpha));
     const float32 sign_per_a_times_i_alpha_scaled = -0.5f * sign_per_a_times_i_alpha;
-    const float32 sign_per_a_times_i_beta_scaled = 0.8660254f * (SIGN_PER_A * i_beta);
-    const float32 sign_b_here = larger(-1.0f, smaller(1.0f, sign_per_a_times_i_alpha_scaled +
-        sign_per_a_times_i_beta_scaled));
-    const float32 sign_c_here = larger(-1.0f, smaller(1.0f, sign_per_a_times_i_alpha_scaled -
-        sign_per_a_times_i_beta_scaled));
-    const float32 g_alpha_here = 0.6666667f * (sign_a_here - 0.5f * (sign_b_here + sign_c_here));
-    const float32 g_beta_here = 0.57735026f * (sign_b_here - sign_c_here);
+    const float32 i_beta_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta);
+    const float32 sign_b_here = larger(-1.0f,
+        smaller(1.0f, sign_per_a_times_i_alpha_scaled + i_beta_scaled_scaled));
+    const float32 sign_c_here = larger(-1.0f,
+        smaller(1.0f, sign_per_a_times_i_alpha_scaled - i_beta_scaled_scaled));
+    const float32 g_alpha_here = TWO_THIRDS * (sign_a_here - 0.5f * (sign_b_here + sign_c_here));
+    const float32 g_beta_here = ONE_BY_SQRT_3 * (sign_b_here - sign_c_here);
 
     /* --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs */
     const float32 v_alpha_now = v_alpha - V_DEAD * g_alpha_here;
@@ -314,32 +317,32 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
     const float32 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
     const float32 emf_step = GAIN_E * omega_e;
     const float32 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
-    const float32 part_of_i_alpha_pred = GAIN_V * (stator_resistance - NOMINAL_R);
-    const float32 part_of_i_q_between = ONE_PLUS_DECAY_I - part_of_i_alpha_pred;
+    const float32 decay_off = GAIN_V * (stator_resistance - NOMINAL_R);
+    const float32 one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off;
     const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
     const float32 sin_theta_mid = sincos_theta_mid.sine;
     const float32 cos_theta_mid = sincos_theta_mid.cosine;
     const float32 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
     const float32 gain_v_times_v_alpha = GAIN_V * v_alpha;
     const float32 gain_v_times_v_beta = GAIN_V * v_beta;
-    const float32 i_d_between = 0.5f * (part_of_i_q_between * i_alpha_turned +
+    const float32 i_d_between = 0.5f * (one_plus_decay_now * i_alpha_turned +
         (gain_v_times_v_alpha * cos_theta_mid + gain_v_times_v_beta * sin_theta_mid));
     const float32 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
-    const float32 i_q_between = 0.5f * (part_of_i_q_between * i_beta_turned - emf_step +
+    const float32 i_q_between = 0.5f * (one_plus_decay_now * i_beta_turned - emf_step +
         (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid));
     const float32 n_D_0 = D_i_alpha * 6.0f;
-    const float32 gain_v_times_L_50 = GAIN_V * L_50;
-    const float32 n_D_0_times_gain_v_times_L_50 = n_D_0 * gain_v_times_L_50;
+    const float32 odd_decay_off_0 = GAIN_V * L_50;
+    const float32 n_D_odd_decay_off_0 = n_D_0 * odd_decay_off_0;
     const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float32 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
-        n_D_0_times_gain_v_times_L_50 * odd_i_beta_turned_0;
+        n_D_odd_decay_off_0 * odd_i_beta_turned_0;
     const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
     const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
     const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
-    const float32 part_of_i_alpha_pred_2 = DECAY_I - part_of_i_alpha_pred;
-    const float32 odd_i_alpha_next_0 = part_of_i_alpha_pred_2 * odd_i_alpha_turned_0 +
-        emf_step * sind_theta_mid_0 - gain_v_times_L_50 * i_alpha_turned;
+    const float32 decay_now = DECAY_I - decay_off;
+    const float32 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
+        odd_decay_off_0 * i_alpha_turned;
     const float32 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
         minus_even_i_beta_next_0 * 0.5f * one_plus_cosm1_theta_mid_0 -
         n_D_sind_theta_mid_0 * 0.5f * (odd_i_alpha_turned_0 + odd_i_alpha_next_0);
@@ -347,15 +350,15 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
     const float32 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
     const float32 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
     const float32 n_D_1 = 6.0f * D_i_beta;
-    const float32 gain_v_times_L_51 = GAIN_V * L_51;
-    const float32 n_D_1_times_gain_v_times_L_51 = n_D_1 * gain_v_times_L_51;
+    const float32 odd_decay_off_1 = GAIN_V * L_51;
+    const float32 n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1;
     const float32 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
-        cos_theta_mid * n_D_1_times_gain_v_times_L_51;
+        cos_theta_mid * n_D_odd_decay_off_1;
     const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
     const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
-    const float32 odd_i_alpha_next_1 = part_of_i_alpha_pred_2 * sin_theta_mid + emf_step * sind_theta_mid_1 -
-        i_alpha_turned * gain_v_times_L_51;
+    const float32 odd_i_alpha_next_1 = decay_now * sin_theta_mid + emf_step * sind_theta_mid_1 -
+        i_alpha_turned * odd_decay_off_1;
     const float32 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
         minus_even_i_beta_next_1 * 0.5f * one_plus_cosm1_theta_mid_1 -
         n_D_sind_theta_mid_1 * 0.5f * (sin_theta_mid + odd_i_alpha_next_1);
@@ -364,8 +367,8 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
     const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
     const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float32 n_D_sind_theta_mid_2 = 6.0f * D_omega * sind_theta_mid_2;
-    const float32 gain_v_times_L_52 = GAIN_V * L_52;
-    const float32 odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * gain_v_times_L_52;
+    const float32 odd_decay_off_2 = GAIN_V * L_52;
+    const float32 odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * odd_decay_off_2;
     const float32 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
         minus_even_i_beta_next_2 * 0.5f * one_plus_cosm1_theta_mid_2 -
         n_D_sind_theta_mid_2 * 0.5f * odd_i_alpha_next_2;
@@ -378,14 +381,14 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
         minus_even_i_beta_next_3 * 0.5f * one_plus_cosm1_theta_mid_3 -
         3.0f * sinc_theta_mid_3 * D_odd_i_alpha_3;
     const float32 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
-        n_D_0_times_gain_v_times_L_50 * odd_i_alpha_turned_0;
+        n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
     const float32 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
-        sin_theta_mid * n_D_1_times_gain_v_times_L_51;
+        sin_theta_mid * n_D_odd_decay_off_1;
     const float32 even_i_alpha_next_2 = GAIN_E_POLE_PAIRS * n_D_sind_theta_mid_2;
-    const float32 odd_i_beta_next_0 = part_of_i_alpha_pred_2 * odd_i_beta_turned_0 -
-        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * gain_v_times_L_50;
-    const float32 odd_i_beta_next_1 = part_of_i_alpha_pred_2 * cos_theta_mid -
-        odd_emf_step_1 * one_plus_cosm1_theta_mid_1 - i_beta_turned * gain_v_times_L_51;
+    const float32 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
+        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
+    const float32 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
+        - i_beta_turned * odd_decay_off_1;
     const float32 odd_omega_next_0 =
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
         GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5f) -
@@ -395,7 +398,7 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
         GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5f) -
         GAIN_OMEGA * L_41 + L_21;
     const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 +
-        i_beta_turned * gain_v_times_L_52;
+        i_beta_turned * odd_decay_off_2;
     const float32 odd_omega_next_2 = 1.0f -
         GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 + L_42) -
         GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5f);
@@ -594,12 +597,10 @@ static void time_update(const float32 x[6], const float32 LD[21], const float32 
     /* --- eq. 16: x_pred = mean X_i' */
     const float32 offset_omega = GAIN_OMEGA_GAIN_TORQUE * curv_omega_mean;
     const float32 offset_theta = curv_omega_mean * GAIN_OMEGA_GAIN_TQ_HALF_T_PP;
-    const float32 i_alpha_of_x = part_of_i_alpha_pred_2 * i_alpha + emf_step * sin_theta_mid +
-        gain_v_times_v_alpha;
+    const float32 i_alpha_of_x = decay_now * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
     const float32 i_alpha_pred = i_alpha_of_x + cos_theta_mid * curv_i_alpha_mean +
         sin_theta_mid * minus_curv_i_beta_mean;
-    const float32 i_beta_of_x = part_of_i_alpha_pred_2 * i_beta - emf_step * cos_theta_mid +
-        gain_v_times_v_beta;
+    const float32 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
     const float32 i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean -
         cos_theta_mid * minus_curv_i_beta_mean;
     const float32 omega_of_x = GAIN_OMEGA_GAIN_TORQUE_BY2 * cos_theta_mid * (i_beta_of_x + i_beta) -

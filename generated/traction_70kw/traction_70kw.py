@@ -62,6 +62,9 @@ GAIN_D = 9.955134696795931e-05  # (1 - exp(-T R / L_d)) L_d / R, s
 GAIN_Q = 9.98202158057399e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 GAIN_OMEGA = 0.0016666666666666668  # T / J, rad/s per N m
 INV_L_D_PSI_M = 400.0  # INV_L_D * PSI_M
+SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
+TWO_THIRDS = 0.6666666666666666  # 2 / 3
+ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
 HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
 HALF_T_SQ_POLE_PAIRS_SQ = 4e-08  # HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS
 ONE_MINUS_LOSS_D = 0.9910403787728836  # 1 - LOSS_D
@@ -86,8 +89,6 @@ L_Q = 0.0005  # L_q, H
 TORQUE_PER_A = 0.48  # 1.5 p psi_m, N m/A
 MTPA_RATIO = 0.0037500000000000003  # (L_q - L_d) / psi_m, 1/A
 A_PER_TORQUE = 2.0833333333333335  # 1 / (1.5 p psi_m), A/(N m)
-ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
-SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
 TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 INV_L_D = 5000.0  # 1 / L_d, A/Wb
 MAGNET_TURN = 1.0780580978414631e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
@@ -359,11 +360,11 @@ def inverter(x, u, math, stages=None):
     sign_per_a_times_i_alpha_here = SIGN_PER_A * i_alpha_here
     sign_a_here = _larger(-1.0, _smaller(1.0, sign_per_a_times_i_alpha_here))
     part_of_sign_b_here = -0.5 * sign_per_a_times_i_alpha_here
-    sign_per_a_x_i_beta_here_scaled = 0.8660254037844386 * (SIGN_PER_A * i_beta_here)
-    sign_b_here = _larger(-1.0, _smaller(1.0, part_of_sign_b_here + sign_per_a_x_i_beta_here_scaled))
-    sign_c_here = _larger(-1.0, _smaller(1.0, part_of_sign_b_here - sign_per_a_x_i_beta_here_scaled))
-    g_alpha_here = 0.6666666666666666 * (sign_a_here - 0.5 * (sign_b_here + sign_c_here))
-    g_beta_here = 0.5773502691896258 * (sign_b_here - sign_c_here)
+    i_beta_here_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta_here)
+    sign_b_here = _larger(-1.0, _smaller(1.0, part_of_sign_b_here + i_beta_here_scaled_scaled))
+    sign_c_here = _larger(-1.0, _smaller(1.0, part_of_sign_b_here - i_beta_here_scaled_scaled))
+    g_alpha_here = TWO_THIRDS * (sign_a_here - 0.5 * (sign_b_here + sign_c_here))
+    g_beta_here = ONE_BY_SQRT_3 * (sign_b_here - sign_c_here)
 
     # --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs
     v_alpha_now = v_alpha - V_DEAD * g_alpha_here
@@ -972,9 +973,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
         0.0), 1.0))
     part_of_v_alpha_commanded_2 = (_smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c,
         0.0), 1.0))
-    v_alpha_commanded = (v_link * (0.6666666666666666 * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link
-        + lost_share * sign_i_a, 0.0), 1.0) -
-        0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
+    v_alpha_commanded = (v_link * (TWO_THIRDS * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link +
+        lost_share * sign_i_a, 0.0), 1.0) - 0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
     v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2))
 
     return (

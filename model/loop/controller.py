@@ -9,28 +9,18 @@ where the model has it, by the same number V_d: the drive file's, or the filter'
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, dataclass, fields
 from typing import Any
 
 import casadi as ca
 
 from model.filters.program import BlockBuilder
-from model.inverter import STATE, clarke, compensation_current, legs, lost_voltage, saturated, takes_voltage
+from model.inverter import SQRT_3, STATE, clarke, compensation_current, legs, lost_voltage, saturated, takes_voltage
 from model.machines.base import Pair, Rotor
 from model.machines.lost_voltage import constant_voltage
 from model.machines.state_space import StateSpaceModel
-from model.quantities import Block, Constant, Constants
+from model.quantities import Block, Constants
 from model.schema import Drive
-
-SQRT_3 = math.sqrt(3.0)
-
-#: Numbers of the transforms between three phases and two axes, by their names in generated text.
-TRANSFORM = (
-    Constant("ONE_BY_SQRT_3", 1 / SQRT_3, "1 / sqrt(3)", None),
-    Constant("TWO_BY_SQRT_3", 2 / SQRT_3, "2 / sqrt(3)", None),
-    Constant("SQRT_3_BY_2", SQRT_3 / 2, "sqrt(3) / 2", None),
-)
 
 #: V: a DC link measured lower, or not a number, counts as this much; duty cycles and integrators stay finite.
 LEAST_LINK = 1.0

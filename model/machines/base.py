@@ -249,10 +249,14 @@ class Machine(ABC):
         v : Pair
             Stator voltages v_alpha, v_beta, V.
         """
+        dR = self.excess_resistance()
+        return v if dR is None else (v[0] - dR * i[0], v[1] - dR * i[1])
+
+    def excess_resistance(self) -> Any:
+        """R - R_0, ohm, where the resistance is a state; None where it is the motor's."""
         if self.par.R is self.nominal.R:
-            return v
-        dR = self.par.R - self.constant("NOMINAL_R", self.nominal.R, "the motor's stator resistance, ohm")
-        return v[0] - dR * i[0], v[1] - dR * i[1]
+            return None
+        return self.par.R - self.constant("NOMINAL_R", self.nominal.R, "the motor's stator resistance, ohm")
 
     def _middle(self, theta: Any, omega_e: Any) -> Rotor:
         """The rotor in the middle of the interval."""

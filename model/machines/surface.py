@@ -135,7 +135,16 @@ class SurfacePMSM(Machine):
         emf = self.constant("GAIN_E", gain * par.psi_m, "psi_m (1 - exp(-T R / L)) / R, A s/rad")
         middle = self._middle(theta, omega_e)
         z_next, named = _advance(z, self.excess_drop(z, v), omega_e, middle, (decay, emf, gain))
-        return Sampled(z_next, (middle.to_rotor(midpoint(z, z_next)), middle), {"theta_mid": middle.theta, **named})
+        named = {"theta_mid": middle.theta, **named, **self._with_resistance(decay, gain)}
+        return Sampled(z_next, (middle.to_rotor(midpoint(z, z_next)), middle), named)
+
+    def _with_resistance(self, decay: Any, gain: Any) -> Named:
+        """What the decay of the currents becomes where the resistance is a state: names for what passes make of it."""
+        excess = self.excess_resistance()
+        if excess is None:
+            return {}
+        decay_off = gain * excess
+        return {"decay_off": decay_off, "decay_now": decay - decay_off, "one_plus_decay_now": 1 + decay - decay_off}
 
 
 def _advance(z: Pair, v: Pair, omega_e: Any, rotor: Rotor, c: tuple[Any, Any, Any]) -> tuple[Pair, Named]:

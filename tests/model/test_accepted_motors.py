@@ -142,7 +142,7 @@ def test_f_h_and_their_jacobians_are_those_of_the_motors_by_hand() -> None:
         model, hand = build(drive), make_motor(drive.model_dump())
         outputs = [model.numeric(ca.densify(e)) for e in (model.f, model.h, model.F, model.H)]
         x, u = draw_point(rng, drive, model)
-        inverter = make_inverter(drive.model_dump()) or LossyInverter(0.0, 1.0, None, 1.0)
+        inverter = make_inverter(drive.model_dump()) or LossyInverter(0.0, 1.0, None, 1.0, 1.0)
         g = inverter.shortfall(hand.h(x)) if "g" in model.inputs else np.zeros(2)
         arrives = {"u": u, "g": g, "v": u}
         given = [arrives[name] for name in model.inputs]

@@ -366,44 +366,45 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_emf_step_0 = L_20 * L_50_times_D_i_alpha * GAIN_V_POLE_PAIRS_X7;
         const float32 magnet_flux_x_gain_v_pole_pairs = magnet_flux * GAIN_V_POLE_PAIRS;
         const float32 odd_emf_step_0 = magnet_flux_x_gain_v_pole_pairs * L_20 + odd_emf_step_5 * L_50;
-        const float32 part_of_i_alpha_pred = GAIN_V * (stator_resistance - NOMINAL_R);
-        const float32 part_of_i_q_between = ONE_PLUS_DECAY_I - part_of_i_alpha_pred;
+        const float32 decay_off = GAIN_V * (stator_resistance - NOMINAL_R);
+        const float32 one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off;
         const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
         const float32 gain_v_times_v_alpha = GAIN_V * v_alpha;
         const float32 gain_v_times_v_beta = GAIN_V * v_beta;
-        const float32 i_d_between = 0.5f * (part_of_i_q_between * i_alpha_turned +
+        const float32 i_d_between = 0.5f * (one_plus_decay_now * i_alpha_turned +
             (gain_v_times_v_alpha * cos_theta_mid + gain_v_times_v_beta * sin_theta_mid));
         const float32 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
-        const float32 part_of_i_q_between_2 = part_of_i_q_between * i_beta_turned - emf_step +
+        const float32 part_of_i_q_between = one_plus_decay_now * i_beta_turned - emf_step +
             (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid);
-        const float32 i_q_between = 0.5f * part_of_i_q_between_2;
+        const float32 i_q_between = 0.5f * part_of_i_q_between;
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
         const float32 D_i_alpha_times_L_60 = D_i_alpha * L_60;
-        const float32 D_i_alpha_times_L_60_scaled = GAIN_V_X7 * D_i_alpha_times_L_60;
+        const float32 n_D_odd_decay_off_0 = GAIN_V_X7 * D_i_alpha_times_L_60;
         const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
-            even_emf_step_0 * one_plus_cosm1_theta_mid_0 + D_i_alpha_times_L_60_scaled * odd_i_beta_turned_0;
-        const float32 part_of_even_i_q_between_0 = one_plus_cosm1_theta_mid_0 * 0.5f;
+            even_emf_step_0 * one_plus_cosm1_theta_mid_0 + n_D_odd_decay_off_0 * odd_i_beta_turned_0;
+        const float32 half_one_plus_cosm1_theta_mid_0 = one_plus_cosm1_theta_mid_0 * 0.5f;
         const float32 D_i_alpha_times_odd_theta_mid_0 = D_i_alpha * odd_theta_mid_0;
         const float32 D_sind_theta_mid_0 = D_i_alpha_times_odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
-        const float32 part_of_i_alpha_pred_2 = DECAY_I - part_of_i_alpha_pred;
+        const float32 decay_now = DECAY_I - decay_off;
         const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 minus_odd_drive_alpha_6 = GAIN_V * i_alpha_turned;
-        const float32 odd_i_alpha_next_0 = part_of_i_alpha_pred_2 * odd_i_alpha_turned_0 +
+        const float32 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 +
             sind_theta_mid_0 * (emf_step + even_emf_step_0) - L_60 * minus_odd_drive_alpha_6;
         const float32 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
-            minus_even_i_beta_next_0 * part_of_even_i_q_between_0 -
+            minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
             D_sind_theta_mid_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 3.5f;
         const float32 minus_odd_drive_beta_6 = GAIN_V * i_beta_turned;
-        const float32 odd_i_beta_next_0 = part_of_i_alpha_pred_2 * odd_i_beta_turned_0 -
+        const float32 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
             odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - L_60 * minus_odd_drive_beta_6;
         const float32 even_i_alpha_next_0 = 7.0f * odd_emf_step_0 * D_sind_theta_mid_0 -
-            D_i_alpha_times_L_60_scaled * odd_i_alpha_turned_0;
-        const float32 odd_i_q_between_0 = part_of_even_i_q_between_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
+            n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
+        const float32 odd_i_q_between_0 =
+            half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
             sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5f);
         const float32 magnet_flux_x_torque_per_flux = magnet_flux * TORQUE_PER_FLUX;
         const float32 even_torque_0 = magnet_flux_x_torque_per_flux * even_i_q_between_0 +
@@ -414,23 +415,23 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_emf_step_1 = magnet_flux_x_gain_v_pole_pairs * L_21 + odd_emf_step_5 * L_51;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
         const float32 D_i_beta_times_L_61 = D_i_beta * L_61;
-        const float32 gain_v_x7_x_D_i_beta_times_L_61 = GAIN_V_X7 * D_i_beta_times_L_61;
+        const float32 n_D_odd_decay_off_1 = GAIN_V_X7 * D_i_beta_times_L_61;
         const float32 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
-            even_emf_step_1 * one_plus_cosm1_theta_mid_1 + cos_theta_mid * gain_v_x7_x_D_i_beta_times_L_61;
-        const float32 part_of_even_i_q_between_1 = one_plus_cosm1_theta_mid_1 * 0.5f;
+            even_emf_step_1 * one_plus_cosm1_theta_mid_1 + cos_theta_mid * n_D_odd_decay_off_1;
+        const float32 half_one_plus_cosm1_theta_mid_1 = one_plus_cosm1_theta_mid_1 * 0.5f;
         const float32 D_i_beta_times_odd_theta_mid_1 = D_i_beta * odd_theta_mid_1;
         const float32 D_sind_theta_mid_1 = D_i_beta_times_odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
-        const float32 odd_i_alpha_next_1 = part_of_i_alpha_pred_2 * sin_theta_mid +
+        const float32 odd_i_alpha_next_1 = decay_now * sin_theta_mid +
             sind_theta_mid_1 * (emf_step + even_emf_step_1) - L_61 * minus_odd_drive_alpha_6;
         const float32 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
-            minus_even_i_beta_next_1 * part_of_even_i_q_between_1 -
+            minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
             D_sind_theta_mid_1 * 3.5f * (sin_theta_mid + odd_i_alpha_next_1);
-        const float32 odd_i_beta_next_1 = part_of_i_alpha_pred_2 * cos_theta_mid -
-            odd_emf_step_1 * one_plus_cosm1_theta_mid_1 - L_61 * minus_odd_drive_beta_6;
+        const float32 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
+            - L_61 * minus_odd_drive_beta_6;
         const float32 even_i_alpha_next_1 = 7.0f * odd_emf_step_1 * D_sind_theta_mid_1 -
-            sin_theta_mid * gain_v_x7_x_D_i_beta_times_L_61;
-        const float32 odd_i_q_between_1 = part_of_even_i_q_between_1 * (cos_theta_mid + odd_i_beta_next_1) -
+            sin_theta_mid * n_D_odd_decay_off_1;
+        const float32 odd_i_q_between_1 = half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
             sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5f);
         const float32 even_torque_1 = magnet_flux_x_torque_per_flux * even_i_q_between_1 +
             L_51_times_D_i_beta * TORQUE_PER_FLUX_X7 * odd_i_q_between_1;
@@ -441,41 +442,42 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
         const float32 minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2 +
             even_emf_step_2 * one_plus_cosm1_theta_mid_2;
-        const float32 part_of_even_i_q_between_2 = one_plus_cosm1_theta_mid_2 * 0.5f;
+        const float32 half_one_plus_cosm1_theta_mid_2 = one_plus_cosm1_theta_mid_2 * 0.5f;
         const float32 D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2;
         const float32 D_sind_theta_mid_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 odd_i_alpha_next_2 = sind_theta_mid_2 * (emf_step + even_emf_step_2) -
             minus_odd_drive_alpha_6 * L_62;
         const float32 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
-            minus_even_i_beta_next_2 * part_of_even_i_q_between_2 -
+            minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
             D_sind_theta_mid_2 * 3.5f * odd_i_alpha_next_2;
         const float32 minus_odd_i_beta_next_2 = odd_emf_step_2 * one_plus_cosm1_theta_mid_2 +
             minus_odd_drive_beta_6 * L_62;
         const float32 part_of_even_i_alpha_next_2 = odd_emf_step_2 * D_sind_theta_mid_2;
-        const float32 minus_odd_i_q_between_2 = part_of_even_i_q_between_2 * minus_odd_i_beta_next_2 +
+        const float32 minus_odd_i_q_between_2 = half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
             sind_theta_mid_2 * (i_d_between + part_of_even_i_alpha_next_2 * 3.5f);
         const float32 even_torque_2 = magnet_flux_x_torque_per_flux * even_i_q_between_2 -
             L_52_times_D_omega * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_2;
         const float32 minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3;
         const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
-        const float32 part_of_even_i_q_between_3 = 0.5f * one_plus_cosm1_theta_mid_3;
+        const float32 half_one_plus_cosm1_theta_mid_3 = 0.5f * one_plus_cosm1_theta_mid_3;
         const float32 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - minus_odd_drive_alpha_6 * L_63;
         const float32 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
         const float32 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
-            minus_even_i_beta_next_3 * part_of_even_i_q_between_3 - sinc_theta_mid_3 * 3.5f * D_odd_i_alpha_3;
+            minus_even_i_beta_next_3 * half_one_plus_cosm1_theta_mid_3 -
+            sinc_theta_mid_3 * 3.5f * D_odd_i_alpha_3;
         const float32 D_theta_times_L_53 = D_theta * L_53;
         const float32 minus_odd_i_beta_next_3 = odd_emf_step_5 * L_53 * one_plus_cosm1_theta_mid_3 +
             minus_odd_drive_beta_6 * L_63;
         const float32 part_of_even_i_alpha_next_3 = omega * (D_theta_times_L_53 * sinc_theta_mid_3);
-        const float32 minus_odd_i_q_between_3 = part_of_even_i_q_between_3 * minus_odd_i_beta_next_3 +
+        const float32 minus_odd_i_q_between_3 = half_one_plus_cosm1_theta_mid_3 * minus_odd_i_beta_next_3 +
             sinc_theta_mid_3 * (i_d_between + part_of_even_i_alpha_next_3 * GAIN_V_POLE_PAIRS_X7_BY2);
         const float32 even_torque_3 = magnet_flux_x_torque_per_flux * even_i_q_between_3 -
             D_theta_times_L_53 * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_3;
         const float32 odd_torque_3 = L_53 * TORQUE_PER_FLUX * (i_q_between + even_i_q_between_3) -
             magnet_flux_x_torque_per_flux * minus_odd_i_q_between_3;
         const float32 odd_emf_step_4 = odd_emf_step_5 * L_54;
-        const float32 part_of_odd_torque_4 = part_of_i_q_between_2 * TORQUE_PER_FLUX_BY2;
+        const float32 part_of_odd_torque_4 = part_of_i_q_between * TORQUE_PER_FLUX_BY2;
         const float32 minus_odd_i_beta_next_4 = odd_emf_step_4 + minus_odd_drive_beta_6 * L_64;
         const float32 magnet_flux_scaled = magnet_flux * TORQUE_PER_FLUX_BY2;
         const float32 odd_torque_4 = L_54 * part_of_odd_torque_4 - minus_odd_i_beta_next_4 * magnet_flux_scaled;
@@ -751,14 +753,12 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         /* --- eq. 16: x_pred = mean X_i' */
         const float32 offset_omega = GAIN_OMEGA_BY7 * curv_omega_sum;
         const float32 offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP;
-        const float32 i_alpha_of_x = part_of_i_alpha_pred_2 * i_alpha + emf_step * sin_theta_mid +
-            gain_v_times_v_alpha;
+        const float32 i_alpha_of_x = decay_now * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
         const float32 cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT;
         const float32 sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT;
         const float32 i_alpha_pred = i_alpha_of_x + curv_i_alpha_sum * cos_theta_mid_times_pair_weight +
             sin_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
-        const float32 i_beta_of_x = part_of_i_alpha_pred_2 * i_beta - emf_step * cos_theta_mid +
-            gain_v_times_v_beta;
+        const float32 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
         const float32 i_beta_pred = i_beta_of_x + curv_i_alpha_sum * sin_theta_mid_times_pair_weight -
             cos_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
         const float32 omega_of_x = omega * DECAY_OMEGA + (cos_theta_mid * GAIN_OMEGA_BY2 * (i_beta_of_x + i_beta)

@@ -31,6 +31,9 @@
 #define GAIN_Q 9.98202158057399e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define GAIN_OMEGA 0.0016666666666666668 /* T / J, rad/s per N m */
 #define INV_L_D_PSI_M 400.0 /* INV_L_D * PSI_M */
+#define SQRT_3_BY_2 0.8660254037844386 /* sqrt(3) / 2 */
+#define TWO_THIRDS 0.6666666666666666 /* 2 / 3 */
+#define ONE_BY_SQRT_3 0.5773502691896258 /* 1 / sqrt(3) */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08 /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
 #define ONE_MINUS_LOSS_D 0.9910403787728836 /* 1 - LOSS_D */
@@ -188,13 +191,11 @@ static void inverter(const float64 x[5], const float64 u[2], float64 v_out[2])
     const float64 sign_per_a_times_i_alpha_here = SIGN_PER_A * i_alpha_here;
     const float64 sign_a_here = larger(-1.0, smaller(1.0, sign_per_a_times_i_alpha_here));
     const float64 part_of_sign_b_here = -0.5 * sign_per_a_times_i_alpha_here;
-    const float64 sign_per_a_x_i_beta_here_scaled = 0.8660254037844386 * (SIGN_PER_A * i_beta_here);
-    const float64 sign_b_here = larger(-1.0,
-        smaller(1.0, part_of_sign_b_here + sign_per_a_x_i_beta_here_scaled));
-    const float64 sign_c_here = larger(-1.0,
-        smaller(1.0, part_of_sign_b_here - sign_per_a_x_i_beta_here_scaled));
-    const float64 g_alpha_here = 0.6666666666666666 * (sign_a_here - 0.5 * (sign_b_here + sign_c_here));
-    const float64 g_beta_here = 0.5773502691896258 * (sign_b_here - sign_c_here);
+    const float64 i_beta_here_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta_here);
+    const float64 sign_b_here = larger(-1.0, smaller(1.0, part_of_sign_b_here + i_beta_here_scaled_scaled));
+    const float64 sign_c_here = larger(-1.0, smaller(1.0, part_of_sign_b_here - i_beta_here_scaled_scaled));
+    const float64 g_alpha_here = TWO_THIRDS * (sign_a_here - 0.5 * (sign_b_here + sign_c_here));
+    const float64 g_beta_here = ONE_BY_SQRT_3 * (sign_b_here - sign_c_here);
 
     /* --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs */
     const float64 v_alpha_now = v_alpha - V_DEAD * g_alpha_here;

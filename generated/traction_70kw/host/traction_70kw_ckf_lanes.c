@@ -25,6 +25,9 @@
 #define GAIN_Q 9.9820216e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define GAIN_OMEGA 0.0016666667f /* T / J, rad/s per N m */
 #define INV_L_D_PSI_M 400.0f /* INV_L_D * PSI_M */
+#define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define TWO_THIRDS 0.6666667f /* 2 / 3 */
+#define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08f /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
 #define ONE_MINUS_LOSS_D 0.99104035f /* 1 - LOSS_D */
@@ -256,13 +259,11 @@ static void inverter(const lanes *__restrict x, const lanes *__restrict u, lanes
         const float32 sign_per_a_times_i_alpha_here = SIGN_PER_A * i_alpha_here;
         const float32 sign_a_here = larger(-1.0f, smaller(1.0f, sign_per_a_times_i_alpha_here));
         const float32 part_of_sign_b_here = -0.5f * sign_per_a_times_i_alpha_here;
-        const float32 sign_per_a_x_i_beta_here_scaled = 0.8660254f * (SIGN_PER_A * i_beta_here);
-        const float32 sign_b_here = larger(-1.0f,
-            smaller(1.0f, part_of_sign_b_here + sign_per_a_x_i_beta_here_scaled));
-        const float32 sign_c_here = larger(-1.0f,
-            smaller(1.0f, part_of_sign_b_here - sign_per_a_x_i_beta_here_scaled));
-        const float32 g_alpha_here = 0.6666667f * (sign_a_here - 0.5f * (sign_b_here + sign_c_here));
-        const float32 g_beta_here = 0.57735026f * (sign_b_here - sign_c_here);
+        const float32 i_beta_here_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta_here);
+        const float32 sign_b_here = larger(-1.0f, smaller(1.0f, part_of_sign_b_here + i_beta_here_scaled_scaled));
+        const float32 sign_c_here = larger(-1.0f, smaller(1.0f, part_of_sign_b_here - i_beta_here_scaled_scaled));
+        const float32 g_alpha_here = TWO_THIRDS * (sign_a_here - 0.5f * (sign_b_here + sign_c_here));
+        const float32 g_beta_here = ONE_BY_SQRT_3 * (sign_b_here - sign_c_here);
 
         /* --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs */
         const float32 v_alpha_now = v_alpha - V_DEAD * g_alpha_here;
