@@ -41,7 +41,17 @@ KEPT, PAGE = ROOT / "docs" / "results", ROOT / "docs" / "results.md"
 PROGRAMS = {"pmsm-ickf": [sys.executable, "-m", "runtime"], "python": [sys.executable]}
 #: Said where nothing is kept.
 UNMEASURED = "Not measured on the text as it is."
-DRIVES = ("paper_spmsm", "spmsm_load_torque", "ipmsm", "ipmsm_flux", "spmsm_adaptive", "ipmsm_adaptive")
+DRIVES = (
+    "paper_spmsm",
+    "spmsm_load_torque",
+    "ipmsm",
+    "ipmsm_flux",
+    "spmsm_adaptive",
+    "ipmsm_adaptive",
+    "servo_24v",
+    "hub_36v",
+    "traction_70kw",
+)
 
 Facts = Any
 

@@ -69,9 +69,7 @@ def test_the_table_and_the_figures_of_a_trial() -> None:
 LOST = point(0.1, [0] * 10 + [1] * 10, [1] * 20)
 
 
-def mended_by(
-    monkeypatch: pytest.MonkeyPatch, luck: float, dead_time: float = 0.0, of: float = 5e-7, **shares: float
-) -> list[str]:
+def mended_by(monkeypatch: pytest.MonkeyPatch, luck: float, **shares: float) -> list[str]:
     """The facts to blame if each, known exactly, mends such a share of ten draws, and other noise ``luck`` of them."""
     motors = Draws({name: np.full(20, 1.1) for name in ("R", "L_d", "L_q", "psi_m", "J")}, np.full(20, 0.3))
     asked: list[list[int]] = []
@@ -84,7 +82,6 @@ def mended_by(
         again: Draws,
         which: list[int],
         tell: Any,
-        dead: Any,
         seeds: int,
     ) -> Point:
         asked.append(which)
@@ -92,11 +89,11 @@ def mended_by(
         known |= set() if np.any(again.theta) else {"theta"}
         by = {"R": "stator_resistance", "L_d": "inductance", "L_q": "inductance", "psi_m": "magnet_flux"}
         causes = {by.get(name, {"J": "inertia", "theta": "angle"}.get(name, "")) for name in known}
-        mends = luck if seeds else dead_time if dead == 0.0 else shares.get(causes.pop(), 0.0) if causes else 0.0
+        mends = luck if seeds else shares.get(causes.pop(), 0.0) if causes else 0.0
         return point(share, np.arange(len(which)) < mends * len(which), [1] * len(which))  # type: ignore[arg-type]
 
     monkeypatch.setattr(runtime.design.trial, "_point", found)
-    named = runtime.design.trial._to_blame(None, replace(FACTS, dead_time=of), None, LOST, motors)  # type: ignore[arg-type]
+    named = runtime.design.trial._to_blame(None, FACTS, None, LOST, motors)  # type: ignore[arg-type]
     assert {tuple(which) for which in asked} == {tuple(range(10))}, "what held needs no mending"
     return named
 
@@ -109,8 +106,6 @@ def test_blame_is_for_what_mends_and_for_no_more_than_two(monkeypatch: pytest.Mo
     assert mended_by(monkeypatch, 0.0, stator_resistance=1.0, inertia=0.6) == ["stator_resistance"], "beside the best"
     assert mended_by(monkeypatch, 0.0, magnet_flux=0.8, inertia=0.9) == ["magnet_flux", "inertia"]
     assert mended_by(monkeypatch, 0.0, magnet_flux=0.8, inertia=0.9, angle=0.9) == [], "whatever is done"
-    assert mended_by(monkeypatch, 0.0, dead_time=0.8) == ["dead_time"]
-    assert mended_by(monkeypatch, 0.0, dead_time=0.8, of=0.0) == [], "there is none"
 
 
 # --- the command
@@ -238,7 +233,7 @@ def test_kappa_by_its_parts() -> None:
     assert volts(d_R=0.01) == pytest.approx(peak * 0.01 * f.R * at.current)
     assert volts(d_psi=0.1) == pytest.approx(peak * 0.3 * 0.1 * f.p * f.speed * f.psi_m)
     assert volts(d_L=0.1) == pytest.approx(peak * 0.3 * 0.1 * f.p * f.speed * f.L_q * at.current)
-    assert volts(dead_time=1e-6) == pytest.approx(0.5 * f.dc_link * 1e-6 / f.T / 2)
+    assert volts(dead_time=1e-6) == pytest.approx(0.4 * f.dc_link * 1e-6 / f.T / 2)
     adapted = replace(f, d_R=0.9, R=10 * f.R)  # more than the back-EMF at a tenth of rated speed
     exact = np.sqrt(unknown_share(adapted, at) ** 2 - none**2) * f.dc_link / np.sqrt(3)
     assert exact == pytest.approx(0.6 * peak * 0.9 * 10 * f.R * at.current)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from model.drives.load import load_drive
 from tests.mutants.mutant import ROOT, Mutant
 
 GENERATED = ROOT / "generated"
@@ -258,15 +259,17 @@ def _mutants(
 
 
 def emitted_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:
-    """Of every shipped drive: both filters, their lane form, the controller, and the module."""
+    """Of every shipped drive: its filters, their lane form, the controller, and the module."""
     found: list[Mutant] = []
     for number, drive in enumerate(drives()):
-        for filter_kind in ("ckf", "ickf"):
+        both = dict.fromkeys(load_drive(drive).filter.kinds)
+        for filter_kind in both:
+            one_of_pair = len(both) == 1 or number % 2 == (filter_kind == "ickf")  # their texts are much alike
             stem = f"{drive}_{filter_kind}"
             kinds = {}
-            if drive in {"paper_spmsm", "ipmsm_flux"} or number % 2 == (filter_kind == "ickf"):
+            if drive in {"paper_spmsm", "ipmsm_flux"} or one_of_pair:
                 kinds |= {"filter, C": (f"{stem}.c", "scalar")}
-            if number % 2 == (filter_kind == "ickf"):  # one of each pair: their texts are much alike
+            if one_of_pair:
                 kinds |= {"lanes, C": (f"host/{stem}_lanes.c", "lanes"), "controller, C": (f"{stem}_foc.c", "foc")}
                 kinds |= {"Python": (f"{drive}.py", "module")}
             for kind, (file, check) in kinds.items():

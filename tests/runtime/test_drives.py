@@ -49,7 +49,7 @@ def test_a_generated_folder_is_enough_to_generate_it_again(desk: Path) -> None:
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("nosuch", "neither a shipped one (ipmsm, .*) nor a TOML file, nor a generated folder"),
+        ("nosuch", "neither a shipped one (hub_36v, .*) nor a TOML file, nor a generated folder"),
         ("ipmsn", "Did you mean 'ipmsm'"),
         ("empty", "'empty' is not a generated folder"),
         ("nosuch.toml", "no drive 'nosuch.toml'"),

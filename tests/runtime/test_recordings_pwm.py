@@ -19,7 +19,7 @@ import pytest
 from codegen.generate import generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import load_drive
-from model.inverter import lost_voltage
+from model.inverter import fading_current, lost_voltage
 from model.machines.lost_voltage import LostVoltage
 from model.schema import Drive, Inverter, Tolerance
 from runtime import load
@@ -28,7 +28,10 @@ from runtime.recorded.truth import Errors, angle_error, errors
 from tests.conftest import thoroughly, variant
 from tests.runtime.test_recordings import recording
 
-NOTHING, TOLD, ALLOWED, LEARNT = "nothing", "`[inverter]`", "and Q", "and V_d a state"
+NOTHING, TOLD, ALLOWED, LEARNT = "nothing", "`[inverter]`", "and `[tolerance]`", "Q, and V_d a state"
+#: Of the voltage an inverter takes: known within this share; and the signs fade below what V_d drives through L in so
+#: many samples, about the ripple of a small L (0.9 A; an L of 36 mH has none, and three sigmas of the sensor).
+DOUBT, RIPPLE = 0.05, 1.25
 DEAD_TIME = 2e-6  # s
 NOISE, BITS, FULL_SCALE = 0.05, 12, 2.5  # A rms on phases a and b; the converter's range by max_current
 DRAWS = range(1, 17)
@@ -36,24 +39,28 @@ STARTED, ASTRAY = 0.17, 90.0  # s, degrees
 
 
 def behind(name: str, told: str, dead_time: float = DEAD_TIME) -> Drive:
-    """A shipped drive, told of the inverter as far as ``told`` says; what it learns is held within a tolerance.
+    """A shipped drive, told of the inverter as far as ``told`` says.
 
     Q: beside its own the currents, or fluxes, wander by what a voltage anywhere within V_d does to them in a sample.
     """
     drive = variant(load_drive(name), filter={"kinds": ["ckf"]})
-    if drive.model.adaptive:
-        drive = drive.model_copy(update={"tolerance": Tolerance(stator_resistance=0.2, magnet_flux=0.1)})
     if told == NOTHING:
         return drive
     drive = drive.model_copy(update={"inverter": Inverter(dead_time=dead_time)})
     if told == TOLD:
         return drive
+    if told == ALLOWED:
+        stated = drive.tolerance or Tolerance()
+        L, T = min(drive.motor.inductance_d, drive.motor.inductance_q), drive.model.sample_time
+        fading = max(fading_current(drive), RIPPLE * lost_voltage(drive) * T / L)
+        inverter = Inverter(dead_time=dead_time, fading_current=fading)
+        return drive.model_copy(
+            update={"tolerance": stated.model_copy(update={"dead_time": DOUBT}), "inverter": inverter}
+        )
     flux = drive.model.sample_time * lost_voltage(drive) / math.sqrt(3)
     L = 1.0 if drive.model.machine.endswith("flux") else (drive.motor.inductance_d + drive.motor.inductance_q) / 2
     Q, f, slow = list(drive.filter.process_noise), drive.filter, "dead_time_voltage"
     Q[:2] = [q + (flux / L) ** 2 for q in Q[:2]]
-    if told == ALLOWED:
-        return variant(drive, filter={"process_noise": Q})
     tuning = {"initial_covariance": [*f.initial_covariance, 1.0], "process_noise": [*Q, 1e-6]}
     tuning |= {"root_order": [*f.root_order, slow]} if f.root_order else {}
     return variant(drive, model={"adaptive": [*drive.model.adaptive, slow]}, filter=tuning)
@@ -129,13 +136,12 @@ def table() -> str:
 PLAIN = "spmsm_load_torque"
 #: Start, steady, load step (r/min), angle after the start (degrees): what is wanted behind such an inverter.
 WANTED = {"start": 40.0, "steady": 5.0, "load": 40.0, "angle_after_start": 3.0}
-#: What is not reached, and how far it is. spmsm's current ripples by 1.3 A at speed, so that at no load each leg's
-#: current passes zero in every period and nothing is lost, where the sampled current says V_d: 5 degrees. ipmsm_flux
-#: starts from an angle it knows to 18 degrees and a speed it knows to 70 r/min.
+#: What is not reached, and how far it is: ipmsm is 3.04 degrees off where the ramp ends, and ipmsm_flux starts from an
+#: angle it knows to 18 degrees and a speed it knows to 70 r/min.
 LIMITS = {
-    PLAIN: WANTED | {"angle_after_start": 6.0},
-    "spmsm_adaptive": WANTED | {"load": 45.0, "angle_after_start": 5.0},
-    "ipmsm": WANTED,
+    PLAIN: WANTED,
+    "spmsm_adaptive": WANTED,
+    "ipmsm": WANTED | {"angle_after_start": 3.1},
     "ipmsm_flux": WANTED | {"start": 60.0, "angle_after_start": 5.0},
     "ipmsm_adaptive": WANTED,
 }
@@ -156,8 +162,9 @@ def test_a_drive_told_of_its_inverter_follows_another_simulators_motor(name: str
 
 @pytest.mark.slow
 def test_the_inverters_voltage_may_be_a_state() -> None:
+    """The angle at no load is 5 degrees: there the current ripples about zero, and the sampled one says V_d."""
     found = figures(PLAIN, LEARNT)
-    assert not beyond(found, LIMITS[PLAIN]), found
+    assert not beyond(found, WANTED | {"angle_after_start": 6.0}), found
 
 
 @pytest.mark.slow

@@ -148,7 +148,6 @@ TRIED = of(
     ("blame for a little", "max(MENDED, by_luck + LUCK, best - LUCK / 2)", "max(by_luck + LUCK, best - LUCK / 2)", NAMED),
     ("blame beside the best", "max(MENDED, by_luck + LUCK, best - LUCK / 2)", "max(MENDED, by_luck + LUCK)", NAMED),
     ("everything is to blame", "return named if len(named) <= SINGLE else []", "return named", NAMED),
-    ("dead time never to blame", "if facts.dead_time:", "if False:", NAMED),
 )  # fmt: skip
 
 ASKING = of(

@@ -87,7 +87,7 @@ CONTROLLER = _of(
     ("the filter is told of what should arrive", "_commanded(b, duty, v_link) if takes_voltage(drive) else v", "v", LOOP),
     ("duty cycles for volts", "v = v_link * v_alpha, v_link * v_beta", "v = v_alpha, v_link * v_beta", LOOP),
     ("V_d of the drive file, whatever is learnt", "V_d = estimated[0] if estimated else", "V_d = 0 * estimated[0] + 1 if estimated else", LOOP),
-    ("fading of its own", "dead_current=fading_current(drive)", "dead_current=2 * fading_current(drive)", LOOP),
+    ("fading of its own", "dead_current=compensation_current(drive)", "dead_current=2 * compensation_current(drive)", LOOP),
 )  # fmt: skip
 
 SIMULATED = _of(

@@ -179,8 +179,8 @@ BASE = _of(
     ("mean of one", "0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])", "0.5 * (a[0] + b[0]), b[1]", TORQUE),
     (
         "excess drop reversed",
-        "return v[0] - dR * i[0], v[1] - dR * i[1]",
-        "return v[0] + dR * i[0], v[1] + dR * i[1]",
+        "(v[0] - dR * i[0], v[1] - dR * i[1])",
+        "(v[0] + dR * i[0], v[1] + dR * i[1])",
         ("pytest tests/model/test_machines.py -k 'adaptive_resistance'",),
     ),
     (
@@ -270,7 +270,7 @@ STATES = _of(
         PAPER,
     ),
     ("the wrong state wrapped", "if i == self.angle else value", "if i == self.angle - 1 else value", PAPER),
-    ("voltage axes exchanged", "(x[0], x[1]), (u[0], u[1]), omega_e", "(x[0], x[1]), (u[1], u[0]), omega_e", PAPER),
+    ("voltage axes exchanged", "(x[0], x[1]), (v[0], v[1]), omega_e", "(x[0], x[1]), (v[1], v[0]), omega_e", PAPER),
     ("mechanical for electrical speed", "omega_e = self.mechanics.electrical_speed(x[2])", "omega_e = x[2]", PAPER),
     (
         "euler for exact",

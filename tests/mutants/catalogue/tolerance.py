@@ -65,7 +65,12 @@ TOLERANCE = (
     *of(
         "tolerance",
         "model/filters/inverter.py",
-        ("half a direction", "b.output(name, list(pair))", "b.output(name, [pair[0], pair[0]])", CHAIN),
+        (
+            "half a direction",
+            "b.output(name, list(values))",
+            "b.output(name, [values[0], *values[:1], *values[2:]])",
+            CHAIN,
+        ),
     ),
     *of(
         "tolerance",
