@@ -93,10 +93,11 @@ def test_adaptive_drives_outlive_wrong_motor_data(drive: str, start: str, kind: 
 @pytest.mark.parametrize("start", ["ramp", "step"])
 @pytest.mark.parametrize(("adaptive", "plain"), [("spmsm_adaptive", "spmsm_load_torque"), ("ipmsm_adaptive", "ipmsm")])
 def test_adapting_costs_little_where_nothing_is_wrong(adaptive: str, plain: str, start: str) -> None:
-    """Within 1.5 times."""
+    """Within 1.5 times; the angle within twice, as R and psi_m that may wander move it."""
     with_slow, without = figures(adaptive, "ckf", start), figures(plain, "ckf", start)
     for name, value in with_slow.items():
-        assert value <= 1.5 * without[name] + 2e-3, (name, with_slow, without)  # 2e-3: both far below any use
+        times = 2.0 if name.startswith("position") else 1.5
+        assert value <= times * without[name] + 2e-3, (name, with_slow, without)  # 2e-3: both far below any use
 
 
 def test_a_filter_without_adaptive_states_does_suffer() -> None:
