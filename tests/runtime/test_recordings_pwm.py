@@ -152,7 +152,7 @@ def beyond(found: Worst, limits: dict[str, float]) -> set[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [PLAIN, "ipmsm_adaptive", *thoroughly("spmsm_adaptive", "ipmsm", "ipmsm_flux")])
+@pytest.mark.parametrize("name", [PLAIN, *thoroughly("ipmsm_adaptive", "spmsm_adaptive", "ipmsm", "ipmsm_flux")])
 def test_a_drive_told_of_its_inverter_follows_another_simulators_motor(name: str) -> None:
     """Sixteen draws; not told, the plain drive is 71 r/min off under load and ipmsm_adaptive loses the rotor."""
     found = figures(name, ALLOWED)
@@ -161,6 +161,7 @@ def test_a_drive_told_of_its_inverter_follows_another_simulators_motor(name: str
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_inverters_voltage_may_be_a_state() -> None:
     """The angle at no load is 5 degrees: there the current ripples about zero, and the sampled one says V_d."""
     found = figures(PLAIN, LEARNT)

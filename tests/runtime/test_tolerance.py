@@ -80,7 +80,9 @@ def bounded(drive: Drive, **more: float) -> Drive:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kinds", "dead_time"),
-    [("spmsm_adaptive", ["ickf", "ekf"], None), ("ipmsm", ["ckf", "ekf"], 0.3), ("ipmsm_adaptive", ["ukf"], 0.3)],
+    thoroughly(
+        ("spmsm_adaptive", ["ickf", "ekf"], None), ("ipmsm", ["ckf", "ekf"], 0.3), ("ipmsm_adaptive", ["ukf"], 0.3)
+    ),
 )
 def test_bounds_and_a_doubtful_inverter(name: str, kinds: list[str], dead_time: float | None, tmp_path: Path) -> None:
     """The whole chain: adaptive states held, beside or without a V_d that may be off."""
