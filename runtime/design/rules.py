@@ -107,6 +107,7 @@ def design(facts: Facts) -> Design:
         "operating_box": _box(facts, point, box),
         "control": _control(facts, point),
         **({"inverter": _inverter(facts)} if facts.dead_time else {}),
+        **({"tolerance": _tolerance(facts)} if resistance_hurts(facts, point) else {}),
     }
     return Design(facts.name, sections, said)
 
@@ -147,7 +148,7 @@ def _model(f: Facts, point: RatedPoint) -> Section:
         "sample_time": Choice(f.T, f"s; {math.degrees(f.omega_e * f.T):.2g} degrees electrical at rated speed"),
         "adaptive": adaptive,
         "adaptive_time": Choice(
-            adaptive_time(f), f"s, {RUN_UPS:g} run-ups; an adaptive state goes back in it where nothing is learnt"
+            adaptive_time(f), f"s, {RUN_UPS:g} run-ups or more; an adaptive state goes back in it if nothing is learnt"
         ),
     }
 
@@ -238,6 +239,10 @@ def _control(f: Facts, point: RatedPoint) -> Section:
             rounded(min(speeds.values()), Bandwidth), f"rad/s: {min(speeds, key=lambda k: speeds[k])}"
         ),
     }
+
+
+def _tolerance(f: Facts) -> Section:
+    return {"stator_resistance": Choice(f.d_R, "the state is held within: what else is taken for R i stays small")}
 
 
 def _inverter(f: Facts) -> Section:

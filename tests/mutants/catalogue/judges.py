@@ -47,6 +47,8 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("scales add", "np.maximum(full, natural)", "(full + natural)", "test_scales_are_the_rows_largest_or_its_natural_size"),
         ("gain by the smaller sigma", "sigmas.state / high", "sigmas.state / low", "test_scales_are_the_rows_largest_or_its_natural_size"),
         ("scale of a covariance is a variance", "sigma[..., :, None] * sigma[..., None, :])\n\n\ndef minuend", "sigma[..., :, None] * sigma[..., :, None])\n\n\ndef minuend", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
+        ("a hundredth of what is added to", "ADDED = 1e-4", "ADDED = 1e-2", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
+        ("ten times the roundings", "PER_CONDITION = 1e-5", "PER_CONDITION = 1e-4", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("a hundredth of the minuend", "CANCELLED = 1e-4", "CANCELLED = 1e-2", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("what is no difference is one", 'if stage.scale == "difference":', "if True:", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
     )),
