@@ -15,7 +15,7 @@ from runtime.drive.fleet import Cases, Fleet, Outcomes
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.drive.simulation import Conditions, Simulator
 from runtime.estimator.estimator import load
-from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.second import compare_statements
@@ -184,3 +184,13 @@ def test_the_resistance_learnt_beside_uncertain_data(tmp_path: Path) -> None:
     for speed, most in ((10.0, 60.0), (30.0, 25.0), (50.0, 15.0), (100.0, 8.0)):
         found = _outcomes(drive, tmp_path / f"{speed:g}", Cases(seed=np.arange(4) + 1, R=[0.8, 0.9, 1.1, 1.2]), speed)
         assert np.all(found.angle < most), (speed, found.angle)
+
+
+@pytest.mark.parametrize(("speed", "most"), [(10.0, 60.0), (30.0, 25.0), (50.0, 15.0), (100.0, 8.0)])
+def test_the_adaptive_surface_drive_holds_with_a_wrong_resistance(speed: float, most: float) -> None:
+    """As shipped, at these speeds. At 35 to 45 r/min the load step ends at rest, and R a tenth above loses the rotor."""
+    fleet = Fleet(GeneratedFolder(GENERATED / "spmsm_adaptive"), "ckf")
+    cases = Cases(seed=np.arange(8) + 1, R=np.repeat([0.8, 0.9, 1.1, 1.2], 2))
+    found = fleet.run(Scenario("wrong data", speed=speed, load=5.0, duration=0.6), cases)
+    assert np.all(found.angle < most), found.angle
+    assert np.all(found.locked)
