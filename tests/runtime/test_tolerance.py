@@ -188,7 +188,7 @@ def test_the_resistance_learnt_beside_uncertain_data(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("speed", "most"), [(10.0, 60.0), (30.0, 25.0), (50.0, 15.0), (100.0, 8.0)])
 def test_the_adaptive_surface_drive_holds_with_a_wrong_resistance(speed: float, most: float) -> None:
-    """As shipped, at these speeds. At 35 to 45 r/min the load step ends at rest, and R a tenth above loses the rotor."""
+    """As shipped. At 35 to 45 r/min the load step ends at rest, and R a tenth above loses the rotor."""
     fleet = Fleet(GeneratedFolder(GENERATED / "spmsm_adaptive"), "ckf")
     cases = Cases(seed=np.arange(8) + 1, R=np.repeat([0.8, 0.9, 1.1, 1.2], 2))
     found = fleet.run(Scenario("wrong data", speed=speed, load=5.0, duration=0.6), cases)

@@ -68,7 +68,7 @@ TOLERANCE = (
         (
             "half a direction",
             "b.output(name, list(values))",
-            "b.output(name, [values[0], *values[:1], *values[2:]])",
+            'b.output(name, list(values) if name == "v" else [values[1], values[0], *values[2:]])',
             CHAIN,
         ),
     ),
