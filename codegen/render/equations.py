@@ -47,6 +47,8 @@ def equations(drive: Drive) -> Equations:
 def slopes(drive: Drive) -> dict[str, sp.Matrix]:
     """df/dp of each datum that may be wrong, (n, 1), all data letters: by the chain rule through f's constants.
 
+    Of a datum of h what f lacks in its place (:attr:`model.machines.state_space.StateSpaceModel.flux_slopes`).
+
     And df/dv along and across the rotor, where the inverter's loss may be off.
 
     Parameters
@@ -58,8 +60,12 @@ def slopes(drive: Drive) -> dict[str, sp.Matrix]:
     formulas = Formulas(vars(parameters).values())
     f = build(drive, parameters, formulas).f
     found = {}
+    through = build(drive, parameters).flux_slopes
     for name in deviations(drive):
         letter = getattr(parameters, name)
+        if name in through:
+            found[name] = to_sympy(through[name])
+            continue
         found[name] = to_sympy(formulas.in_letters(formulas.along(f, letter, ca.SX(1), formulas.slopes(letter))))
     if voltage_deviation(drive):
         by_volts = build(drive, parameters).voltage_slopes

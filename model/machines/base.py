@@ -195,6 +195,27 @@ class Machine(ABC):
             Sine and cosine of the electrical angle.
         """
 
+    def lacking(self, z: Pair, omega_e: Any, rotor: Rotor) -> dict[str, tuple[Pair, Any]]:
+        """What a sample lacks where a datum of :meth:`currents` is wrong: of the states, and of the torque.
+
+        Nothing where the currents are the states: there every datum acts in f.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+
+        Returns
+        -------
+        dict of str to tuple of Pair and object
+            By the letter of :class:`Parameters`, per unit of the datum; N m the torque.
+        """
+        return {}
+
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Forward Euler over one sample.
 

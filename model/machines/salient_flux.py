@@ -103,6 +103,35 @@ class SalientFluxPMSM(Machine):
         i_d, i_q = rotor.to_rotor(i)
         return rotor.to_stator((self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q))
 
+    def lacking(self, z: Pair, omega_e: Any, rotor: Rotor) -> dict[str, tuple[Pair, Any]]:
+        """The voltage and the torque of flux linkages that wrong inductances and a wrong magnet have wrong.
+
+        Of psi they make wrong currents, in this sample and in all to come. What carries the true currents by the stated
+        data is psi - dp dpsi/dp, currents given, and that turns with the rotor: in a sample
+        -T omega_e J (dpsi/dp) dp more than f says, with the torque 1.5 p (dpsi/dp x i) dp.
+
+        Parameters
+        ----------
+        z : Pair
+            Electrical states, as the machine carries them.
+        omega_e : object
+            Electrical speed, rad/s.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
+        i, _ = self.currents(z, rotor)
+        i_d, i_q = rotor.to_rotor(i)
+        turned = self.constant("SAMPLE_TIME", self.par.T, "sample time, s") * omega_e
+        gain = self.constant("GAIN_TORQUE", 1.5 * self.par.p, "1.5 p")
+        per_datum = {
+            "L_d": (rotor.cos * i_d, rotor.sin * i_d),
+            "L_q": (-rotor.sin * i_q, rotor.cos * i_q),
+            "psi_m": (rotor.cos, rotor.sin),
+        }
+        return {
+            letter: ((turned * b, -turned * a), gain * (a * i[1] - b * i[0])) for letter, (a, b) in per_datum.items()
+        }
+
     def euler(self, z: Pair, v: Pair, omega_e: Any, theta: Any) -> Sampled:
         """Forward Euler of the stator voltage equation.
 

@@ -283,7 +283,7 @@ class StateSpaceModel:
         columns: dict[str, Any] = {}
         if self.wrong is not None:
             f = ca.vertcat(*self.wrong.propagate(*map(ca.vertsplit, self.arguments))[0])
-            columns = self.wrong.columns(f, self._constants)
+            columns = self.wrong.columns(f, self._constants, self.flux_slopes)
         if self.doubt:
             assert self.lost is not None
             sigma = self._constants("SIGMA_V_D", ca.SX(self.doubt), "one sigma of V_d, V")
@@ -293,6 +293,18 @@ class StateSpaceModel:
             sigmas = {"V_d": sigma, "loss_along": noise, "loss_across": noise}
             columns |= {letter: sigmas[letter] * slope for letter, slope in self.voltage_slopes.items()}
         return columns
+
+    @property
+    def flux_slopes(self) -> dict[str, Any]:
+        """What f lacks per unit of a datum that h has wrong (:meth:`Machine.lacking`): SX columns of ``arguments``."""
+        x = ca.vertsplit(self.x)
+        omega_e = self.mechanics.electrical_speed(x[2])
+        lacking = self._machine_at(x).lacking((x[0], x[1]), omega_e, Rotor.at(x[3]))
+        moving, slow = self._mechanical(x)
+        advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
+        T_e = ca.SX.sym("torque")
+        by_torque = ca.jacobian(ca.vertcat(*advance(moving, omega_e, lambda: T_e)[0], *slow), T_e)
+        return {letter: ca.vertcat(*z, torque * by_torque) for letter, (z, torque) in lacking.items()}
 
     @property
     def voltage_slopes(self) -> dict[str, Any]:

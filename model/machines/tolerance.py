@@ -8,6 +8,11 @@ noise of 2 tau / T times the variance. So::
 
     P_pred = ... + Q + Q_p,     Q_p = sum over data of (2 tau / T) sigma_p^2 (df/dp)(df/dp)^T,  at the estimate.
 
+Where flux linkages are the states, L and psi_m act in h, where they are wrong in every sample alike; what f lacks then
+is the voltage and the torque of what h has wrong (:meth:`model.machines.base.Machine.lacking`). With df/dp in its
+place, which is next to nothing, the angle of a salient machine was within 3 sigma of P in 37 to 76 % of the samples at
+half of and at rated speed (four motors behind PWM, all data within tolerance), with it in 83 to 97 %.
+
 Data that are states have their uncertainty in P, and none here: a tolerance bounds them (:func:`half_widths`).
 
 An inverter whose V_d may be off may be off in its direction, too. Where a leg's sign is none, the leg takes whatever it
@@ -123,8 +128,8 @@ class WrongData:
     propagate: Callable[..., tuple[list[Any], dict[str, Any]]]
     formulas: Formulas
 
-    def columns(self, f: Any, constants: Constants) -> dict[str, Any]:
-        """For each datum that f hangs on its deviation times df/dp, (n, 1), by its letter.
+    def columns(self, f: Any, constants: Constants, through: dict[str, Any]) -> dict[str, Any]:
+        """For each datum that f or h hangs on its deviation times df/dp, (n, 1), by its letter.
 
         Parameters
         ----------
@@ -132,8 +137,17 @@ class WrongData:
             What ``propagate`` gave.
         constants : Constants
             Those of the model proper, which the columns are made of; new ones are named after datum and constant.
+        through : dict of str to SX
+            In place of df/dp for a datum of h, by its letter.
         """
-        columns = {str(letter[0]): self._column(f, constants, *letter) for letter in self.letters}
+        columns = {}
+        for letter, value, deviation in self.letters:
+            name = str(letter)
+            if name in through:
+                sigma = constants(f"SIGMA_{name.upper()}", ca.SX(value * deviation), f"one sigma of {name}")
+                columns[name] = sigma * through[name]
+            else:
+                columns[name] = self._column(f, constants, letter, value, deviation)
         return {name: column for name, column in columns.items() if not column.is_zero()}
 
     def _column(self, f: Any, constants: Constants, letter: Any, value: float, deviation: float) -> Any:

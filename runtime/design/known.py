@@ -1,10 +1,14 @@
 """What facts amount to, by themselves and against each other: the rated point, and what is unknown of the voltage.
 
-With V the largest phase voltage, i the current at the rated point on the curve of maximum torque per ampere, and d the
-half-widths of tolerance, what the model does not know of a sample's voltage is taken as one share of V,
+With V the largest phase voltage, what no fact says of a sample's voltage is taken as one share of V,
 
-    kappa^2 = LEAST_SHARE^2 + (DEAD_SHARE sqrt(3) / 2 dead_time / T)^2
-              + 4 / (3 V^2) ((a d_R R i)^2 + (SEEN_SHARE d_psi omega_e psi_m)^2 + (SEEN_SHARE d_L omega_e L_q i)^2).
+    kappa^2 = LEAST_SHARE^2 + (DEAD_SHARE sqrt(3) / 2 dead_time / T)^2;
+
+it is process noise. Motor data within their tolerances are the filter's own to doubt ([tolerance] of the drive file).
+How fast the filter follows is told from both together at the rated point, i the current on the curve of maximum torque
+per ampere and d the half-widths,
+
+    kappa^2 + 4 / (3 V^2) ((a d_R R i)^2 + (SEEN_SHARE d_psi omega_e psi_m)^2 + (SEEN_SHARE d_L omega_e L_q i)^2).
 """
 
 from __future__ import annotations
@@ -23,12 +27,16 @@ from runtime.system.errors import UserError
 #: Share of V that the averages over a sample and the modulator leave unknown, whatever the motor.
 LEAST_SHARE = 2e-3
 #: Share of the dead time's voltage that its compensation leaves, and of what magnet and inductance within tolerance
-#: take at rated speed: the filter sees the back-EMF itself, and Q for all of it would be far too much at low speed.
-DEAD_SHARE, SEEN_SHARE = 0.4, 0.3
-#: Share of the resistance's tolerance that stays in Q where the resistance is adapted.
+#: take at rated speed: the filter sees the back-EMF itself.
+DEAD_SHARE, SEEN_SHARE = 0.8, 0.3
+#: Half-width of the dead time, relative: what a driver's data sheet leaves open.
+DEAD_TOLERANCE = 0.2
+#: Electrical turn, at rated speed, for which a wrong datum's volts stay alike in the stator frame, rad.
+ALIKE_TURN = 0.7
+#: Share of the resistance's tolerance that stays unknown where the resistance is adapted.
 ADAPTED_SHARE = 0.6
 #: The resistance is adapted where its tolerance takes more than this share of the back-EMF at a tenth of rated speed.
-HURTING_SHARE = 0.125
+HURTING_SHARE = 0.05
 #: An adaptive resistance goes through its tolerance in so many run-ups with rated torque, at least in this time, s.
 RUN_UPS, LEAST_TIME = 20.0, 0.3
 #: Largest gain of the loop from torque over a wrong inductance to the speed estimate and back.
@@ -140,8 +148,18 @@ def active_flux(f: Facts, point: RatedPoint) -> float:
     return f.psi_m + (f.L_d - f.L_q) * point.i_d
 
 
+def unsaid_share(f: Facts) -> float:
+    """kappa: what no fact says of a sample's voltage, of the largest one.
+
+    Parameters
+    ----------
+    f : Facts
+    """
+    return math.hypot(LEAST_SHARE, DEAD_SHARE * 0.5 * math.sqrt(3) * f.dead_time / f.T)
+
+
 def unknown_share(f: Facts, point: RatedPoint) -> float:
-    """kappa: what is unknown of a sample's voltage, of the largest one.
+    """What is unknown of a sample's voltage, tolerances at the rated point with it, of the largest one.
 
     Parameters
     ----------
@@ -154,8 +172,7 @@ def unknown_share(f: Facts, point: RatedPoint) -> float:
         SEEN_SHARE * f.d_psi * f.omega_e * f.psi_m,
         SEEN_SHARE * f.d_L * f.omega_e * f.L_q * point.current,
     )
-    dead = DEAD_SHARE * 0.5 * math.sqrt(3) * f.dead_time / f.T
-    return math.sqrt(LEAST_SHARE**2 + dead**2 + 4 / (3 * f.voltage**2) * sum(part * part for part in parts))
+    return math.sqrt(unsaid_share(f) ** 2 + 4 / (3 * f.voltage**2) * sum(part * part for part in parts))
 
 
 def filter_bandwidth(f: Facts, point: RatedPoint) -> float:

@@ -12,10 +12,12 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from model.schema import Bandwidth, Speed, Torque, Variance
+from model.schema import Bandwidth, ShortTime, Speed, Torque, Variance
 from runtime.design.facts import Facts
 from runtime.design.known import (
+    ALIKE_TURN,
     COMPENSATION_SAMPLES,
+    DEAD_TOLERANCE,
     FADING_SAMPLES,
     FADING_SIGMAS,
     HURTING_SHARE,
@@ -35,7 +37,7 @@ from runtime.design.known import (
     resistance_hurts,
     rounded,
     stated,
-    unknown_share,
+    unsaid_share,
     usable_current,
 )
 from runtime.recorded.units import RPM
@@ -107,7 +109,7 @@ def design(facts: Facts) -> Design:
         "operating_box": _box(facts, point, box),
         "control": _control(facts, point),
         **({"inverter": _inverter(facts)} if facts.dead_time else {}),
-        **({"tolerance": _tolerance(facts)} if resistance_hurts(facts, point) else {}),
+        "tolerance": _tolerance(facts, point),
     }
     return Design(facts.name, sections, said)
 
@@ -139,7 +141,7 @@ def _model(f: Facts, point: RatedPoint) -> Section:
             f"{f.d_R:.0%} of R i is more than {HURTING_SHARE:.0%} of the back-EMF at a tenth of rated speed",
         )
         if resistance_hurts(f, point)
-        else Choice([], "none: what the tolerances leave unknown is in process_noise")
+        else Choice([], "none: [tolerance] says how far the data may be off")
     )
     return {
         "machine": machine,
@@ -154,7 +156,7 @@ def _model(f: Facts, point: RatedPoint) -> Section:
 
 
 def _filter(f: Facts, point: RatedPoint) -> Section:
-    kappa, s2, salient = unknown_share(f, point), f.sigma**2, is_salient(f)
+    kappa, s2, salient = unsaid_share(f), f.sigma**2, is_salient(f)
     q_psi = (kappa * f.voltage * f.T) ** 2
     electrical = q_psi if salient else q_psi / (0.5 * (f.L_d + f.L_q)) ** 2
     torque_walk = LOAD_STEPS * f.torque**2 * f.T / f.step_every
@@ -183,7 +185,7 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
         ),
         "process_noise": Choice(
             rounded(q, Variance),
-            f"a sample: {kappa:.1%} of {f.voltage:.3g} V is unknown, the load steps every {f.step_every:g} s",
+            f"a sample: no fact says {kappa:.1%} of {f.voltage:.3g} V, the load steps every {f.step_every:g} s",
         ),
         "measurement_noise": Choice(
             rounded([s2, 5 * s2 / 3], Variance),
@@ -241,8 +243,19 @@ def _control(f: Facts, point: RatedPoint) -> Section:
     }
 
 
-def _tolerance(f: Facts) -> Section:
-    return {"stator_resistance": Choice(f.d_R, "the state is held within: what else is taken for R i stays small")}
+def _tolerance(f: Facts, point: RatedPoint) -> Section:
+    held = "the state is held within: what else is taken for R i stays small"
+    dead = {"dead_time": Choice(DEAD_TOLERANCE, "what a driver's data sheet leaves open")} if f.dead_time else {}
+    alike = rounded(ALIKE_TURN / f.omega_e, ShortTime)
+    return {
+        "stator_resistance": Choice(f.d_R, held if resistance_hurts(f, point) else "as stated"),
+        "inductance": Choice(f.d_L, "as stated"),
+        "magnet_flux": Choice(f.d_psi, "as stated"),
+        **dead,
+        "correlation_time": Choice(
+            alike, f"s, a turn of {ALIKE_TURN:g} rad at rated speed: then volts point elsewhere"
+        ),
+    }
 
 
 def _inverter(f: Facts) -> Section:

@@ -65,9 +65,8 @@ def trial_table(trial: Trial) -> Table:
     ----------
     trial : Trial
     """
-    table = columns_table(
-        "speed", "r/min", "draws", "locked", "at speed", "angle, 95 %", "speed error, 95 %", "", left=(7,)
-    )
+    heads = "speed", "r/min", "draws", "locked", "at speed", "angle, 95 %", "within 3 sigma", "speed error, 95 %", ""
+    table = columns_table(*heads, left=(8,))
     for point in trial.points:
         verdict, style = verdict_of(point)
         speed_error = _high(point.speed_error) / (trial.facts.speed * RPM)
@@ -78,6 +77,7 @@ def trial_table(trial: Trial) -> Table:
             f"{np.mean(point.locked):.1%}",
             f"{np.mean(point.reached):.1%}",
             f"{_high(point.angle):.1f}\u00b0",
+            f"{np.mean(point.honest):.1%}",
             f"{speed_error:.1%} of rated",
             f"[{style}]{verdict}[/{style}]",
         )
@@ -120,6 +120,7 @@ def trial_facts(trial: Trial, design: Design) -> dict[str, Any]:
                 "locked": float(np.mean(point.locked)),
                 "reached": float(np.mean(point.reached)),
                 "angle_95": _number(_high(point.angle)),
+                "within_3_sigma": float(np.mean(point.honest)),
                 "speed_error_95": _number(_high(point.speed_error)),
                 "holds": point.holds,
                 "hurts": trial.hurts.get(point.share, []),

@@ -81,7 +81,7 @@ class Point:
     """A share of rated speed: which draws held, stayed locked and reached the speed (B,); their errors.
 
     ``angle``: largest from the load step on, degrees; ``speed_error``: of the estimate, largest from the load step on,
-    r/min; (B,).
+    r/min; ``honest``: share of the samples, start included, in which the angle is within three sigmas of P; (B,).
     """
 
     share: float
@@ -90,6 +90,7 @@ class Point:
     reached: Array
     angle: Array
     speed_error: Array
+    honest: Array
 
     @property
     def held(self) -> Array:
@@ -275,7 +276,7 @@ def _point(
     seeds: int = 0,
 ) -> Point:
     """Some of the draws at one speed, on all cores: the loop in C holds no lock of Python's."""
-    rows = np.zeros((4, len(which)))
+    rows = np.zeros((5, len(which)))
 
     def one(place: int) -> None:
         run = loop.run(scenario, _conditions(facts, motors, which[place], seeds))
@@ -289,11 +290,11 @@ def _point(
             stop_if_interrupted()
             if tell is not None:
                 tell(done + 1)
-    return Point(share, scenario.speed, rows[0] > 0, rows[1] > 0, rows[2], rows[3])
+    return Point(share, scenario.speed, rows[0] > 0, rows[1] > 0, *rows[2:])
 
 
-def judge(run: Run) -> tuple[float, float, float, float]:
-    """Whether a run stayed locked and reached the speed (1 or 0); its angle (degrees) and speed error (r/min).
+def judge(run: Run) -> tuple[float, float, float, float, float]:
+    """Whether a run stayed locked and reached the speed (1 or 0); angle (degrees), speed error (r/min), honesty of P.
 
     Parameters
     ----------
@@ -302,7 +303,7 @@ def judge(run: Run) -> tuple[float, float, float, float]:
     after = run.t >= run.scenario.load_at
     errors = (float(np.max(np.abs(error[after]))) for error in (run.angle_error, run.speed_error))
     angle, speed_error = (error if math.isfinite(error) else math.inf for error in errors)
-    return float(run.locked), float(run.reached), angle, speed_error
+    return float(run.locked), float(run.reached), angle, speed_error, run.honest
 
 
 #: What may be to blame: the draws' data that belong to it.

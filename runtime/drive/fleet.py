@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.rating import sensor_noise
+from runtime.drive.interface import controller_declarations
 from runtime.drive.motor import FACTORS, inverter_of, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
-from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator, controller_declarations
+from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION

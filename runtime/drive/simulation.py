@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.rating import sensor_noise
+from runtime.drive.interface import SIMULATOR, open_simulator
 from runtime.drive.motor import inverter_of, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
-from runtime.estimator.c_backend import c_sources, declarations
-from runtime.estimator.compiler import build_library, open_library
+from runtime.estimator.c_backend import c_sources
+from runtime.estimator.compiler import build_library
+from runtime.estimator.deviation import angle_deviation
 from runtime.estimator.folder import GeneratedFolder
 from runtime.recorded.data import write_recorded
 from runtime.recorded.truth import AgainstTruth
@@ -35,8 +37,6 @@ LOCKED_ANGLE = 30.0
 LOCKED = "locked"
 #: Bits of the status, by their names in the generated module.
 STATUS_BITS = ("INPUT_REJECTED", "NOT_CONVERGED", "COMMAND_REJECTED", "COVARIANCE_REPAIRED", "DIVERGED", "RESTARTED")
-
-SIMULATOR = Path(__file__).with_name("simulator.c")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Run(AgainstTruth):
     """A run in the recorded-data format, with the estimate beside the truth. Arrays of N samples.
 
     t s; u (N, 2) V; i (N, 2) A as measured; omega, theta, load_torque, torque: truth, theta unwrapped;
-    x (N, n) the estimate; duty (N, 3); status (N,).
+    x (N, n) the estimate; angle_sigma (N,) degrees, what its P says of the angle; duty (N, 3); status (N,).
     """
 
     scenario: Scenario
@@ -89,6 +89,7 @@ class Run(AgainstTruth):
     load_torque: Array
     torque: Array
     x: Array
+    angle_sigma: Array
     duty: Array
     status: Array
     bits: Mapping[str, int] = field(default_factory=dict)
@@ -109,6 +110,11 @@ class Run(AgainstTruth):
         """Over the last 50 ms the rotor's speed is within its band of the reference: a tenth of it."""
         apart = np.abs(self.omega[self.late] * RPM - self.scenario.speed)
         return bool(np.max(apart) <= self.scenario.band())  # NaN is not
+
+    @property
+    def honest(self) -> float:
+        """Share of the samples in which the angle is within three deviations of P; every sample counts."""
+        return float(np.mean(np.abs(self.angle_error) <= 3 * self.angle_sigma))  # NaN is not
 
     @property
     def good(self) -> bool:
@@ -172,7 +178,7 @@ class Simulator:
         defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
         library = build_library({**sources, "simulator.c": SIMULATOR.read_text(encoding="utf-8")}, defines, ("-O2",))
         self._foc = foc
-        self._ffi, self._library = _open(library, sources, self._prefix, foc)
+        self._ffi, self._library = open_simulator(library, sources, self._prefix, foc)
 
     def run(
         self,
@@ -218,12 +224,13 @@ class Simulator:
         if loop is None:
             raise UserError(f"controller '{controller}' is not c or numpy.")
         gain = self._gain(conditions)
-        rows, x, duty, status = loop(machine, conditions, gain, tuning or {}, inputs, progress)
+        rows, x, words, duty, status = loop(machine, conditions, gain, tuning or {}, inputs, progress)
         i = np.column_stack([rows[:, 0], (rows[:, 0] + 2 * rows[:, 1]) / np.sqrt(3)])
         names = self.module.STATES
         truth = (rows[:, 4], rows[:, 5], inputs.load, rows[:, 6])
         bits = {name: getattr(self.module, name) for name in STATUS_BITS if hasattr(self.module, name)}
-        return Run(scenario, self.kind, names, t, rows[:, 2:4], i, *truth, x=x, duty=duty, status=status, bits=bits)
+        found = (x, np.degrees(angle_deviation(self.module, words)), duty, status)
+        return Run(scenario, self.kind, names, t, rows[:, 2:4], i, *truth, *found, bits=bits)
 
     def _machine(self, conditions: Conditions) -> Any:
         """A fresh simulator struct: the motor at rest."""
@@ -273,9 +280,9 @@ class Simulator:
         for name, values in tuning.items():
             getattr(controller.filter, name)[0 : len(values)] = list(values)
         getattr(self._library, f"{self._prefix}_reset")(self._ffi.addressof(controller, "filter"))
+        covariance = getattr(controller.filter, self.module.COVARIANCE)
         steps, n = len(inputs.speed), len(self.module.STATES)
-        rows, x = np.empty((steps, 7)), np.empty((steps, n), dtype=np.float32)
-        duty, status = np.empty((steps, 3), dtype=np.float32), np.empty(steps, dtype=np.int32)
+        rows, x, words, duty, status = _columns(steps, self.module)
         chunk = max(1, round(0.1 / machine.T))
         for first in range(0, steps, chunk):
             part = slice(first, min(first + chunk, steps))
@@ -285,14 +292,18 @@ class Simulator:
                 inputs.load[part],
                 rows[part],
                 x[part],
+                words[part],
                 duty[part],
                 status[part],
             ]
-            types = ["double *"] * 4 + ["float *"] * 2 + ["int *"]
+            types = ["double *"] * 4 + ["float *"] * 3 + ["int *"]
             pointers = [self._ffi.cast(c, a.ctypes.data) for c, a in zip(types, arrays, strict=True)]
-            self._library.simulator_run(machine, controller, part.stop - first, n, *pointers)
+            given, found = pointers[:5], pointers[5:]
+            self._library.simulator_run(
+                machine, controller, part.stop - first, n, *given, covariance, words.shape[1], *found
+            )
             progress(part.stop / steps)
-        return rows, x, duty, status
+        return rows, x, words, duty, status
 
     def _run_numpy(
         self,
@@ -308,8 +319,7 @@ class Simulator:
         math = module.MATH["float32"]
         controller = numpy_controller(module, tuning, gain, conditions)
         steps = len(inputs.speed)
-        rows, x = np.empty((steps, 7)), np.empty((steps, len(module.STATES)), dtype=np.float32)
-        duty, status = np.empty((steps, 3), dtype=np.float32), np.empty(steps, dtype=np.int32)
+        rows, x, words, duty, status = _columns(steps, module)
         phase, i, torque = ffi.new("float[2]"), ffi.new("double[2]"), ffi.new("double[1]")
         outputs = getattr(library, f"{self.folder.drive}_plant_outputs")
         for k in range(steps):
@@ -321,11 +331,19 @@ class Simulator:
             measured = (np.float32(phase[0]), np.float32(phase[1]))
             command = (np.float32(inputs.speed[k]), np.float32(machine.v_dc))
             duties, status[k] = module.foc_step(controller, module.STEPS[self.kind], measured, command, math)
-            x[k], duty[k] = controller.filter.x, duties
+            x[k], words[k], duty[k] = controller.filter.x, getattr(controller.filter, module.COVARIANCE), duties
             library.simulator_actuate(machine, [float(d) for d in duties], inputs.load[k])
             if k % 1000 == 999:
                 progress((k + 1) / steps)
-        return rows, x, duty, status
+        return rows, x, words, duty, status
+
+
+def _columns(steps: int, module: Any) -> tuple[Array, ...]:
+    """Room for what a loop writes a sample: true motor, estimate, covariance words, duty cycles, status."""
+    rows, status = np.empty((steps, 7)), np.empty(steps, dtype=np.int32)
+    sizes = (len(module.STATES), module.WORDS, 3)
+    x, words, duty = (np.empty((steps, size), dtype=np.float32) for size in sizes)
+    return rows, x, words, duty, status
 
 
 @dataclass(frozen=True)
@@ -340,49 +358,3 @@ class Inputs:
 def numpy_controller(module: Any, tuned: dict[str, Any], gain: tuple[float, ...], conditions: Conditions) -> Any:
     """The controller's state for the NumPy twin, as ``_foc_init`` leaves it, some of the tuning replaced."""
     return module.new_controller(np.float32, gain, conditions.sensored, conditions.delay, **tuned)
-
-
-def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -> str:
-    """Filter and controller as cffi wants them.
-
-    Parameters
-    ----------
-    sources : mapping of str to str
-        Texts by file name.
-    prefix : str
-        Beginning of the names.
-    foc : str
-    """
-    filter_part = declarations(sources[f"{prefix}.h"], prefix, "float32").partition("void runner_run")[0]
-    foc_part = declarations(sources[f"{foc}.h"], foc, "float32").partition("void runner_run")[0]
-    return filter_part + foc_part.split(";", 1)[1]
-
-
-def simulator_struct() -> str:
-    """The simulator's struct as cffi wants it, from its own source."""
-    source = SIMULATOR.read_text(encoding="utf-8")
-    struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
-    return "\n".join(line.partition("/*")[0] for line in struct.splitlines())
-
-
-def _open(library: Path, sources: dict[str, str], prefix: str, foc: str) -> tuple[Any, Any]:
-    """cffi's view of controller, plant outputs and simulator."""
-    import cffi
-
-    ffi = cffi.FFI()
-    plant = foc.removesuffix("_foc")
-    drive = plant.rpartition("_")[0]
-    ffi.cdef(
-        controller_declarations(sources, prefix, foc)
-        + simulator_struct()
-        + f"""
-        void {drive}_plant_rest(const double motor[6], double theta, double s[6]);
-        void {drive}_plant_outputs(const double s[6], const double motor[6], double i[2], double torque[1]);
-        void {drive}_plant_advance(double s[6], const double motor[6], const double v[2], double load, double h, int n);
-        void simulator_sense(const simulator *m, const double noise[2], float phase[2]);
-        void simulator_actuate(simulator *m, const float duty[3], double load);
-        void simulator_run(simulator *m, {foc}_t *c, int steps, int n, const double *noise, const double *speed,
-                           const double *load, double *out, float *x, float *duty_out, int *status);
-        """
-    )
-    return ffi, open_library(ffi, library)

@@ -176,9 +176,11 @@ void simulator_actuate(simulator *m, const float duty[3], double load)
 }
 
 /* A whole run. Rows of `out`, one a sample, at the instant of sampling: i_alpha, i_beta (as measured), u_alpha,
- * u_beta (the filter's), omega, theta, torque (true), omega, theta (used by the controller). x: the estimate. */
+ * u_beta (the filter's), omega, theta, torque (true), omega, theta (used by the controller). x: the estimate;
+ * words_out: its covariance, copied from the filter's own words at `covariance`. */
 void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const double *noise, const double *speed,
-                   const double *load, double *out, float *x, float *duty_out, int *status)
+                   const double *load, double *out, float *x, const float *covariance, int words,
+                   float *words_out, float *duty_out, int *status)
 {
     int k, j;
     for (k = 0; k < steps; k++) {
@@ -201,6 +203,9 @@ void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const doubl
         status[k] = JOIN(FOC, _step)(c, phase, command, duty);
         for (j = 0; j < n; j++) {
             x[n * k + j] = c->filter.x[j];
+        }
+        for (j = 0; j < words; j++) {
+            words_out[words * k + j] = covariance[j];
         }
         for (j = 0; j < 3; j++) {
             duty_out[3 * k + j] = duty[j];

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.rating import sensor_noise
+from runtime.drive.interface import SIMULATOR, controller_declarations, simulator_struct
 from runtime.drive.motor import inverter_of, longest_step, true_motor
 from runtime.drive.scenario import Scenario
-from runtime.drive.simulation import SIMULATOR, controller_declarations, simulator_struct
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder

@@ -19,6 +19,10 @@ CANCELLED = 1e-4
 #: least this times the condition (1e-10 of it: nine roundings of Pyy, whose entries are sums of ten products and more;
 #: seven were met on ``traction_70kw``). It matters where both outputs say the same.
 PER_CONDITION = 1e-5
+#: The points lie about x, and their differences from it are known to a rounding of x: where x is so many sigmas large,
+#: Pxy and the gain have it, in either computation, and the share is at least this times that number (1e-10 of it: two
+#: roundings). It matters where a measurement says nearly all of a state that data in doubt made unsure.
+PER_OFFSET = 2e-6
 
 #: What motor data that may be wrong add to P_pred comes of differences that may vanish, as at rest a wrong L does
 #: nothing: it is judged by no less than this share of P_pred (1e-10 of it: 45 roundings of P_pred).
@@ -30,13 +34,14 @@ class Sigmas:
     """The scales of a step's errors, each with a leading step axis N.
 
     ``state`` (N, n): sqrt diag P_pred. ``innovation`` (N, 2): sqrt diag Pyy. ``noise`` (2,): sqrt R.
-    ``condition`` (N,): of Pyy.
+    ``condition`` (N,): of Pyy. ``offset`` (N,): the largest of x_pred in its sigmas.
     """
 
     state: Array
     innovation: Array
     noise: Array
     condition: Array
+    offset: Array | float = 0.0
 
 
 def entries_of(stage: Stage, values: Array) -> Array:
@@ -74,7 +79,7 @@ def scale_of(stage: Stage, values: Array, sigmas: Sigmas) -> Array:
     if stage.scale == "addend":
         scale = np.maximum(scale, ADDED * sigmas.state[..., :, None] * sigmas.state[..., None, :])
     if stage.scale == "difference":
-        scale = np.maximum(scale, minuend_scale(sigmas.state, sigmas.condition))
+        scale = np.maximum(scale, minuend_scale(sigmas.state, sigmas.condition, sigmas.offset))
     return entries_of(stage, scale)
 
 
@@ -84,7 +89,7 @@ def covariance_scale(P: Array) -> Array:
     return np.asarray(sigma[..., :, None] * sigma[..., None, :])
 
 
-def minuend_scale(sigma: Array, condition: Array) -> Array:
+def minuend_scale(sigma: Array, condition: Array, offset: Array | float = 0.0) -> Array:
     """(..., n, n): by what an entry of P_pred - K Pyy K^T is judged at least, a share of P_pred's sigmas' product.
 
     Parameters
@@ -93,8 +98,11 @@ def minuend_scale(sigma: Array, condition: Array) -> Array:
         sqrt diag P_pred.
     condition : ndarray, (...)
         Of Pyy; 0 where nothing is subtracted.
+    offset : ndarray, (...), or float
+        Of the points, in sigmas; 0 of what spreads none.
     """
-    share = np.where(condition > 0, np.maximum(CANCELLED, PER_CONDITION * condition), 0.0)
+    least = np.maximum(CANCELLED, np.maximum(PER_CONDITION * condition, PER_OFFSET * offset))
+    share = np.where(condition > 0, least, 0.0)
     return np.asarray(share[..., None, None] * sigma[..., :, None] * sigma[..., None, :])
 
 

@@ -22,6 +22,8 @@ R, L_d, L_q, psi_m, p, J, D, T = sp.symbols("R L_d L_q psi_m p J D T", real=True
 omega, theta, T_L, v_alpha, v_beta = sp.symbols("omega theta load_torque v_alpha v_beta", real=True)
 #: Motor data that may be states: what stands for them then.
 SLOW = {word: sp.Symbol(word, real=True) for word in ("magnet_flux", "stator_resistance", "dead_time_voltage")}
+#: Motor data by which flux linkages become currents.
+LINKED = {"L_d": L_d, "L_q": L_q, "psi_m": psi_m}
 #: The inverter: what a leg loses, V, and the currents below which it loses less and
 #: below which that says little, A; the direction in which it does.
 V_d, I_0, I_1 = sp.symbols("V_d I_0 I_1", real=True)
@@ -231,6 +233,27 @@ def _way(name: str, exact: bool) -> tuple[sp.Expr, sp.Expr]:
     return ways.get(name, (sp.Integer(0), sp.Integer(0)))
 
 
+def _lacking(drive: Drive, letter: sp.Symbol, h: sp.Matrix, states: int) -> list[sp.Expr]:
+    """What a sample lacks where a datum by which flux linkages become currents is wrong, per unit of it.
+
+    The currents are what they are: the flux linkage that the datum gives them induces j omega_e psi and makes torque,
+    which speeds up the rotor as any torque does.
+    """
+    a, b = sp.symbols("given_alpha given_beta", real=True)
+    i = _seen_from(a + sp.I * b, theta)
+    magnet = SLOW["magnet_flux"] if "magnet_flux" in drive.model.adaptive else psi_m
+    flux = L_d * sp.re(i) + magnet + sp.I * L_q * sp.im(i)
+    induced = _parts(-sp.I * p * omega * T * flux * sp.exp(sp.I * theta))
+    torque = sp.Rational(3, 2) * p * sp.im(sp.expand_complex(sp.conjugate(flux) * i))
+    speed, turn = sp.Integer(0), sp.Integer(0)
+    if drive.model.mechanics == "load_torque":
+        exact = drive.model.discretization == "exact"
+        speed = torque * ((1 - sp.exp(-T * D / J)) / D if exact else T / J)
+        turn = p * T / 2 * speed if exact else turn
+    rows = [*induced, speed, turn, *[sp.Integer(0)] * (states - 4)]
+    return [sp.diff(row, letter).subs({a: h[0], b: h[1]}, simultaneous=True) for row in rows]
+
+
 def _seen_from(z: sp.Expr, angle: sp.Expr) -> sp.Expr:
     """A phasor in a frame turned by ``angle``."""
     return sp.expand_complex(z * sp.exp(-sp.I * angle))
@@ -271,6 +294,11 @@ def compare_derivations(drive: Drive) -> Link:
     if takes_voltage(drive):
         rows += _inverter_rows(drive)
     for name, slope in slopes(drive).items():
+        if drive.model.machine == "salient_flux" and name in LINKED:
+            lacking = _lacking(drive, LINKED[name], h, len(x))
+            different = sum(not identical(a, b) for a, b in zip(slope, lacking, strict=True))
+            rows.append(Row(f"d/d{name}", "G", "entries that differ", float(different), 0.0, len(x)))
+            continue
         volts, way = sp.Symbol(name, real=True), _way(name, drive.model.discretization == "exact")
         arriving = {v_alpha: v_alpha + volts * way[0], v_beta: v_beta + volts * way[1]}
         moved = f.subs(arriving, simultaneous=True)

@@ -179,11 +179,13 @@ def _lanes(values: Any, count: int) -> Array:
 def _sigmas(s: Situations, R: Array) -> Sigmas:
     Pyy = s.iterates[0]["Pyy"] if s.iterates else s.stages["Pyy"]
     state, innovation = (np.sqrt(np.einsum("kii->ki", c)) for c in (s.stages["P_pred"], Pyy))
-    return Sigmas(state, innovation, np.sqrt(R), s.condition)
+    offset = np.max(np.abs(s.stages["x_pred"]) / state, axis=1)
+    return Sigmas(state, innovation, np.sqrt(R), s.condition, offset)
 
 
 def _take(sigmas: Sigmas, lanes: Array) -> Sigmas:
-    return Sigmas(sigmas.state[lanes], sigmas.innovation[lanes], sigmas.noise, sigmas.condition[lanes])
+    ill = sigmas.condition[lanes], np.asarray(sigmas.offset)[lanes]
+    return Sigmas(sigmas.state[lanes], sigmas.innovation[lanes], sigmas.noise, *ill)
 
 
 def _pairs(step: FilterStep, s: Situations, found: dict[str, Array], iterates: list[dict[str, Array]]) -> Any:

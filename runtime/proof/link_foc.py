@@ -15,7 +15,7 @@ import cffi
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.simulation import controller_declarations
+from runtime.drive.interface import controller_declarations
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library, find_compiler, open_library
 from runtime.estimator.folder import GeneratedFolder

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from runtime.proof.inverter import LossyInverter, lost_volts, make_inverter
 from runtime.proof.motors import Plant, make_motor
-from runtime.proof.wrong_data import STEP, bounds, doubt, moved_data
+from runtime.proof.wrong_data import STEP, bounds, doubt, moved_motors
 
 Array = NDArray[Any]
 Stages = dict[str, Any]
@@ -380,7 +380,7 @@ def make_reference(
     """
     tuning = parameters["filter"]
     own = getattr(motor, "moved", None)  # a machine file's motors are made elsewhere
-    moved = own if own is not None else [(make_motor(sections), size) for sections, size in moved_data(parameters)]
+    moved = own if own is not None else moved_motors(parameters)
     motor = motor or make_motor(parameters)
     return Reference(
         motor=motor,

@@ -7,9 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from runtime.proof.inverter import lost_volts
+from runtime.proof.motors import Plant, SalientFluxMotor, make_motor, rotation, times
+
+Array = NDArray[Any]
 
 #: Keys of [tolerance] and the motor data they speak of; where a datum is a state the key is its name.
 UNCERTAIN = {
@@ -80,3 +87,49 @@ def moved_data(parameters: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], f
                 motor = {**parameters["motor"], word: parameters["motor"][word] * (1 + 1j * STEP)}
                 moved.append(({**parameters, "motor": motor}, math.sqrt(variance)))
     return moved
+
+
+@dataclass(frozen=True)
+class WrongCurrents:
+    """A motor with flux linkages as states whose inductance or magnet is moved: currents read from them are wrong.
+
+    In the classical equations on the rotor's axes, currents given, the moved datum makes another back-EMF and another
+    torque: ``moved`` holds the datum, ``right`` reads the currents.
+    """
+
+    moved: SalientFluxMotor
+    right: SalientFluxMotor
+
+    def f(self, x: Array, u: Array) -> Array:
+        """A complex (n, ...) whose imaginary part is what a sample lacks; its real part means nothing.
+
+        Parameters
+        ----------
+        x : ndarray, (n, ...)
+        u : ndarray, (2, ...)
+            Voltages, V.
+        """
+        d, theta = self.moved.data, x[3]
+        i_d, i_q = times(rotation(-theta), self.right.h(x))
+        psi_d, psi_q = d.L_d * i_d + d.now(x, "psi"), d.L_q * i_q
+        e = d.p * x[2] * np.array([-psi_q, psi_d])
+        torque = 1.5 * d.p * (psi_d * i_q - psi_q * i_d)
+        return np.array([*(-d.T * times(rotation(theta), e)), *(row + 0j for row in d.mechanics(x, torque))])
+
+
+def moved_motors(parameters: Mapping[str, Any]) -> list[tuple[Any, float]]:
+    """For each datum that may be wrong what moves a sample with it, by the imaginary part of its f, and the deviation.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    """
+    right = make_motor(parameters)
+
+    def of(motor: Plant) -> Any:
+        if isinstance(motor, SalientFluxMotor) and isinstance(right, SalientFluxMotor) and not np.imag(motor.data.R):
+            return WrongCurrents(motor, right)
+        return motor
+
+    return [(of(make_motor(sections)), size) for sections, size in moved_data(parameters)]

@@ -147,6 +147,7 @@ def run(
         load_torque=task.load_torque(t),
         torque=np.zeros(N),
         x=x,
+        angle_sigma=np.ones(N),
         duty=np.full((N, 3), 0.5),
         status=np.zeros(N, int),
     )

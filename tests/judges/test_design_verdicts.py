@@ -17,7 +17,7 @@ import pytest
 import runtime.design.cost
 import runtime.design.trial
 from runtime.design.facts import EXAMPLE, parse_facts
-from runtime.design.known import filter_bandwidth, rated_point, unknown_share
+from runtime.design.known import filter_bandwidth, rated_point, unknown_share, unsaid_share
 from runtime.design.rules import Choice, Design, design
 from runtime.design.tables import trial_facts, trial_table
 from runtime.design.trial import Draws, Point, Trial, load_step, package
@@ -33,7 +33,8 @@ DESIGN = design(FACTS)
 def point(share: float, locked: Sequence[int], reached: Sequence[int], angle: Any = 0.0, off: Any = 0.0) -> Point:
     of = np.ones(len(locked))
     speed = 3000 * share
-    return Point(share, speed, np.array(locked) > 0, np.array(reached) > 0, angle * of, off * of)
+    honest = np.linspace(0.5, 1.0, len(of))
+    return Point(share, speed, np.array(locked) > 0, np.array(reached) > 0, angle * of, off * of, honest)
 
 
 GOOD, BAD = [1] * 8, [0] * 8
@@ -49,14 +50,16 @@ MANY = point(
 def test_the_table_and_the_figures_of_a_trial() -> None:
     trial = Trial(FACTS, [point(0.1, [1] * 100, [1] * 100), MANY], {1.0: ["inertia"]})
     first, second = cells_of(trial_table(trial))
-    assert first == ["10%", "300", "100", "100.0%", "100.0%", "0.0\u00b0", "0.0% of rated", "[green]holds[/green]"]
+    held = ["10%", "300", "100", "100.0%", "100.0%", "0.0\u00b0", "75.0%", "0.0% of rated", "[green]holds[/green]"]
+    assert first == held
     # the 96th of a hundred in order is the first that 95 % are below: 96 degrees, 288 of 3000 r/min
-    assert second[:7] == ["100%", "3e+03", "100", "75.0%", "60.0%", "96.0\u00b0", "9.6% of rated"]
+    assert second[:8] == ["100%", "3e+03", "100", "75.0%", "60.0%", "96.0\u00b0", "75.0%", "9.6% of rated"]
     told = trial_facts(trial, DESIGN)
     assert told["holds"] is False
     assert trial_facts(Trial(FACTS, [point(0.1, GOOD, GOOD)]), DESIGN)["holds"] is True
     small, large = told["points"]
     assert (small["holds"], small["held"], small["hurts"]) == (True, 1.0, [])
+    assert small["within_3_sigma"] == pytest.approx(0.75)
     assert (large["holds"], large["locked"], large["reached"], large["held"]) == (False, 0.75, 0.6, 0.35)
     assert (large["angle_95"], large["speed_error_95"], large["hurts"]) == (96.0, 288.0, ["inertia"])
     lost = point(0.5, BAD, BAD, np.inf, np.inf)
@@ -233,7 +236,8 @@ def test_kappa_by_its_parts() -> None:
     assert volts(d_R=0.01) == pytest.approx(peak * 0.01 * f.R * at.current)
     assert volts(d_psi=0.1) == pytest.approx(peak * 0.3 * 0.1 * f.p * f.speed * f.psi_m)
     assert volts(d_L=0.1) == pytest.approx(peak * 0.3 * 0.1 * f.p * f.speed * f.L_q * at.current)
-    assert volts(dead_time=1e-6) == pytest.approx(0.4 * f.dc_link * 1e-6 / f.T / 2)
+    assert volts(dead_time=1e-6) == pytest.approx(0.8 * f.dc_link * 1e-6 / f.T / 2)
+    assert unsaid_share(replace(f, d_R=0.2, dead_time=1e-6)) == unknown_share(replace(f, dead_time=1e-6), at)
     adapted = replace(f, d_R=0.9, R=10 * f.R)  # more than the back-EMF at a tenth of rated speed
     exact = np.sqrt(unknown_share(adapted, at) ** 2 - none**2) * f.dc_link / np.sqrt(3)
     assert exact == pytest.approx(0.6 * peak * 0.9 * 10 * f.R * at.current)

@@ -209,6 +209,8 @@ def test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas() -> None:
     np.testing.assert_allclose(scale_of(difference, values, sigmas), [[4.0, 0.02, 9e-4]])
     ill = replace(sigmas, condition=np.array([1e4]))
     np.testing.assert_allclose(scale_of(difference, values, ill), [[40.0, 6.0, 0.9]])
+    far = replace(sigmas, offset=np.array([5e4]))
+    np.testing.assert_allclose(scale_of(difference, values, far), [[40.0, 6.0, 0.9]])
     addend = _stage("addend", (0, 1, 1))
     np.testing.assert_allclose(scale_of(addend, values, ill), [[4.0, 0.02, 9e-4]])
     row = _stage("row", (0, 1))

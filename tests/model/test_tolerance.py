@@ -16,7 +16,7 @@ from model.machines.tolerance import DATA, deviations
 from model.schema import Drive, DriveError, Tolerance
 from runtime.proof.inverter import lost_volts
 from runtime.proof.motors import make_motor
-from runtime.proof.wrong_data import STEP, bounds, doubt, moved_data
+from runtime.proof.wrong_data import STEP, bounds, doubt, moved_motors
 from tests.model.accepted import draw_tolerance
 from tests.model.test_accepted_motors import EPS, by_complex_step, draw_point, drives, letters, value_of
 
@@ -61,9 +61,9 @@ def test_a_wrong_datum_moves_f_as_the_motor_by_hand_says() -> None:
         scale = by_x @ reach + by_u @ np.abs(u) + 1e-250
         L_d, L_q = drive.motor.inductance_d, drive.motor.inductance_q
         allowed = 1e-14 * (10 + max(L_d / L_q, L_q / L_d))
-        moved = moved_data(drive.model_dump())
+        moved = moved_motors(drive.model_dump())
         assert len(moved) == len(deviations(drive))
-        theirs = [size * make_motor(sections).f(x, u).imag / STEP for sections, size in moved]
+        theirs = [size * motor.f(x, u).imag / STEP for motor, size in moved]
         by_hand = dict(zip(deviations(drive), theirs, strict=True))
         off = doubt(drive.model_dump()) * lost_volts(drive.model_dump())
         if off:
@@ -109,7 +109,7 @@ def test_each_share_is_the_derivative_of_its_constant() -> None:
                     exponent = abs(math.log(abs(of.value))) if of.value else 0.0
                     allowed = (40 + exponent) * EPS * (abs(true) + relative[letter] * abs(of.value)) + 1e-300
                     assert abs(share.value - true) <= allowed, (share, float(true), drive.motor)
-    assert {"SIGMA_R_DECAY_I", "SIGMA_L_D_GAIN_V", "SIGMA_PSI_M_GAIN_E", "SIGMA_L_Q_LOSS_Q"} <= seen
+    assert {"SIGMA_R_DECAY_I", "SIGMA_L_D_GAIN_V", "SIGMA_PSI_M_GAIN_E", "SIGMA_L_Q_GAIN_HALF_Q"} <= seen
 
 
 def _named_after(letter: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:

@@ -207,7 +207,7 @@ def test_less_certain_facts_make_a_less_certain_filter(path: Path) -> None:
 def test_the_resistance_is_adapted_where_it_hurts_and_only_there() -> None:
     found = {path.stem: design(read_facts(path)).sections["model"]["adaptive"].value for path in FACTS}
     assert found["fan"] == found["gimbal"] == ["stator_resistance"]
-    assert found["mill"] == found["spindle"] == []
+    assert found["mill"] == found["wind"] == []
     fan = read_facts(next(path for path in FACTS if path.stem == "fan"))
     assert design(replace(fan, d_R=0.02)).sections["model"]["adaptive"].value == []
 

@@ -12,8 +12,8 @@ import pytest
 
 from codegen.render.lanes import LANES
 from model.schema import Drive
+from runtime.drive.interface import controller_declarations
 from runtime.drive.motor import true_motor
-from runtime.drive.simulation import controller_declarations
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder

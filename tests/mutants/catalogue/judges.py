@@ -49,6 +49,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("scale of a covariance is a variance", "sigma[..., :, None] * sigma[..., None, :])\n\n\ndef minuend", "sigma[..., :, None] * sigma[..., :, None])\n\n\ndef minuend", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("a hundredth of what is added to", "ADDED = 1e-4", "ADDED = 1e-2", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("ten times the roundings", "PER_CONDITION = 1e-5", "PER_CONDITION = 1e-4", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
+        ("ten times the points' roundings", "PER_OFFSET = 2e-6", "PER_OFFSET = 2e-5", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("a hundredth of the minuend", "CANCELLED = 1e-4", "CANCELLED = 1e-2", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("what is no difference is one", 'if stage.scale == "difference":', "if True:", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
     )),
