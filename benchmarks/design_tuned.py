@@ -141,13 +141,16 @@ def measure(facts: Facts) -> dict[str, Any]:
 
 
 def judged(bench: Bench, factors: dict[str, Array]) -> dict[str, Any]:
-    """Errors of "design", "tuned" and "free" on runs that no trial had, and ratios of those in the load step."""
+    """Errors of "design", "tuned" and "free" on runs that no trial had, and ratios of those in the load step.
+
+    A copy that turns out worse here, or loses a rotor, is none that anyone would keep: its ratio is 1.
+    """
     found = dict(zip(factors, bench.errors(np.stack(list(factors.values())), JUDGED_ON), strict=True))
     return {
         "errors": {name: asdict(errors) for name, errors in found.items()},
         "factors": {name: values.tolist() for name, values in factors.items()},
-        "ratio": found["design"].load / found["tuned"].load,
-        "free ratio": found["design"].load / found["free"].load,
+        "ratio": found["design"].load / min(found["design"].load, found["tuned"].load),
+        "free ratio": found["design"].load / min(found["design"].load, found["free"].load),
     }
 
 

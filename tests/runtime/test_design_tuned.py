@@ -51,9 +51,12 @@ def test_a_search_mends_a_planted_design_and_leaves_a_limit_alone(
     assert planted.load > 2.0 * mended.load
 
 
-def test_a_run_that_lost_the_rotor_is_no_good_copy(bench: Bench) -> None:
-    (lost,) = bench.errors(np.array([1e-6, 1e-6, 1e-6, 1e-12]), TUNED_ON)
-    assert lost.load == np.inf
+def test_a_copy_that_loses_a_rotor_is_none_to_keep(bench: Bench) -> None:
+    own, losing = np.ones(4), np.array([1e-6, 1e-6, 1e-6, 1e-12])
+    found = judged(bench, {"design": own, "tuned": losing, "free": losing})
+    assert found["errors"]["tuned"]["load"] == np.inf
+    assert found["ratio"] == found["free ratio"] == 1.0
+    assert judged(bench, {"design": losing, "tuned": own, "free": own})["ratio"] == np.inf
 
 
 def test_excess_is_the_worse_of_start_and_end() -> None:
