@@ -1,6 +1,6 @@
 """What a design gives up: its load-step error with exactly known data, beside copies tuned for just that run.
 
-``python -m benchmarks.design_tuned [MOTOR...] [--held-out] [--dead-time] [--json F]``; some fifteen minutes for all on
+``python -m benchmarks.design_tuned [MOTOR...] [--held-out] [--dead-time] [--json F]``; some twenty minutes for all on
 two quiet cores. A copy is the same generated filter and controller with another process noise, found by trial: the one
 of least error in the load step that is no worse while starting and no noisier at the end; a ``free`` copy may be both.
 The motor is exactly as stated, starts within the facts' angle, goes to rated speed and meets rated torque; the inverter
