@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,12 @@ from runtime.design.trial import Trial, package, try_out
 DATA = Path(__file__).parents[1] / "tests" / "data"
 FACTS, HELD_OUT = DATA / "facts", DATA / "facts_held_out"
 SPEEDS = (0.05, 0.1, 0.5, 1.0)
+
+
+def motors(held_out: bool, names: Sequence[str]) -> list[Path]:
+    """Facts files of all motors, or of those named."""
+    paths = sorted((HELD_OUT if held_out else FACTS).glob("*.toml"))
+    return [path for path in paths if not names or path.stem in names]
 
 
 def measure(path: Path, draws: int, seed: int) -> tuple[Trial, float]:
@@ -49,9 +56,7 @@ def main() -> None:
     speeds = "  ".join(f"{f'held {share:.0%} 3 sigma':>15s}" for share in SPEEDS)
     print(f"{'motor':14s} 10..100%   {speeds}   cpu s")
     found = {}
-    for path in sorted((HELD_OUT if words.held_out else FACTS).glob("*.toml")):
-        if words.motors and path.stem not in words.motors:
-            continue
+    for path in motors(words.held_out, words.motors):
         trial, seconds = measure(path, words.draws, words.seed)
         found[path.stem] = {
             "success": trial.success,
