@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -48,16 +48,26 @@ def exact(graph: Graph, roots: list[int], point: dict[str, Fraction]) -> dict[in
         return None
 
 
+def drawn(seed: int, functions: bool) -> tuple[np.random.Generator, Graph, list[int]]:
+    """A random graph and its roots, and the generator behind them."""
+    rng = np.random.default_rng(seed)
+    return rng, *random_graph(rng, int(rng.integers(4, 60)), functions)
+
+
+@lru_cache(maxsize=300)
+def values(seed: int, functions: bool) -> list[tuple[dict[str, Fraction], dict[int, Fraction] | None]]:
+    """Five points and the values of a random graph there: every pass is asked about the same."""
+    rng, graph, roots = drawn(seed, functions)
+    return [(point, exact(graph, roots, point)) for point in (random_point(rng) for _ in range(5))]
+
+
 def check(seed: int, rewrite: object, functions: bool) -> tuple[int, int] | None:
     """Equal values at roots and at whatever else the pass says it kept; weights before and after."""
-    rng = np.random.default_rng(seed)
-    graph, roots = random_graph(rng, int(rng.integers(4, 60)), functions)
+    _, graph, roots = drawn(seed, functions)
     new, moved = rewrite(graph, roots)  # type: ignore[operator]
     assert set(roots) <= moved.keys(), "roots survive"
     compared = 0
-    for _ in range(5):
-        point = random_point(rng)
-        before = exact(graph, roots, point)
+    for point, before in values(seed, functions):
         after = before and exact(new, [moved[root] for root in roots], point)
         if before is None:
             continue
