@@ -139,6 +139,21 @@ def test_the_same_graph_with_other_roots_is_other_work() -> None:
         assert (values[moved[a]], values[moved[b]]) == expected
 
 
+def test_an_equal_graph_is_rewritten_as_the_first_one_was() -> None:
+    """With what its folded constants are made of, of which names come; the sign of a zero makes another graph."""
+
+    def scaled(zero: float) -> tuple[Graph, int]:
+        g = Graph()
+        inner = g.op("mul", g.const(5.0, "B"), g.input("x"))
+        return g, g.op("add", g.op("mul", g.const(3.0, "A"), inner), g.const(zero))
+
+    graphs = [scaled(zero) for zero in (0.0, 0.0, -0.0)]
+    first, again, other = (run_passes(graph, [root], ((share_products,),))[0] for graph, root in graphs)
+    assert repr(first.nodes) == repr(again.nodes) != repr(other.nodes)
+    assert graphs[0][0].folds == graphs[1][0].folds
+    assert 15.0 in graphs[1][0].folds
+
+
 def test_passes_find_what_they_are_for() -> None:
     """Over random graphs work is saved, not only kept."""
     found = [item for seed in range(2000, 2060) if (item := check(seed, run_passes, False))]
