@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import cache
 from io import TextIOWrapper
 from typing import Annotated, Any
 
@@ -85,6 +86,12 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
         raise typer.Exit
 
 
+@cache
+def _commands() -> Any:
+    """The commands, assembled once a process: that takes longer than most of them run where input is refused."""
+    return typer.main.get_command(app)
+
+
 #: Letters of a line that somebody will still read.
 LONGEST = 600
 
@@ -95,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show
     try:
-        app(arguments)
+        _commands()(arguments)
     except KeyboardInterrupt:
         end_interrupted()
     except SystemExit as end:

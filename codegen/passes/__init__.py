@@ -8,8 +8,8 @@ returns a new graph with the map from old nodes to new ones. It changes no value
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 
 from codegen.ir.constants import with_names
 from codegen.ir.expr import Expr, GraphBlock
@@ -25,6 +25,7 @@ from model.quantities import Block, Stage
 
 #: A pass's graph, and its nodes by the old ones'.
 Rewritten = tuple[Graph, dict[int, int]]
+Folds = dict[float, tuple[str, tuple[Node, ...]]]
 Pass = Callable[[Graph, list[int]], Rewritten]
 Pipelines = tuple[tuple[Pass, ...], ...]
 
@@ -85,13 +86,28 @@ def run_passes(graph: Graph, roots: Iterable[int], pipelines: Pipelines = PIPELI
     pipelines : tuple of tuples of Pass, optional
         The ways to try; of equally cheap ones the first is taken.
     """
-    roots = list(dict.fromkeys(roots))
-    key = (tuple(roots), pipelines)
+    key = (tuple(dict.fromkeys(roots)), pipelines)
     if key not in graph.rewritten:
-        ways = _Ways(graph, roots)
-        results = [ways.run(pipeline) for pipeline in pipelines]
-        graph.rewritten[key] = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
+        graph.rewritten[key], folds = _cheapest(_Given(repr((graph.nodes, graph.folds, graph.told)), graph), *key)
+        graph.folds |= folds
     return graph.rewritten[key]
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A graph, known by all that passes see of it: drives that differ in tuning alone have the same blocks."""
+
+    text: str
+    graph: Graph = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def _cheapest(given: _Given, roots: tuple[int, ...], pipelines: Pipelines) -> tuple[Rewritten, Folds]:
+    """The cheapest pipeline's result, and the folds that the graph holds after it."""
+    ways = _Ways(given.graph, list(roots))
+    results = [ways.run(pipeline) for pipeline in pipelines]
+    best = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
+    return best, dict(given.graph.folds)
 
 
 class _Ways:

@@ -62,7 +62,7 @@ def link_guard(
     reference = make_reference(parameters, step.kind, step.gain, draws[0][0], motor)
     if step.iteration_proof:
         reference.N_max = 1
-    first = np.array([_after(reference, *draw) for draw in zip(*draws, strict=True)])
+    first = _after(reference, *draws)
     x, P, u, y, first = (np.repeat(array, len(_faults()), axis=0) for array in (*draws, first))
     advance = parameters["motor"]["pole_pairs"] * parameters["model"]["sample_time"] * first[:, 2]
     x, u, y = _before_the_turn((x, u, y), first[:, module.ANGLE], advance, module.ANGLE)
@@ -75,7 +75,7 @@ def link_guard(
         backend.step(u[k].T.copy(), y[k].T.copy())
         state, words = backend.state()
         found.append((state.T, np.moveaxis(module.unpack(words), 2, 0), backend.status, backend.iterations))
-    wanted = [_by_hand(reference, parameters, x[b], P[b], u[:, b], y[:, b]) for b in range(len(x))]
+    wanted = _by_hand(reference, parameters["operating_box"], x, P, u, y)
     return _compare(step, drive, form, module.ANGLE, wanted, found)
 
 
@@ -85,10 +85,10 @@ def _faults() -> list[tuple[int, float]]:
 
 
 def _after(reference: Reference, x: Array, P: Array, u: Array, y: Array) -> Array:
-    """The estimate after the first of the three samples."""
+    """The estimates after the first of the three samples."""
     reference.x, reference.P = x.copy(), P.copy()
     reference.step(FIRST * u, y)
-    return np.array(reference.x)
+    return reference.x
 
 
 def _before_the_turn(
@@ -118,35 +118,48 @@ def _three_samples(u: Array, y: Array, faults: list[tuple[int, float]], box: Map
     return u, y
 
 
-def _by_hand(
-    reference: Reference, parameters: Mapping[str, Any], x: Array, P: Array, u: Array, y: Array
-) -> list[tuple[Array, Array, int, int, Array, float, Array]]:
-    """After each sample x, P, status, iterations; sigmas of its prediction, condition of Pyy, |x - x_pred|."""
-    box, held, said = parameters["operating_box"], np.zeros(2), []
-    reference.x, reference.P = x.copy(), P.copy()
+def _by_hand(reference: Reference, box: Mapping[str, Any], x: Array, P: Array, u: Array, y: Array) -> list[Array]:
+    """After each sample x, P, status, iterations; sigmas of its prediction, condition of Pyy, |x - x_pred|: (N, 3, ..).
+
+    Samples with a good measurement are stepped side by side, and so are those that coast.
+    """
+    held, said = np.zeros_like(u[0]), []
     for u_k, y_k in zip(u, y, strict=True):
-        u_good = bool(np.all(np.abs(u_k) <= box["voltage"]))
-        held = u_k if u_good else held
-        if u_good and np.all(np.abs(y_k) <= box["current"]):
-            stages = reference.step(held, y_k)
-            count = int(stages.get("iterations", 1))
-            status = 0 if stages.get("converged", True) or reference.N_max == 1 else NOT_CONVERGED
-        else:
-            reference.coast(held)
-            status, count = REJECTED, 0
-            stages = {"P_pred": reference.P}
-        sigma = np.sqrt(np.diag(stages["P_pred"]))
-        Pyy = stages["iterates"][0]["Pyy"] if "iterates" in stages else stages.get("Pyy")
-        condition = 0.0 if Pyy is None else float(np.linalg.cond(Pyy))
-        moved = np.abs(reference.x - stages.get("x_pred", reference.x))
-        said.append((reference.x.copy(), reference.P.copy(), status, count, sigma, condition, moved))
-    return said
+        u_good = np.all(np.abs(u_k) <= box["voltage"], axis=1)
+        held = np.where(u_good[:, None], u_k, held)
+        good = u_good & np.all(np.abs(y_k) <= box["current"], axis=1)
+        after = [np.zeros_like(x), np.zeros_like(P), *np.zeros((2, len(x)), int), np.zeros_like(x), np.zeros(len(x))]
+        after.append(np.zeros_like(x))
+        for some, sample in ((good, _measured), (~good, _coasting)):
+            if some.any():
+                reference.x, reference.P = x[some], P[some]
+                for whole, part in zip(after, sample(reference, held[some], y_k[some]), strict=True):
+                    whole[some] = part
+        x, P = after[0], after[1]
+        said.append(after)
+    return [np.stack(quantity, axis=1) for quantity in zip(*said, strict=True)]
 
 
-def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[Any], found: list[Any]) -> Link:
-    x, P, status, counts, predicted, condition, moved = (
-        np.array([[s[k] for s in samples] for samples in wanted]) for k in range(7)
-    )
+def _measured(reference: Reference, u: Array, y: Array) -> tuple[Any, ...]:
+    stages = reference.step(u, y)
+    done = stages.get("converged", True) | (reference.N_max == 1)
+    Pyy = stages["iterates"][0]["Pyy"] if "iterates" in stages else stages["Pyy"]
+    moved = np.abs(reference.x - stages["x_pred"])
+    status, count = np.where(done, 0, NOT_CONVERGED), stages.get("iterations", 1)
+    return reference.x, reference.P, status, count, _sigma(stages["P_pred"]), np.linalg.cond(Pyy), moved
+
+
+def _coasting(reference: Reference, u: Array, y: Array) -> tuple[Any, ...]:
+    reference.coast(u)
+    return reference.x, reference.P, REJECTED, 0, _sigma(reference.P), 0.0, 0.0
+
+
+def _sigma(P: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("bii->bi", P)))
+
+
+def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[Array], found: list[Any]) -> Link:
+    x, P, status, counts, predicted, condition, moved = wanted
     x_found, P_found, status_found, counts_found = (np.stack([s[k] for s in found], axis=1) for k in range(4))
     dx = x_found - x
     dx[..., angle] = np.remainder(dx[..., angle] + np.pi, 2 * np.pi) - np.pi
@@ -167,7 +180,7 @@ def _compare(step: FilterStep, drive: str, form: str, angle: int, wanted: list[A
         _equal("iterations", "0 without a measurement", counts, counts_found),
     )
     claim = f"reference = {form} form, inputs rejected"
-    return Link("guard", claim, drive, step.kind, step.gain, f"{len(wanted)} times three samples", rows)
+    return Link("guard", claim, drive, step.kind, step.gain, f"{len(x)} times three samples", rows)
 
 
 def _equal(stage: str, meaning: str, wanted: Array, found: Array) -> Row:

@@ -15,7 +15,7 @@ from runtime.drive.scenario import scenarios
 from runtime.drive.simulation import Simulator
 from runtime.estimator.folder import find_folder
 from tests.codegen.test_example import STUBS
-from tests.conftest import ALL_DRIVES, thoroughly
+from tests.conftest import ALL_DRIVES, EVERY_DRIVE, thoroughly
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (3, 0, 4, 1, 2)])
@@ -76,7 +76,7 @@ int main(void)
 """
 
 
-@pytest.mark.parametrize("name", ALL_DRIVES)
+@pytest.mark.parametrize("name", EVERY_DRIVE)
 def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_path: Path) -> None:
     """Compiled and run; its words read back by unpack. The expected ones are the drive's, not the text's."""
     folder = find_folder(name)
@@ -103,7 +103,7 @@ def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["no_load", *thoroughly("load_step")])
-@pytest.mark.parametrize("name", ALL_DRIVES)
+@pytest.mark.parametrize("name", EVERY_DRIVE)
 def test_the_numpy_controller_has_the_bits_of_the_c(name: str, scenario: str) -> None:
     """``simulate --controller numpy``, the whole run."""
     folder = find_folder(name)

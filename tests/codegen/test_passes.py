@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -48,16 +48,26 @@ def exact(graph: Graph, roots: list[int], point: dict[str, Fraction]) -> dict[in
         return None
 
 
+def drawn(seed: int, functions: bool) -> tuple[np.random.Generator, Graph, list[int]]:
+    """A random graph and its roots, and the generator behind them."""
+    rng = np.random.default_rng(seed)
+    return rng, *random_graph(rng, int(rng.integers(4, 60)), functions)
+
+
+@lru_cache(maxsize=300)
+def values(seed: int, functions: bool) -> list[tuple[dict[str, Fraction], dict[int, Fraction] | None]]:
+    """Five points and the values of a random graph there: every pass is asked about the same."""
+    rng, graph, roots = drawn(seed, functions)
+    return [(point, exact(graph, roots, point)) for point in (random_point(rng) for _ in range(5))]
+
+
 def check(seed: int, rewrite: object, functions: bool) -> tuple[int, int] | None:
     """Equal values at roots and at whatever else the pass says it kept; weights before and after."""
-    rng = np.random.default_rng(seed)
-    graph, roots = random_graph(rng, int(rng.integers(4, 60)), functions)
+    _, graph, roots = drawn(seed, functions)
     new, moved = rewrite(graph, roots)  # type: ignore[operator]
     assert set(roots) <= moved.keys(), "roots survive"
     compared = 0
-    for _ in range(5):
-        point = random_point(rng)
-        before = exact(graph, roots, point)
+    for point, before in values(seed, functions):
         after = before and exact(new, [moved[root] for root in roots], point)
         if before is None:
             continue
@@ -127,6 +137,21 @@ def test_the_same_graph_with_other_roots_is_other_work() -> None:
         values = exact(new, [moved[a], moved[b]], {"a": Fraction(3), "b": Fraction(7)})
         assert values is not None
         assert (values[moved[a]], values[moved[b]]) == expected
+
+
+def test_an_equal_graph_is_rewritten_as_the_first_one_was() -> None:
+    """With what its folded constants are made of, of which names come; the sign of a zero makes another graph."""
+
+    def scaled(zero: float) -> tuple[Graph, int]:
+        g = Graph()
+        inner = g.op("mul", g.const(5.0, "B"), g.input("x"))
+        return g, g.op("add", g.op("mul", g.const(3.0, "A"), inner), g.const(zero))
+
+    graphs = [scaled(zero) for zero in (0.0, 0.0, -0.0)]
+    first, again, other = (run_passes(graph, [root], ((share_products,),))[0] for graph, root in graphs)
+    assert repr(first.nodes) == repr(again.nodes) != repr(other.nodes)
+    assert graphs[0][0].folds == graphs[1][0].folds
+    assert 15.0 in graphs[1][0].folds
 
 
 def test_passes_find_what_they_are_for() -> None:

@@ -333,7 +333,7 @@ def test_guard_judges_an_estimate_by_its_predictions_sigma(
     """Three samples of one filter, x off by so many sigmas; more is allowed only where Pyy is ill-conditioned."""
     x, P = np.zeros(2), np.diag([4.0, 0.01])
     sigma = np.array([2.0, 0.1])
-    wanted = [[(x, P, 0, 1, sigma, condition, np.full(2, moved))] * 3]
+    wanted = [np.array([[value] * 3]) for value in (x, P, 0, 1, sigma, condition, np.full(2, moved))]
     found = [((x + off * sigma)[None], P[None], np.zeros(1, int), np.ones(1, int))] * 3
     link = link_guard._compare(SimpleNamespace(kind="ckf", gain="cubature"), "d", "fast", 1, wanted, found)  # type: ignore[arg-type]
     assert link.passed is passed

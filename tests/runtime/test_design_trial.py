@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from codegen.generate import Package
 from model.drives.load import load_drive
 from model.inverter import lost_voltage
 from runtime.design.cost import priced
@@ -33,15 +34,20 @@ def outrunner() -> tuple[Facts, Design]:
     return facts, design(facts)
 
 
-def test_a_design_holds_within_its_tolerances(outrunner: tuple[Facts, Design]) -> None:
+@pytest.fixture(scope="module")
+def generated(outrunner: tuple[Facts, Design]) -> Package:
+    return package(outrunner[1])
+
+
+def test_a_design_holds_within_its_tolerances(outrunner: tuple[Facts, Design], generated: Package) -> None:
     facts, chosen = outrunner
     told: list[tuple[int, int]] = []
-    trial = try_out(facts, chosen, package(chosen), 16, 1, (0.1, 1.0), progress=lambda *done: told.append(done))
+    trial = try_out(facts, chosen, generated, 16, 1, (0.1, 1.0), progress=lambda *done: told.append(done))
     assert trial.holds
     assert trial.success == 1.0
     assert (trial.hurts, blame(trial)) == ({}, [])
     assert sorted(told) == [(k, 32) for k in range(1, 33)]
-    again = try_out(facts, chosen, package(chosen), 16, 1, (0.1, 1.0))
+    again = try_out(facts, chosen, generated, 16, 1, (0.1, 1.0))
     for one, other in zip(trial.points, again.points, strict=True):
         np.testing.assert_array_equal(one.angle, other.angle)
 
@@ -55,8 +61,9 @@ def test_facts_that_are_worse_than_stated_are_found_and_named(motor: str, width:
     facts = read_facts(DATA / f"{motor}.toml")
     chosen = design(facts)
     exact = replace(facts, d_R=0.0, d_L=0.0, d_psi=0.0, d_J=0.0, angle=0.0)
-    assert try_out(exact, chosen, package(chosen), 24, 1, (0.1,)).holds
-    trial = try_out(replace(exact, **{width: most}), chosen, package(chosen), 24, 1, (0.1,))
+    made = package(chosen)
+    assert try_out(exact, chosen, made, 24, 1, (0.1,)).holds
+    trial = try_out(replace(exact, **{width: most}), chosen, made, 24, 1, (0.1,))
     assert not trial.holds
     assert trial.hurts == {0.1: [cause]}
     (line,) = blame(trial)
@@ -90,9 +97,8 @@ def test_draws_fill_their_tolerances_and_a_round_rotor_stays_round(outrunner: tu
     np.testing.assert_array_equal(known.factors["J"], drawn.factors["J"])
 
 
-def test_the_scenario_suits_the_share_of_speed(outrunner: tuple[Facts, Design]) -> None:
-    facts, chosen = outrunner
-    drive = package(chosen).drive
+def test_the_scenario_suits_the_share_of_speed(outrunner: tuple[Facts, Design], generated: Package) -> None:
+    facts, drive = outrunner[0], generated.drive
     for share in (0.01, 0.1, 1.0):
         scenario = load_step(drive, share)
         assert scenario.speed == pytest.approx(share * facts.speed * 60 / (2 * np.pi), rel=1e-5)
@@ -102,12 +108,13 @@ def test_the_scenario_suits_the_share_of_speed(outrunner: tuple[Facts, Design]) 
     assert load_step(drive, 1.0).ramp > load_step(drive, 0.1).ramp
 
 
-def test_the_generated_controller_makes_up_for_the_dead_time_by_itself(outrunner: tuple[Facts, Design]) -> None:
+def test_the_generated_controller_makes_up_for_the_dead_time_by_itself(
+    outrunner: tuple[Facts, Design], generated: Package
+) -> None:
     """What is tried is what is generated: no datum of the firmware is set by hand."""
     facts, chosen = outrunner
-    made = package(chosen)
-    assert lost_voltage(made.drive) == pytest.approx(facts.dc_link * facts.dead_time / facts.T, rel=1e-5)
-    with simulator(made, chosen.kind) as loop:
+    assert lost_voltage(generated.drive) == pytest.approx(facts.dc_link * facts.dead_time / facts.T, rel=1e-5)
+    with simulator(generated, chosen.kind) as loop:
         gain = dict(zip(loop.module.GAIN_NAMES, loop._gain(Conditions(inverter="pwm")), strict=True))
         assert gain["compensation"] == 1.0
         assert gain["dead_current"] == pytest.approx(fading_current(facts, COMPENSATION_SAMPLES))
@@ -118,8 +125,8 @@ def test_an_inverter_whose_dead_time_is_another_is_seen_to_fail() -> None:
     """The same design behind twice the dead time that it was told of."""
     facts = read_facts(DATA / "gimbal.toml")
     chosen = design(facts)
-    told, actual = facts, replace(facts, dead_time=2 * facts.dead_time)
-    success = [try_out(of, chosen, package(chosen), 12, 1, (0.1,), blamed=False).success for of in (told, actual)]
+    told, actual, made = facts, replace(facts, dead_time=2 * facts.dead_time), package(chosen)
+    success = [try_out(of, chosen, made, 12, 1, (0.1,), blamed=False).success for of in (told, actual)]
     assert success[0] == 1.0
     assert success[1] < 0.5
 
@@ -265,7 +272,7 @@ def test_a_design_is_proved(name: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(drive_text(design(facts), "x"))
     (written,) = generate_drives([str(path)], tmp_path)
-    proof, _ = prove(find_drive(written.folder), QUICK, lambda text: None)
+    proof, _ = prove(find_drive(written.folder), QUICK, lambda text: None, current=True)
     assert proof.passed, proof.failures()
 
 

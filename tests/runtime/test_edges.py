@@ -75,7 +75,7 @@ def test_what_is_accepted_is_proved(name: str, tmp_path: Path) -> None:
     chosen = design(parse_facts({"name": name, **EDGES[name]}, name))
     (tmp_path / "mine.toml").write_text(drive_text(chosen, "facts"))
     (written,) = generate_drives([str(tmp_path / "mine.toml")], tmp_path)
-    proof, _ = prove(find_drive(written.folder), QUICK, lambda text: None)
+    proof, _ = prove(find_drive(written.folder), QUICK, lambda text: None, current=True)
     assert proof.passed, proof.failures()
     stem = f"{name}_{chosen.kind}"
     for end in ("", "_foc"):

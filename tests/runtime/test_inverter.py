@@ -28,7 +28,7 @@ from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.second import CasadiMotor, second_motor
 from runtime.proof.verify import Prover, literal_package
 from tests.conftest import thoroughly, variant
-from tests.runtime.test_proof import QUICK
+from tests.runtime.test_proof import QUICK, _prover
 
 KINDS = ("ckf", "ickf", "ekf", "ukf")
 
@@ -116,7 +116,9 @@ def test_a_wrong_term_is_noticed_by_either_statement(
         drive = drive.model_copy(update={"tolerance": Tolerance(dead_time=0.2)})
     monkeypatch.setattr(LostVoltage, fault, FAULTS[fault](getattr(LostVoltage, fault)))
     assert not compare_derivations(drive).passed
-    found = prover(drive, tmp_path / "wrong")
+    package = generate_bare(drive, "literal")
+    write_folder(tmp_path / "wrong", package.files)
+    found = _prover(drive, package, tmp_path / "wrong")
     assert not all(link.passed for link in [*found.along_trajectory("ckf"), *found._box("ckf")])
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from codegen.generate import generate, generate_bare
+from codegen.generate import generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import load_drive
 from model.schema import Drive, Inverter, Tolerance
@@ -20,7 +20,7 @@ from runtime.folders.resolve import NamedDrive
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.second import compare_statements
 from runtime.proof.verify import prove
-from tests.conftest import ALL_DRIVES, DRIVES, thoroughly, variant
+from tests.conftest import DRIVES, EVERY_DRIVE, thoroughly, variant
 from tests.model.test_own_machine import EXAMPLE
 from tests.model.test_tolerance import ALL, tolerant
 from tests.runtime.test_proof import QUICK, _prover
@@ -29,7 +29,7 @@ from tests.runtime.test_proof import QUICK, _prover
 @pytest.mark.slow
 def test_the_chain_holds(tmp_path: Path) -> None:
     drive = tolerant(variant(load_drive("spmsm_load_torque"), budget={"controller_cycles": None}))
-    write_folder(tmp_path / drive.name, generate(drive, samples=1000).files)
+    write_folder(tmp_path / drive.name, generate_bare(drive).files)
     named = NamedDrive(drive.name, drive, tmp_path / drive.name)
     proof, _ = prove(named, QUICK, lambda text: None, current=True)
     assert proof.passed, list(proof.failures())
@@ -37,7 +37,7 @@ def test_the_chain_holds(tmp_path: Path) -> None:
     assert "Q_p" in compared
 
 
-@pytest.mark.parametrize("name", ALL_DRIVES)
+@pytest.mark.parametrize("name", EVERY_DRIVE)
 def test_derivatives_with_respect_to_data_are_sympys(name: str) -> None:
     link = compare_derivations(tolerant(load_drive(name)))
     assert link.passed, link.rows
@@ -144,28 +144,36 @@ def test_a_machine_of_ones_own(stated: bool, behind_inverter: bool, tmp_path: Pa
         assert found.passed, str(found.divergence)
 
 
-def _outcomes(drive: Drive, folder: Path, cases: Cases, speed: float) -> Outcomes:
+def _fleet(drive: Drive, folder: Path) -> Fleet:
     write_folder(folder, generate_bare(variant(drive, filter={"kinds": ["ckf"]})).files)
-    fleet = Fleet(GeneratedFolder(folder, checked=False), "ckf")
+    return Fleet(GeneratedFolder(folder, checked=False), "ckf")
+
+
+@pytest.fixture(scope="module")
+def with_and_without(tmp_path_factory: pytest.TempPathFactory) -> list[Fleet]:
+    """spmsm_load_torque without [tolerance], then with it."""
+    drive = load_drive("spmsm_load_torque")
+    return [_fleet(tolerant(drive, t), tmp_path_factory.mktemp("fleet") / drive.name) for t in (None, ALL)]
+
+
+def _outcomes(fleet: Fleet, cases: Cases, speed: float) -> Outcomes:
     return fleet.run(Scenario("wrong data", speed=speed, load=5.0, duration=0.6), cases)
 
 
-def test_wrong_motor_data_cost_little(tmp_path: Path) -> None:
+def test_wrong_motor_data_cost_little(with_and_without: list[Fleet]) -> None:
     """R 20 % low lost the rotor at 1000 r/min (116 degrees), psi_m 5 % off made 40 r/min; with [tolerance] neither."""
-    drive = load_drive("spmsm_load_torque")
     wrong = Cases(seed=np.arange(4) + 1, R=np.array([0.8, 1.2, 1.0, 1.0]), psi_m=np.array([1.0, 1.0, 0.95, 1.05]))
-    before, after = (_outcomes(tolerant(drive, t), tmp_path / str(k), wrong, 1000.0) for k, t in enumerate((None, ALL)))
+    before, after = (_outcomes(fleet, wrong, 1000.0) for fleet in with_and_without)
     assert before.angle[0] > 90
     assert np.all(before.steady_rms[2:] > 30)
     assert np.all(after.angle < 1)
     assert np.all(after.steady_rms < 1)
 
 
-def test_wrong_resistance_at_low_speed(tmp_path: Path) -> None:
+def test_wrong_resistance_at_low_speed(with_and_without: list[Fleet]) -> None:
     """At 100 r/min with the rated load a fifth of R makes 37 degrees; with [tolerance] at most 8."""
     cases = Cases(seed=np.arange(4) + 1, R=np.array([0.8, 0.8, 1.2, 1.2]))
-    drive = load_drive("spmsm_load_torque")
-    before, after = (_outcomes(tolerant(drive, t), tmp_path / str(k), cases, 100.0) for k, t in enumerate((None, ALL)))
+    before, after = (_outcomes(fleet, cases, 100.0) for fleet in with_and_without)
     assert np.max(before.angle) > 30
     assert np.all(after.angle < 8)
     assert np.all(after.locked)
@@ -181,8 +189,9 @@ def test_the_resistance_learnt_beside_uncertain_data(tmp_path: Path) -> None:
         model={"adaptive": ["stator_resistance"]},
         filter={"initial_covariance": [*P_0, (0.2 * R) ** 2 / 3], "process_noise": [*Q, 1e-6]},
     )
+    fleet = _fleet(drive, tmp_path / drive.name)
     for speed, most in ((10.0, 60.0), (30.0, 25.0), (50.0, 15.0), (100.0, 8.0)):
-        found = _outcomes(drive, tmp_path / f"{speed:g}", Cases(seed=np.arange(4) + 1, R=[0.8, 0.9, 1.1, 1.2]), speed)
+        found = _outcomes(fleet, Cases(seed=np.arange(4) + 1, R=[0.8, 0.9, 1.1, 1.2]), speed)
         assert np.all(found.angle < most), (speed, found.angle)
 
 

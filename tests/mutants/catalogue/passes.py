@@ -56,8 +56,8 @@ PASS = (
         ("roots forgotten in what is done", "key = (id(graph), roots, step)", "key = (id(graph), step)", PIPELINE),
         (
             "dearest way",
-            "graph.rewritten[key] = min(",
-            "graph.rewritten[key] = max(",
+            "best = min(",
+            "best = max(",
             pass_checks("share_products")[1:],
         ),
         ("last pass twice", "self.run(passes[:-1])", "self.run(passes[:-2])", PIPELINE),
