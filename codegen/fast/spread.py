@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -15,6 +16,7 @@ from codegen.fast.split import Split, SplitAlgebra
 from codegen.fast.tape import Tape, suggest_parts
 from codegen.ir.expr import Expr, GraphBuilder, dot, sum_of
 from model.filters.cubature import Rule
+from model.machines.base import Rotor
 from model.machines.state_space import INPUTS, StateSpaceModel
 
 Vector = list[Expr]
@@ -157,9 +159,11 @@ class SigmaPoints:
         if not G:
             return None
         n, zero = self.n, inputs[0][0] * 0.0
-        tape = Tape(self.model, self.model.arguments, [ca.vertcat(*G.values())], {})
+        tape = Tape(self.model, self.model.arguments, [ca.vertcat(*G.values())], _on_axes(self.model))
         algebra, still = SplitAlgebra(zero, frame.angle if frame else None), [zero] * n
-        values = [value.base for value in self.replay(b, tape, algebra, inputs[0], still, inputs[1:], frame, still)[0]]
+        found, named = self.replay(b, tape, algebra, inputs[0], still, inputs[1:], frame, still)
+        values = [value.base for value in found]
+        b.hint({name: named[name].base for name in tape.named})
         rows = [[values[n * k + i] for k in range(len(G))] for i in range(n)]
         if frame:
             b.hint({f"{q.name}_turned": v for q, v in zip(INPUTS, frame.into(inputs[1]), strict=True)})
@@ -240,3 +244,14 @@ class SigmaPoints:
                 bend = bend + dot(wrong[i], wrong[j]) if wrong else bend
                 P[i][j] = P[j][i] = gram.product(i, j) + bend if gram else bend
         return offset, P
+
+
+def _on_axes(model: StateSpaceModel) -> dict[str, Any]:
+    """What G is made of, by name: currents and a turning unit on the rotor's axes, the way in which a loss acts."""
+    rotor = Rotor.at(model.x[3])
+    i_d, i_q = rotor.to_rotor((model.h[0], model.h[1]))
+    named = {"i_d": i_d, "i_q": i_q, "omega_x_sin": model.x[2] * rotor.sin, "omega_x_cos": model.x[2] * rotor.cos}
+    if model.doubt:
+        g_alpha, g_beta, _ = ca.vertsplit(model.arguments[2])
+        named |= zip(("g_d", "g_q"), model.torque_rotor.to_rotor((g_alpha, g_beta)), strict=True)
+    return named

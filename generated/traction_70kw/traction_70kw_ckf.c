@@ -496,64 +496,60 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
     const float32 part_of_P_pred_32_3 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_P_pred_32_2;
     const float32 part_of_P_pred_32_4 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_P_pred_32_2;
-    const float32 part_of_P_pred_32_5 = cos_theta_minus_theta_mid * part_of_P_pred_32_3 -
+    const float32 i_q = cos_theta_minus_theta_mid * part_of_P_pred_32_3 -
         sin_theta_minus_theta_mid * part_of_P_pred_32_4;
-    const float32 part_of_P_pred_32_6 = part_of_P_pred_32_5 * part_of_P_pred_32_5;
-    const float32 part_of_P_pred_32_7 = cos_theta_minus_theta_mid * part_of_P_pred_32_4 +
+    const float32 i_q_sq = i_q * i_q;
+    const float32 i_d = cos_theta_minus_theta_mid * part_of_P_pred_32_4 +
         sin_theta_minus_theta_mid * part_of_P_pred_32_3;
-    const float32 part_of_P_pred_32_8 = part_of_P_pred_32_7 * part_of_P_pred_32_7;
-    const float32 part_of_P_pred_32_9 = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
-    const float32 part_of_P_pred_32_10 = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
-    const float32 part_of_P_pred_32_11 =
-        psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * part_of_P_pred_32_9 -
-        part_of_even_torque_0 * GAIN_Q_BY2 * part_of_P_pred_32_10;
+    const float32 i_d_sq = i_d * i_d;
+    const float32 g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
+    const float32 g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
+    const float32 part_of_P_pred_32_5 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
+        part_of_even_torque_0 * GAIN_Q_BY2 * g_q;
     const float32 unsure_sq = unsure * unsure;
     const float32 psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq;
-    const float32 part_of_P_pred_32_12 = part_of_even_torque_0 * unsure_sq;
-    const float32 part_of_P_pred_32_13 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+    const float32 part_of_P_pred_32_6 = part_of_even_torque_0 * unsure_sq;
+    const float32 part_of_P_pred_32_7 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
         D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
         PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
         curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ + part_of_P_pred_32 * part_of_P_pred_32 +
         D_load_torque) * GAIN_OMEGA_SQ +
         GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-        part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) +
-        G_O_S_G_T_S_S_46C * part_of_P_pred_32_6 * part_of_P_pred_32_8 +
-        part_of_P_pred_32_6 * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_11 * part_of_P_pred_32_11 +
+        part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
+        i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
+        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_5 * part_of_P_pred_32_5 +
         psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-        part_of_even_torque_0 * part_of_P_pred_32_12 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
+        part_of_even_torque_0 * part_of_P_pred_32_6 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
     const float32 D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0;
-    const float32 part_of_P_pred_32_14 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
+    const float32 part_of_P_pred_32_8 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
         HALF_T_POLE_PAIRS * D_odd_omega_1;
-    const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_13 + part_of_P_pred_32_14;
-    const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_14) +
+    const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_7 + part_of_P_pred_32_8;
+    const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_8) +
         odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3;
     const float32 D_pred_theta = larger(P_pred_33, Q_3);
     const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
     const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-    const float32 P_pred_22 = part_of_P_pred_32_13 + Q_2;
+    const float32 P_pred_22 = part_of_P_pred_32_7 + Q_2;
     const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float32 odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha;
     const float32 sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta;
     const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
     const float32 mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ;
     const float32 G_omega_R = GAIN_OMEGA * part_of_P_pred_32;
-    const float32 part_of_P_turned_20 = omega * sin_theta_minus_theta_mid;
-    const float32 part_of_P_turned_20_2 = part_of_P_turned_20 * part_of_P_pred_32_5;
-    const float32 part_of_P_turned_20_3 = part_of_P_pred_32_8 * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
-    const float32 part_of_P_turned_20_4 = omega * cos_theta_minus_theta_mid;
-    const float32 part_of_P_turned_20_5 =
-        part_of_P_pred_32_6 * part_of_P_pred_32_7 * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
+    const float32 omega_x_sin = omega * sin_theta_minus_theta_mid;
+    const float32 omega_x_sin_times_i_q = omega_x_sin * i_q;
+    const float32 i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
+    const float32 omega_x_cos = omega * cos_theta_minus_theta_mid;
+    const float32 i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
     const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
         GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
         GAIN_OMEGA_ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
         even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
-        G_psi_alpha_R * G_omega_R + part_of_P_turned_20_2 * part_of_P_turned_20_3 -
-        part_of_P_turned_20_4 * part_of_P_turned_20_5 +
-        part_of_P_turned_20_2 * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        part_of_P_pred_32_9 * part_of_P_pred_32_11 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
+        G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
+        + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
+        g_d * part_of_P_pred_32_5 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
         psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7;
     const float32 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
     const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
@@ -562,16 +558,16 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 cos_theta_mid_times_D_psi_beta = cos_theta_mid * D_psi_beta;
     const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1;
     const float32 mean_psi_beta_by_n = curv_psi_beta_sum * PAIR_WEIGHT_SQ;
-    const float32 part_of_P_turned_21 = part_of_P_turned_20_4 * part_of_P_pred_32_5;
+    const float32 omega_x_cos_times_i_q = omega_x_cos * i_q;
     const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
         GAIN_OMEGA_ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
         GAIN_OMEGA_ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0 +
         even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
-        G_psi_beta_R * G_omega_R - part_of_P_turned_21 * part_of_P_turned_20_3 -
-        part_of_P_turned_20 * part_of_P_turned_20_5 - part_of_P_turned_21 * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        part_of_P_pred_32_10 * part_of_P_pred_32_11 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-        part_of_P_pred_32_12 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
+        G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
+        omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
+        g_q * part_of_P_pred_32_5 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
+        part_of_P_pred_32_6 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
     const float32 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
     const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
         D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0;
@@ -584,17 +580,16 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
     const float32 D_odd_psi_alpha_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha;
     const float32 D_odd_psi_alpha_3 = ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta;
-    const float32 part_of_P_turned_00 = part_of_P_turned_20 * part_of_P_turned_20;
-    const float32 part_of_P_turned_00_2 = part_of_P_pred_32_8 * PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901;
-    const float32 part_of_P_turned_00_3 = part_of_P_turned_20_4 * part_of_P_turned_20_4;
-    const float32 part_of_P_turned_00_4 = part_of_P_pred_32_6 * PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC;
+    const float32 omega_x_sin_sq = omega_x_sin * omega_x_sin;
+    const float32 i_d_sq_scaled_2 = i_d_sq * PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901;
+    const float32 omega_x_cos_sq = omega_x_cos * omega_x_cos;
+    const float32 i_q_sq_scaled = i_q_sq * PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC;
     const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
         odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * D_odd_psi_alpha_2 +
         odd_psi_d_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
         even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_sum * mean_psi_alpha_by_n +
-        G_psi_alpha_R * G_psi_alpha_R + part_of_P_turned_00 * part_of_P_turned_00_2 +
-        part_of_P_turned_00_3 * part_of_P_turned_00_4 + part_of_P_turned_00 * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36
-        + part_of_P_pred_32_9 * part_of_P_pred_32_9 * GAIN_D_SQ_SIGMA_V_D_SQ +
+        G_psi_alpha_R * G_psi_alpha_R + omega_x_sin_sq * i_d_sq_scaled_2 + omega_x_cos_sq * i_q_sq_scaled +
+        omega_x_sin_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_d * g_d * GAIN_D_SQ_SIGMA_V_D_SQ +
         unsure_sq * GAIN_D_SQ_SIGMA_LOSS_SQ;
     const float32 D_odd_psi_beta_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha;
     const float32 D_odd_psi_beta_3 = ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta;
@@ -602,18 +597,18 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
         odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
         odd_psi_q_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
         even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_beta_by_n +
-        G_psi_beta_R * G_psi_beta_R + part_of_P_turned_00_3 * part_of_P_turned_00_2 +
-        part_of_P_turned_00 * part_of_P_turned_00_4 + part_of_P_turned_00_3 * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36
-        + part_of_P_pred_32_10 * part_of_P_pred_32_10 * GAIN_Q_SQ_SIGMA_V_D_SQ +
+        G_psi_beta_R * G_psi_beta_R + omega_x_cos_sq * i_d_sq_scaled_2 + omega_x_sin_sq * i_q_sq_scaled +
+        omega_x_cos_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_q * g_q * GAIN_Q_SQ_SIGMA_V_D_SQ +
         unsure_sq * GAIN_Q_SQ_SIGMA_LOSS_SQ;
-    const float32 part_of_P_turned_10 = part_of_P_turned_20_4 * part_of_P_turned_20;
+    const float32 omega_x_cos_times_omega_x_sin = omega_x_cos * omega_x_sin;
     const float32 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
         D_odd_psi_alpha_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_psi_alpha_2 +
         odd_psi_q_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
         even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_alpha_by_n +
-        G_psi_beta_R * G_psi_alpha_R - part_of_P_turned_10 * part_of_P_turned_00_2 +
-        part_of_P_turned_10 * part_of_P_turned_00_4 - part_of_P_turned_10 * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 +
-        part_of_P_pred_32_9 * part_of_P_pred_32_10 * GAIN_D_GAIN_Q_SIGMA_V_D_SQ;
+        G_psi_beta_R * G_psi_alpha_R - omega_x_cos_times_omega_x_sin * i_d_sq_scaled_2 +
+        omega_x_cos_times_omega_x_sin * i_q_sq_scaled -
+        omega_x_cos_times_omega_x_sin * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 +
+        g_d * g_q * GAIN_D_GAIN_Q_SIGMA_V_D_SQ;
     const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
     const float32 P_turn = sin_theta_mid * P_tilt;
     const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;

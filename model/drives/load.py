@@ -99,12 +99,6 @@ def _of_tolerance(drive: Drive) -> list[str]:
                 f"to tell speed by the back-EMF below {speed * 30 / math.pi:.0f} r/min: a load step may lose the "
                 "rotor. Let the filter learn it: adaptive = ['stator_resistance']."
             )
-    measured = stated.inductance or (stated.magnet_flux and "magnet_flux" not in drive.model.adaptive)
-    if drive.model.machine == "salient_flux" and measured:
-        lines.append(
-            f"drive '{drive.name}': with flux linkages as states wrong inductances and magnet flux act in the "
-            "measurement, which [tolerance] leaves as it is: they count for little here."
-        )
     return lines
 
 

@@ -298,13 +298,19 @@ class StateSpaceModel:
     def flux_slopes(self) -> dict[str, Any]:
         """What f lacks per unit of a datum that h has wrong (:meth:`Machine.lacking`): SX columns of ``arguments``."""
         x = ca.vertsplit(self.x)
-        omega_e = self.mechanics.electrical_speed(x[2])
-        lacking = self._machine_at(x).lacking((x[0], x[1]), omega_e, Rotor.at(x[3]))
+        speed = self.mechanics.electrical_speed(x[2])
+        lacking = self._machine_at(x).lacking((x[0], x[1]), speed, Rotor.at(x[3]))
         moving, slow = self._mechanical(x)
         advance = self.mechanics.euler if self.discretization == "euler" else self.mechanics.exact
         T_e = ca.SX.sym("torque")
-        by_torque = ca.jacobian(ca.vertcat(*advance(moving, omega_e, lambda: T_e)[0], *slow), T_e)
+        by_torque = ca.jacobian(ca.vertcat(*advance(moving, speed, lambda: T_e)[0], *slow), T_e)
         return {letter: ca.vertcat(*z, torque * by_torque) for letter, (z, torque) in lacking.items()}
+
+    @property
+    def torque_rotor(self) -> Rotor:
+        """Where f has its torque."""
+        x, v = ca.vertsplit(self.x), ca.vertsplit(self.arguments[1])
+        return self._sampled(self._machine_at(x), x, v, self.mechanics.electrical_speed(x[2])).torque_at[1]
 
     @property
     def voltage_slopes(self) -> dict[str, Any]:
@@ -314,9 +320,7 @@ class StateSpaceModel:
         together are any volt of one size; on these axes each turns with the stator frame, too.
         """
         v, g = self.arguments[1:]
-        x = ca.vertsplit(self.x)
-        machine, omega_e = self._machine_at(x), self.mechanics.electrical_speed(x[2])
-        rotor = self._sampled(machine, x, ca.vertsplit(v), omega_e).torque_at[1]
+        rotor = self.torque_rotor
         axes = {"loss_along": rotor.to_stator((1.0, 0.0)), "loss_across": rotor.to_stator((0.0, 1.0))}
         ways = {"V_d": -g[:2]} | {letter: ca.vertcat(*axis) for letter, axis in axes.items()}
         return {letter: ca.jtimes(self.f, v, way) for letter, way in ways.items()}

@@ -22,7 +22,7 @@ def angle_deviation(module: Any, words: Array) -> Array:
     words : (N, n (n + 1) / 2) array
         Covariances as the filter carries them.
     """
-    before = module.ROWS[module.ANGLE]
-    pivots = words[:, [module.VARIANCES[state] for state in module.ORDER[: before + 1]]].astype(float)
-    row = words[:, module.ANGLE_ROW : module.ANGLE_ROW + before].astype(float)
-    return np.asarray(np.sqrt(np.sum(row**2 * pivots[:, :before], axis=1) + pivots[:, before]))
+    earlier = module.ORDER[: module.ROWS[module.ANGLE]]
+    pivots = words[:, [module.VARIANCES[state] for state in (*earlier, module.ANGLE)]].astype(float)
+    row = words[:, [module.word(module.ANGLE, state) for state in earlier]].astype(float)
+    return np.asarray(np.sqrt(np.sum(row**2 * pivots[:, :-1], axis=1) + pivots[:, -1]))

@@ -69,7 +69,8 @@ FACTS = of(
 KNOWN = of(
     KIND,
     "runtime/design/known.py",
-    ("kappa without dead time", "LEAST_SHARE**2 + dead**2 + 4", "LEAST_SHARE**2 + 4", FILE),
+    ("kappa without dead time", "math.hypot(LEAST_SHARE, ", "math.hypot(LEAST_SHARE, 0 * ", FILE),
+    ("bandwidth without what no fact says", "math.sqrt(unsaid_share(f) ** 2 + 4", "math.sqrt(4", FILE),
     ("kappa: L_d for L_q", "SEEN_SHARE * f.d_L * f.omega_e * f.L_q", "SEEN_SHARE * f.d_L * f.omega_e * f.L_d", FILE),
     ("kappa: mechanical speed", "SEEN_SHARE * f.d_psi * f.omega_e * f.psi_m", "SEEN_SHARE * f.d_psi * f.speed * f.psi_m", FILE),
     ("kappa: all of an adapted R", "kept * f.d_R * f.R", "f.d_R * f.R", FILE),

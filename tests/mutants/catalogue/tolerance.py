@@ -17,6 +17,9 @@ UNSURE = ("pytest tests/model/test_inverter.py -k unsure",)
 CHAIN = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and ipmsm-'",)
 BOTH = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and spmsm_adaptive'",)
 
+#: What P says of the angle.
+SIGMA = ("pytest tests/runtime/test_deviation.py -k root",)
+
 TOLERANCE = (
     *of(
         "tolerance",
@@ -53,6 +56,46 @@ TOLERANCE = (
         ("V_d's sigma for the loss", '"loss_along": noise,', '"loss_along": sigma,', VOLTS),
         ("loss as noisy where signs are whole", "noise = noise * self.arguments[2][2]", "pass", VOLTS),
         ("loss per volt", "loss = NOISE_OF_LOSS * self.lost.par.V_d", "loss = ca.SX(NOISE_OF_LOSS)", VOLTS),
+    ),
+    *of(
+        "tolerance",
+        "model/machines/salient_flux.py",
+        ("back-EMF the other way", "((turned * b, -turned * a),", "((turned * b, turned * a),", DRAWN),
+        ("flux linkages that do not turn", "((turned * b, -turned * a),", "((turned * a, turned * b),", DRAWN),
+        ("torque against", "gain * (a * i[1] - b * i[0])", "gain * (b * i[0] - a * i[1])", DRAWN),
+        (
+            "q axis as d",
+            '"L_q": (-rotor.sin * i_q, rotor.cos * i_q)',
+            '"L_q": (rotor.cos * i_q, rotor.sin * i_q)',
+            DRAWN,
+        ),
+        (
+            "current of the other axis",
+            '"L_d": (rotor.cos * i_d, rotor.sin * i_d)',
+            '"L_d": (rotor.cos * i_q, rotor.sin * i_q)',
+            DRAWN,
+        ),
+        ("magnet on the q axis", '"psi_m": (rotor.cos, rotor.sin)', '"psi_m": (-rotor.sin, rotor.cos)', DRAWN),
+        (
+            "per second",
+            'turned = self.constant("SAMPLE_TIME", self.par.T, "sample time, s") * omega_e',
+            "turned = omega_e",
+            DRAWN,
+        ),
+    ),
+    *of(
+        "tolerance",
+        "model/machines/state_space.py",
+        ("torque that does not act", "torque * by_torque) for letter", "0 * by_torque) for letter", DRAWN),
+        ("at the mechanical speed", "lacking((x[0], x[1]), speed,", "lacking((x[0], x[1]), x[2],", DRAWN),
+    ),
+    *of(
+        "tolerance",
+        "runtime/estimator/deviation.py",
+        ("rows before another state", "module.ROWS[module.ANGLE]", "module.ROWS[2]", SIGMA),
+        ("another state's row", "module.word(module.ANGLE, state)", "module.word(2, state)", SIGMA),
+        ("own pivot left out", " + pivots[:, -1]))", "))", SIGMA),
+        ("variance for sigma", "np.asarray(np.sqrt(np.sum", "np.asarray((np.sum", SIGMA),
     ),
     *of(
         "tolerance",
@@ -117,6 +160,8 @@ TOLERANCE = (
             OWN,
         ),
         ("share's sign", "self._in_numbers(slope) * size,", "-self._in_numbers(slope) * size,", DRAWN),
+        ("unit datum", "columns[name] = sigma * through[name]", "columns[name] = through[name]", DRAWN),
+        ("wrong h taken for a wrong f", "if name in through:", "if False:", DRAWN),
         ("columns of nothing kept", "if not column.is_zero()}", "if column is not None}", (*DRAWN, *TEXT)),
     ),
     *of(
