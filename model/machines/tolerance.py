@@ -10,7 +10,7 @@ noise of 2 tau / T times the variance. So::
 
 Where flux linkages are the states, L and psi_m act in h, where they are wrong in every sample alike; what f lacks then
 is the voltage and the torque of what h has wrong (:meth:`model.machines.base.Machine.lacking`). With df/dp in its
-place, which is next to nothing, the angle of a salient machine was within 3 sigma of P in 37 to 76 % of the samples at
+place, which is next to nothing, the angle of a salient machine was within 3 sigma of P in 36 to 76 % of the samples at
 half of and at rated speed (four motors behind PWM, all data within tolerance), with it in 83 to 97 %.
 
 Data that are states have their uncertainty in P, and none here: a tolerance bounds them (:func:`half_widths`).
