@@ -193,9 +193,7 @@ def test_cautions_say_where_a_tolerance_does_not_help() -> None:
     assert not cautions(tolerant(drive, Tolerance(stator_resistance=0.08, inductance=0.1, magnet_flux=0.05)))
     assert not cautions(tolerant(load_drive("spmsm_adaptive"), Tolerance(stator_resistance=0.2)))
     assert not cautions(tolerant(load_drive("ipmsm_adaptive"), Tolerance(magnet_flux=0.1)))
-    (line,) = cautions(tolerant(load_drive("ipmsm_flux")))
-    assert "act in the measurement" in line
-    assert not cautions(tolerant(load_drive("ipmsm_flux"), Tolerance(stator_resistance=0.2)))
+    assert not cautions(tolerant(load_drive("ipmsm_flux")))  # what acts in its h is doubted there
 
 
 @pytest.mark.parametrize(
