@@ -8,6 +8,7 @@ proof says so: the reference then filters with CasADi's own f, h, F and H.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -18,7 +19,7 @@ from codegen.evidence.box import sample_box
 from model.machines import MACHINES
 from model.machines.own import MachineError, load_module, read_word, running
 from model.machines.state_space import StateSpaceModel, build
-from model.machines.tolerance import DATA
+from model.machines.tolerance import DATA, deviations
 from model.schema import Drive
 from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
@@ -210,6 +211,18 @@ class StatedMotor:
         """
         return _in_turn(self._slope if self.states_H else lambda x: jacobian(self.h, x), x)
 
+    def lacking(self, x: Array, i: Array) -> Array:
+        """What a sample lacks by the motor's data where the currents are i, (n,); its change with a datum counts.
+
+        Parameters
+        ----------
+        x : ndarray
+            State, in the model's order.
+        i : ndarray
+            Currents, A.
+        """
+        return self._checked("lacking", self._n, x, i)
+
     def _slope(self, x: Array) -> Array:
         return np.asarray(self._checked("H", 2 * self._n, x)).reshape(2, self._n)
 
@@ -221,6 +234,18 @@ class StatedMotor:
                 f"of type {found.dtype}."
             )
         return found
+
+
+@dataclass(frozen=True)
+class _WrongCurrents:
+    """A stated motor whose inductance or magnet is moved: currents are read wrong, and f lacks what they make."""
+
+    moved: StatedMotor
+    right: StatedMotor
+
+    def f(self, x: Array, u: Array) -> Array:
+        """A complex (n,) whose imaginary part is what a sample lacks."""
+        return _in_turn(self.moved.lacking, x, self.right.h(x))
 
 
 def _in_turn(function: Callable[..., Array], *arguments: Array) -> Array:
@@ -251,8 +276,16 @@ def _stated(drive: Drive, states: int) -> StatedMotor | None:
         if not callable(getattr(motor, name, None)):
             raise UserError(f"machine file '{word.file}': what reference(parameters) returns has no method {name}.")
     stated = StatedMotor(motor, states, say)
-    for sections, deviation in moved_data(drive.model_dump()):  # complex motor data: its formulas are to be NumPy's
-        stated.moved.append((StatedMotor(say("", make, sections), states, say), deviation))
+    through = build(drive).flux_slopes if drive.tolerance else {}
+    # Complex motor data: its formulas are to be NumPy's.
+    for letter, (sections, deviation) in zip(deviations(drive), moved_data(drive.model_dump()), strict=True):
+        moved = StatedMotor(say("", make, sections), states, say)
+        if letter in through and not hasattr(motor, "lacking"):
+            raise UserError(
+                f"machine file '{word.file}': its class says what a sample lacks where {letter} is wrong (lacking); "
+                "what reference(parameters) returns must say so, too: lacking(x, i), docs/own_machine.md."
+            )
+        stated.moved.append((_WrongCurrents(moved, stated) if letter in through else moved, deviation))
     return stated
 
 

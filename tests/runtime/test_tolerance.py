@@ -9,6 +9,7 @@ import pytest
 
 from codegen.generate import generate_bare
 from codegen.output.folder import write_folder
+from model.drives.load import DRIVES as MODEL_DRIVES
 from model.drives.load import load_drive
 from model.schema import Drive, Inverter, Tolerance
 from runtime.drive.fleet import Cases, Fleet, Outcomes
@@ -18,8 +19,9 @@ from runtime.estimator.estimator import load
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.proof.derivation import compare_derivations
-from runtime.proof.second import compare_statements
+from runtime.proof.second import compare_statements, second_motor
 from runtime.proof.verify import prove
+from runtime.system.errors import UserError
 from tests.conftest import DRIVES, EVERY_DRIVE, thoroughly, variant
 from tests.model.test_own_machine import EXAMPLE
 from tests.model.test_tolerance import ALL, tolerant
@@ -142,6 +144,58 @@ def test_a_machine_of_ones_own(stated: bool, behind_inverter: bool, tmp_path: Pa
     assert link is None if not stated else link is not None and link.passed
     for found in _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf"):
         assert found.passed, str(found.divergence)
+
+
+#: A machine of one's own that is the shipped one of flux linkages: its `lacking` is inherited, the reference's its own.
+DERIVED = """
+import numpy as np
+from model.machines import SalientFluxPMSM
+
+class Mine(SalientFluxPMSM):
+    "Salient PMSM of my own, flux-linkage states."
+
+def reference(parameters):
+    from runtime.proof.motors import SalientFluxMotor, motor_data
+
+    class Own(SalientFluxMotor):
+        def lacking(self, x, i):
+            d, turn = self.data, np.exp(1j * x[3])
+            i_d, i_q = turn.real * i[0] + turn.imag * i[1], turn.real * i[1] - turn.imag * i[0]
+            psi_d, psi_q = d.L_d * i_d + d.now(x, "psi"), d.L_q * i_q
+            e_d, e_q = -d.p * x[2] * psi_q, d.p * x[2] * psi_d
+            e = [turn.real * e_d - turn.imag * e_q, turn.imag * e_d + turn.real * e_q]
+            return np.array([-d.T * e[0], -d.T * e[1], *d.mechanics(x, 1.5 * d.p * (psi_d * i_q - psi_q * i_d))])
+
+    return Own(motor_data(parameters))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("was", "then"), [("", ""), ("-d.T * e[0]", "d.T * e[0]"), ("psi_d * i_q - psi_q", "psi_d * i_q + psi_q")]
+)
+def test_a_machine_of_ones_own_says_what_a_sample_lacks(was: str, then: str, tmp_path: Path) -> None:
+    """The second statement is asked for it, with motor data moved; a slip in it is seen."""
+    text = (MODEL_DRIVES / "ipmsm_flux.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace('"salient_flux"', '"mine.py:Mine"').replace("ipmsm_flux", "mine"))
+    (tmp_path / "mine.py").write_text(DERIVED.replace(was, then, 1) if was else DERIVED)
+    mechanics = {"mechanics": "load_torque"}
+    five = {"kinds": ["ckf"], "initial_covariance": [1e-3] * 5, "process_noise": [1e-7] * 5, "root_order": None}
+    drive = tolerant(variant(load_drive(tmp_path / "mine.toml"), model=mechanics, filter=five))
+    package = generate_bare(drive, "literal")
+    write_folder(tmp_path / drive.name, package.files)
+    found = [link.passed for link in _prover(drive, package, tmp_path / drive.name).along_trajectory("ckf")]
+    assert all(found) is not bool(was)
+
+
+def test_a_reference_that_does_not_say_so_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(DERIVED.replace("def lacking", "def lacks"))
+    text = (MODEL_DRIVES / "ipmsm_flux.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace('"salient_flux"', '"mine.py:Mine"'))
+    drive = load_drive(tmp_path / "mine.toml")
+    assert compare_statements(drive) is not None
+    with pytest.raises(UserError, match=r"lacks where L_d is wrong .*lacking\(x, i\)"):
+        second_motor(tolerant(drive))
 
 
 def _fleet(drive: Drive, folder: Path) -> Fleet:

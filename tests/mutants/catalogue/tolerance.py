@@ -17,6 +17,7 @@ UNSURE = ("pytest tests/model/test_inverter.py -k unsure",)
 CHAIN = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and ipmsm-'",)
 BOTH = ("pytest tests/runtime/test_tolerance.py -k 'doubtful_inverter and spmsm_adaptive'",)
 
+LACKS = ("pytest tests/runtime/test_tolerance.py -k 'says_what or one_line'",)
 #: What P says of the angle.
 SIGMA = ("pytest tests/runtime/test_deviation.py -k root",)
 
@@ -88,6 +89,12 @@ TOLERANCE = (
         "model/machines/state_space.py",
         ("torque that does not act", "torque * by_torque) for letter", "0 * by_torque) for letter", DRAWN),
         ("at the mechanical speed", "lacking((x[0], x[1]), speed,", "lacking((x[0], x[1]), x[2],", DRAWN),
+    ),
+    *of(
+        "tolerance",
+        "runtime/proof/second.py",
+        ("one's own h is right", "_WrongCurrents(moved, stated) if letter in through else moved", "moved", LACKS),
+        ("lacking need not be stated", 'if letter in through and not hasattr(motor, "lacking"):', "if False:", LACKS),
     ),
     *of(
         "tolerance",
