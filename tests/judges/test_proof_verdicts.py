@@ -16,6 +16,7 @@ import runtime.proof.verify
 from model.drives.load import load_drive
 from runtime.proof import link_guard
 from runtime.proof.compare import Sigmas, relative_error, row_scale, scale_of
+from runtime.proof.link_ab import Situations, _sigmas
 from runtime.proof.link_cd import drift, drift_rows
 from runtime.proof.link_de import same_bits
 from runtime.proof.result import Divergence, IterationEffect, Link, Proof
@@ -197,6 +198,19 @@ def test_scales_are_the_rows_largest_or_its_natural_size() -> None:
         np.testing.assert_allclose(row_scale(_stage(scale, (0, 1)), large, sigmas), [np.maximum(natural, [7.0, 9.0])])
     matrix = np.array([[[0.5, -3.0], [1.0, 2.0]]])
     np.testing.assert_allclose(row_scale(_stage("row", (0, 0, 1, 1)), matrix, sigmas), [[3.0, 3.0, 2.0, 2.0]])
+
+
+def test_sigmas_of_a_step_are_those_of_its_predictions() -> None:
+    """Roots of variances; x_pred in its own sigmas, of which the largest counts."""
+    P_pred, Pyy = np.array([[[4.0, 0.1], [0.1, 1e-4]]]), np.array([[[9.0, 0.0], [0.0, 1.0]]])
+    stages = {"P_pred": P_pred, "Pyy": Pyy, "x_pred": np.array([[6.0, -0.5]])}
+    nothing = np.zeros((1, 2))
+    sigmas = _sigmas(Situations("made", nothing, P_pred, nothing, nothing, stages, [], nothing), np.array([0.25, 0.04]))
+    np.testing.assert_allclose(sigmas.state, [[2.0, 0.01]])
+    np.testing.assert_allclose(sigmas.innovation, [[3.0, 1.0]])
+    np.testing.assert_allclose(sigmas.noise, [0.5, 0.2])
+    np.testing.assert_allclose(sigmas.condition, [9.0])
+    np.testing.assert_allclose(sigmas.offset, [50.0])
 
 
 def test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas() -> None:

@@ -53,6 +53,11 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("a hundredth of the minuend", "CANCELLED = 1e-4", "CANCELLED = 1e-2", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
         ("what is no difference is one", 'if stage.scale == "difference":', "if True:", "test_an_entry_of_a_covariance_is_judged_by_its_two_sigmas"),
     )),
+    "runtime/proof/link_ab.py": ("proof_verdicts", (
+        ("offset in variances", 's.stages["x_pred"]) / state, axis=1)', 's.stages["x_pred"]) / state**2, axis=1)', "test_sigmas_of_a_step_are_those_of_its_predictions"),
+        ("offset of what is no number's sign", 'np.max(np.abs(s.stages["x_pred"])', 'np.max((s.stages["x_pred"])', "test_sigmas_of_a_step_are_those_of_its_predictions"),
+        ("innovation in variances", 'state, innovation = (np.sqrt(np.einsum("kii->ki", c))', 'state, innovation = ((np.einsum("kii->ki", c))', "test_sigmas_of_a_step_are_those_of_its_predictions"),
+    )),
     "runtime/proof/link_cd.py": ("proof_verdicts", (
         ("envelope of the least", "count + 1), cut.max(axis=1)", "count + 1), cut.min(axis=1)", "tests/judges/test_proof_tables.py::test_figures_of_drift_effect_and_trajectory"),
         ("a hundred times what float32 may cost", "ALLOWED = 1e-2", "ALLOWED = 1.0", "test_drift_is_the_difference_and_its_allowance_a_share_of_that_steps_sigma"),
