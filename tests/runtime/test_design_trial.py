@@ -24,6 +24,7 @@ from runtime.design.write import drive_text
 from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, Run
 from tests import forked
+from tests.conftest import thoroughly
 
 DATA = Path(__file__).parents[1] / "data" / "facts"
 
@@ -253,14 +254,14 @@ def test_a_design_that_does_not_hold_ends_with_1(tmp_path: Path) -> None:
     """A voltage that ends before the rated speed."""
     text = (DATA / "fan.toml").read_text().replace("dc_link = 12.0", "dc_link = 3.0")
     (tmp_path / "fan.toml").write_text(text)
-    done = call("design", "fan.toml", "--out", "mine.toml", "--draws", "8", cwd=tmp_path)
+    done = call("design", "fan.toml", "--out", "mine.toml", "--draws", "3", cwd=tmp_path)
     assert done.returncode == 1, done.stdout
     assert "does NOT hold" in done.stdout
     assert (tmp_path / "mine.toml").is_file()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["fan", "wind"])
+@pytest.mark.parametrize("name", ["fan", *thoroughly("wind")])
 def test_a_design_is_proved(name: str, tmp_path: Path) -> None:
     """Surface with an adaptive resistance; L_d above L_q. Their generated filters are the same filter, too."""
     from runtime.folders.generate import generate_drives

@@ -29,6 +29,7 @@ from tests.runtime.test_proof import QUICK, _prover
 
 
 @pytest.mark.slow
+@pytest.mark.thorough  # in every run a design whose data are all in doubt is proved: test_design_trial.py
 def test_the_chain_holds(tmp_path: Path) -> None:
     drive = tolerant(variant(load_drive("spmsm_load_torque"), budget={"controller_cycles": None}))
     write_folder(tmp_path / drive.name, generate_bare(drive).files)
