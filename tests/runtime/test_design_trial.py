@@ -254,7 +254,7 @@ def test_a_design_that_does_not_hold_ends_with_1(tmp_path: Path) -> None:
     """A voltage that ends before the rated speed."""
     text = (DATA / "fan.toml").read_text().replace("dc_link = 12.0", "dc_link = 3.0")
     (tmp_path / "fan.toml").write_text(text)
-    done = call("design", "fan.toml", "--out", "mine.toml", "--draws", "3", cwd=tmp_path)
+    done = call("design", "fan.toml", "--out", "mine.toml", "--draws", "8", cwd=tmp_path)
     assert done.returncode == 1, done.stdout
     assert "does NOT hold" in done.stdout
     assert (tmp_path / "mine.toml").is_file()
