@@ -46,6 +46,7 @@ SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
 FadingCurrent = Annotated[float | None, Field(ge=1e-5, le=1e5), Unit("A")]
 CycleCount = Annotated[int | None, Field(ge=100, le=1_000_000, strict=True), Unit("cycles")]
 HalfWidth = Annotated[float, Field(ge=0.0, le=0.9)]
+Samples = Annotated[float, Field(ge=0.5, le=1000.0)]
 #: The C asks for 1e-18 .. 1e18 of Q and R: float32 must hold products and quotients of two.
 Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
 
@@ -135,7 +136,8 @@ class Tolerance(_Section):
 
     The filter takes a datum's error for noise that stays alike for ``correlation_time``, see
     :mod:`model.machines.tolerance`; a datum that is an adaptive state is held within. ``inductance`` holds for each
-    axis, and one says nothing of the other; ``dead_time`` for all that the inverter takes.
+    axis, and one says nothing of the other; ``dead_time`` for all that the inverter takes. A leg whose current has no
+    sure sign keeps what it takes for ``unsure_samples``; half a sample: another sign in each.
     """
 
     stator_resistance: HalfWidth = 0.0
@@ -143,6 +145,7 @@ class Tolerance(_Section):
     magnet_flux: HalfWidth = 0.0
     dead_time: HalfWidth = 0.0
     correlation_time: ShortTime = 5e-4
+    unsure_samples: Samples = 4.0
 
 
 class Control(_Section):

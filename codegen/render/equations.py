@@ -12,7 +12,7 @@ import sympy as sp
 
 from model.machines.base import Parameters
 from model.machines.state_space import INPUTS, OUTPUTS, SIGNS, UNSURE, StateSpaceModel, build
-from model.machines.tolerance import deviations, voltage_deviation
+from model.machines.tolerance import deviations, wrong_voltage
 from model.quantities import Constant, Formulas
 from model.schema import Drive
 from model.to_sympy import to_sympy, to_sympy_lines
@@ -67,7 +67,7 @@ def slopes(drive: Drive) -> dict[str, sp.Matrix]:
             found[name] = to_sympy(through[name])
             continue
         found[name] = to_sympy(formulas.in_letters(formulas.along(f, letter, ca.SX(1), formulas.slopes(letter))))
-    if voltage_deviation(drive):
+    if wrong_voltage(drive):
         by_volts = build(drive, parameters).voltage_slopes
         found |= {letter: to_sympy(slope) for letter, slope in by_volts.items()}
     return found

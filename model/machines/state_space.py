@@ -15,7 +15,7 @@ from model.machines.adaptive import Adaptive, own_value
 from model.machines.base import Named, Parameters, Rotor, Sampled
 from model.machines.lost_voltage import LostVoltage, constant_voltage
 from model.machines.mechanics import MECHANICS, Mechanics
-from model.machines.tolerance import NOISE_OF_LOSS, WrongData, deviations, half_widths, voltage_deviation
+from model.machines.tolerance import WrongData, WrongVoltage, deviations, half_widths, wrong_voltage
 from model.quantities import Constant, Constants, Formulas, Quantity
 from model.schema import Drive
 
@@ -56,7 +56,7 @@ class StateSpaceModel:
     root_order: tuple[str, ...] = ()
     lost: LostVoltage | None = None
     wrong: WrongData | None = None
-    doubt: float = 0.0  # V, of V_d where that is a constant: the deviation that counts in a sample
+    doubt: WrongVoltage | None = None  # V, of V_d where that is a constant: the deviation that counts in a sample
 
     @property
     def states(self) -> tuple[Quantity, ...]:
@@ -286,9 +286,9 @@ class StateSpaceModel:
             columns = self.wrong.columns(f, self._constants, self.flux_slopes)
         if self.doubt:
             assert self.lost is not None
-            sigma = self._constants("SIGMA_V_D", ca.SX(self.doubt), "one sigma of V_d, V")
-            loss = NOISE_OF_LOSS * self.lost.par.V_d
-            noise = self._constants("SIGMA_LOSS", loss, "sqrt(8) / 3 V_d, V: of either axis where no sign is sure")
+            sigma = self._constants("SIGMA_V_D", ca.SX(self.doubt.of_size), "one sigma of V_d, V")
+            loss = self.doubt.of_signs * self.lost.par.V_d
+            noise = self._constants("SIGMA_LOSS", loss, "V: one sigma of either axis where no sign is sure")
             noise = noise * self.arguments[2][2]
             sigmas = {"V_d": sigma, "loss_along": noise, "loss_across": noise}
             columns |= {letter: sigmas[letter] * slope for letter, slope in self.voltage_slopes.items()}
@@ -358,7 +358,7 @@ def build(drive: Drive, parameters: Parameters | None = None, constants: Constan
     adaptive = Adaptive(tuple(model.adaptive), model.return_rate, parameters, constants, half_widths(drive))
     order = tuple(drive.filter.root_order or ())
     lost = LostVoltage(parameters, constants) if takes_voltage(drive) else None
-    doubt = voltage_deviation(drive)
+    doubt = wrong_voltage(drive)
     return StateSpaceModel(machine, mechanics, model.discretization, adaptive, constants, order, lost, wrong, doubt)
 
 

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from model.schema import Bandwidth, ShortTime, Speed, Torque, Variance
+from model.schema import Bandwidth, HalfWidth, ShortTime, Speed, Torque, Variance
 from runtime.design.facts import Facts
 from runtime.design.known import (
     ALIKE_TURN,
@@ -24,8 +24,10 @@ from runtime.design.known import (
     LOAD_STEPS,
     ROUND,
     RUN_UPS,
+    UNSURE_SAMPLES,
     RatedPoint,
     adaptive_time,
+    doubted_flux,
     fading_current,
     filter_bandwidth,
     inductance_bandwidth,
@@ -245,16 +247,22 @@ def _control(f: Facts, point: RatedPoint) -> Section:
 
 def _tolerance(f: Facts, point: RatedPoint) -> Section:
     held = "the state is held within: what else is taken for R i stays small"
-    dead = {"dead_time": Choice(DEAD_TOLERANCE, "what a driver's data sheet leaves open")} if f.dead_time else {}
-    alike = rounded(ALIKE_TURN / f.omega_e, ShortTime)
+    dead = {
+        "dead_time": Choice(DEAD_TOLERANCE, "what a driver's data sheet leaves open"),
+        "unsure_samples": Choice(
+            UNSURE_SAMPLES[is_salient(f)], "a leg without a sign of its current keeps what it takes"
+        ),
+    }
+    turn = ALIKE_TURN[is_salient(f)]
+    alike = rounded(turn / f.omega_e, ShortTime)
+    doubted = rounded(doubted_flux(f), HalfWidth)
+    seen = f"of {f.d_psi:g}, what noise of the voltage does not hide"
     return {
         "stator_resistance": Choice(f.d_R, held if resistance_hurts(f, point) else "as stated"),
         "inductance": Choice(f.d_L, "as stated"),
-        "magnet_flux": Choice(f.d_psi, "as stated"),
-        **dead,
-        "correlation_time": Choice(
-            alike, f"s, a turn of {ALIKE_TURN:g} rad at rated speed: then volts point elsewhere"
-        ),
+        "magnet_flux": Choice(doubted, seen),
+        **(dead if f.dead_time else {}),
+        "correlation_time": Choice(alike, f"s, a turn of {turn:g} rad at rated speed: then volts point elsewhere"),
     }
 
 

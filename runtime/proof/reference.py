@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.proof.inverter import LossyInverter, lost_volts, make_inverter
+from runtime.proof.inverter import LossyInverter, make_inverter
 from runtime.proof.motors import Plant, make_motor
 from runtime.proof.wrong_data import STEP, bounds, doubt, moved_motors
 
@@ -44,7 +44,7 @@ class Reference:
     shortfall: Array = field(default_factory=lambda: np.zeros(2))  # of the voltage that arrives, per V of a state V_d
     way: Array = field(default_factory=lambda: np.zeros(2))  # the same of any V_d
     unsure: Array = field(default_factory=lambda: np.zeros(1))  # of the way: 0 where all legs fall short in full
-    doubt: float = 0.0  # deviation of a V_d that is no state, V
+    doubt: tuple[float, float] | None = None  # V: deviation of a V_d that is no state, and where no sign is sure
     moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
     bounds: list[tuple[int, float, float]] = field(default_factory=list)  # of slow states, by place
     stages: Stages = field(default_factory=dict)
@@ -126,15 +126,14 @@ class Reference:
     def _doubtful_volts(self) -> list[Array]:
         """One sigma of each voltage the inverter may take beside its V_d g, (..., 2).
 
-        A wrong V_d the same way. And of V_d times a g that may be as long as 4/3 all that the legs do not say, half of
-        its square on each axis; the axes are the rotor's.
+        A wrong V_d the same way. And all that the legs do not say, as much on each axis; the axes are the rotor's.
         """
-        assert self.inverter is not None
+        assert self.doubt is not None
         theta = self.x[..., 3]
         ahead = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
         aside = np.stack([-np.sin(theta), np.cos(theta)], axis=-1)
-        noise = self.inverter.V_d * 4 / 3 * self.unsure / math.sqrt(2)
-        return [self.doubt * self.way, noise * ahead, noise * aside]
+        noise = self.doubt[1] * self.unsure
+        return [self.doubt[0] * self.way, noise * ahead, noise * aside]
 
     def _f(self, x: Array, u: Array, motor: Plant | None = None) -> Array:
         """The motor's f, whose states are the first axis, of the voltage that arrives."""
@@ -396,5 +395,5 @@ def make_reference(
         inverter=make_inverter(parameters),
         moved=moved,
         bounds=bounds(parameters),
-        doubt=doubt(parameters) * lost_volts(parameters),
+        doubt=doubt(parameters),
     )

@@ -28,18 +28,22 @@ UNCERTAIN = {
 STEP = 1e-30
 
 
-def doubt(parameters: Mapping[str, Any]) -> float:
-    """The standard deviation of the inverter's V_d, relative, as it counts in a sample; 0 where it is a state.
+def doubt(parameters: Mapping[str, Any]) -> tuple[float, float] | None:
+    """The standard deviation of the inverter's V_d, and of the voltage on an axis where no leg's sign is sure, V.
+
+    Both as they count in a sample. V_d times a g that may be 4/3 long, half of its square on each axis; what stays
+    alike for k samples counts as 2 k of them. None where V_d is a state or exact.
 
     Parameters
     ----------
     parameters : mapping of str to Any
         Sections of the drive file, parsed.
     """
-    stated = parameters.get("tolerance") or {}
-    if not stated.get("dead_time") or "dead_time_voltage" in parameters["model"].get("adaptive", ()):
-        return 0.0
-    return math.sqrt(_variance(stated["dead_time"], parameters))
+    stated, volts = parameters.get("tolerance") or {}, lost_volts(parameters)
+    if not (volts and stated.get("dead_time")) or "dead_time_voltage" in parameters["model"].get("adaptive", ()):
+        return None
+    on_an_axis = 4 / 3 / math.sqrt(2) * math.sqrt(2 * stated["unsure_samples"])
+    return volts * math.sqrt(_variance(stated["dead_time"], parameters)), volts * on_an_axis
 
 
 def bounds(parameters: Mapping[str, Any]) -> list[tuple[int, float, float]]:

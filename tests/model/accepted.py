@@ -56,7 +56,8 @@ def draw_tolerance(rng: np.random.Generator) -> Tolerance:
     """Half-widths and a correlation time of any size; every fourth datum is exact."""
     keys = ("stator_resistance", "inductance", "magnet_flux", "dead_time")
     widths = {key: 0.0 if rng.random() < 0.25 else evenly(rng, 1e-6, accepted(Tolerance, key)[1]) for key in keys}
-    return Tolerance(**widths, correlation_time=evenly(rng, *accepted(Tolerance, "correlation_time")))
+    times = {key: evenly(rng, *accepted(Tolerance, key)) for key in ("correlation_time", "unsure_samples")}
+    return Tolerance(**widths, **times)
 
 
 def draw_drive(rng: np.random.Generator, machine: str, mechanics: str, discretization: str, adaptive: Any) -> Drive:

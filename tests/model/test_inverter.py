@@ -121,14 +121,14 @@ def test_it_is_unsure_by_what_it_lacks_of_its_greatest_length() -> None:
 
 @pytest.mark.parametrize("theta", [0.0, 0.4, -2.0])
 def test_what_is_unsure_is_noise_of_the_voltage_alike_on_both_axes(theta: float) -> None:
-    """V_d^2 (16/9 - |g|^2) / 2 on each, whichever way the rotor looks."""
+    """V_d^2 (16/9 - |g|^2) / 2 on each, alike for k samples, whichever way the rotor looks."""
     drive = doubtful(discretization="euler")
     model, per_volt = build(drive), drive.model.sample_time / drive.motor.inductance_d
     assert set(model.G) == {"V_d", "loss_along", "loss_across"}
     at = [0.0, 0.0, 40.0, theta, 0.0], [3.0, -5.0], [0.9, 0.2, math.sqrt(1 - 0.85 * 9 / 16)]
     columns = [model.numeric(model.G[letter][:2]) for letter in ("loss_along", "loss_across")]
     G = np.array(ca.Function("G", model.arguments, [ca.horzcat(*columns)])(*at))
-    variance = lost_voltage(drive) ** 2 * (16 / 9 - 0.85) / 2
+    variance = 2 * 4 * lost_voltage(drive) ** 2 * (16 / 9 - 0.85) / 2
     np.testing.assert_allclose(G @ G.T, per_volt**2 * variance * np.eye(2), rtol=1e-12, atol=1e-15)
 
 

@@ -14,7 +14,6 @@ from model.drives.load import cautions, load_drive, parse_drive
 from model.machines.state_space import StateSpaceModel, build
 from model.machines.tolerance import DATA, deviations
 from model.schema import Drive, DriveError, Tolerance
-from runtime.proof.inverter import lost_volts
 from runtime.proof.motors import make_motor
 from runtime.proof.wrong_data import STEP, bounds, doubt, moved_motors
 from tests.model.accepted import draw_tolerance
@@ -65,9 +64,9 @@ def test_a_wrong_datum_moves_f_as_the_motor_by_hand_says() -> None:
         assert len(moved) == len(deviations(drive))
         theirs = [size * motor.f(x, u).imag / STEP for motor, size in moved]
         by_hand = dict(zip(deviations(drive), theirs, strict=True))
-        off = doubt(drive.model_dump()) * lost_volts(drive.model_dump())
-        if off:
-            noise = lost_volts(drive.model_dump()) * UNSURE * 4 / 3 / math.sqrt(2)
+        volts_off = doubt(drive.model_dump())
+        if volts_off:
+            off, noise = volts_off[0], volts_off[1] * UNSURE
             later = drive.model.sample_time / 2 if drive.model.discretization == "exact" else 0.0
             ahead = np.exp(1j * (x[model.angle] + later * drive.motor.pole_pairs * x[2]))
             volts = {"V_d": -off * DIRECTION}

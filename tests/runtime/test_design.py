@@ -17,9 +17,11 @@ from model.rating import mtpa_currents
 from runtime.design.cost import priced
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
 from runtime.design.known import (
+    HIDING_SIGMAS,
     LEAST_SHARE,
     active_flux,
     adaptive_time,
+    doubted_flux,
     filter_bandwidth,
     inductance_bandwidth,
     rated_point,
@@ -270,6 +272,16 @@ def test_a_reluctance_machine_gets_no_more_current_than_the_voltage_can_turn() -
     assert any("does not weaken the field" in line for line in chosen.remarks)
     for path in FACTS:
         assert design(read_facts(path)).sections["control"]["max_current"].value == read_facts(path).max_current
+
+
+@pytest.mark.parametrize("path", FACTS, ids=lambda path: path.stem)
+def test_a_magnet_is_doubted_for_what_noise_does_not_hide(path: Path) -> None:
+    """As much as hides it: half is left. A tenth of that: next to nothing; ten times: nearly all."""
+    facts = read_facts(path)
+    back_emf = terminal_emf(facts.p, facts.psi_m, facts.speed).max() / math.sqrt(3)
+    hiding = HIDING_SIGMAS * LEAST_SHARE * facts.dc_link / math.sqrt(3) / back_emf
+    shares = [doubted_flux(replace(facts, d_psi=times * hiding)) / (times * hiding) for times in (0.1, 1.0, 10.0)]
+    assert shares == pytest.approx([1 / 101, 1 / 2, 100 / 101], rel=1e-4)
 
 
 def test_an_adapted_resistance_remembers_twenty_run_ups() -> None:

@@ -56,7 +56,7 @@ TOLERANCE = (
         ),
         ("V_d's sigma for the loss", '"loss_along": noise,', '"loss_along": sigma,', VOLTS),
         ("loss as noisy where signs are whole", "noise = noise * self.arguments[2][2]", "pass", VOLTS),
-        ("loss per volt", "loss = NOISE_OF_LOSS * self.lost.par.V_d", "loss = ca.SX(NOISE_OF_LOSS)", VOLTS),
+        ("loss per volt", "loss = self.doubt.of_signs * self.lost.par.V_d", "loss = ca.SX(self.doubt.of_signs)", VOLTS),
     ),
     *of(
         "tolerance",
@@ -146,11 +146,17 @@ TOLERANCE = (
         ("variance for deviation", "return math.sqrt(2 *", "return (2 *", DRAWN),
         (
             "V_d's width alone",
-            "lost_voltage(drive) * drive.tolerance.dead_time *",
-            "drive.tolerance.dead_time *",
+            "volts * stated.dead_time *",
+            "stated.dead_time *",
             VOLTS,
         ),
-        ("all of the loss on each axis", "math.sqrt(8) / 3", "4 / 3", UNSURE),
+        (
+            "all of the loss on each axis",
+            "math.sqrt(stated.unsure_samples * longest)",
+            "math.sqrt(2 * stated.unsure_samples * longest)",
+            UNSURE,
+        ),
+        ("alike for no time", "math.sqrt(stated.unsure_samples * longest)", "math.sqrt(longest)", UNSURE),
         ("R's width for V_d", '"V_d": "dead_time"}', '"V_d": "stator_resistance"}', HELD),
         (
             "a state's datum kept",
