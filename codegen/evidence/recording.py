@@ -170,7 +170,7 @@ def run_filter(module: dict[str, Any], kind: str, runs: list[Segment], lanes: in
 def run_control(
     module: dict[str, Any], kind: str, run: ControlRun, gains: tuple[float, ...], lanes: int
 ) -> tuple[Array, Array]:
-    """status (N, lanes) and words (N, 6, lanes): duty cycles, integrators.
+    """status (N, lanes) and words (N, 7, lanes): duty cycles, integrators.
 
     Parameters
     ----------
@@ -188,8 +188,8 @@ def run_control(
     Returns
     -------
     status : ndarray, (N, lanes)
-    words : ndarray, (N, 6, lanes)
-        Duty cycles of phases a, b, c; integrators of speed (N m), d and q current (V); float32.
+    words : ndarray, (N, 7, lanes)
+        Duty cycles of phases a, b, c; integrators of speed (N m), d and q current (V), weakening (A); float32.
     """
     c = module["new_controller"](np.float32, gains, delay=run.delay)
     _in_lanes(module, c.filter, lanes)

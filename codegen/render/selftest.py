@@ -100,7 +100,7 @@ def render_control_selftest(about: Description, kind: str, run: ControlRun, reco
         What comes out, of N samples.
     """
     vectors, outputs = recording.words.shape
-    words = vectors * _even(8 + 1 + 3 * outputs)
+    words = vectors * _even(8 + 2 + 3 * outputs)
     p = f"{about.drive.name}_{kind}_foc"
     plan = [(1, vectors, "currents that turn; the last two ask for more speed than there is")]
     stages = [("1", "the status"), ("10 + k", "duty[k]"), ("20 + k", "integrator[k]")]

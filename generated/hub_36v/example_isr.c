@@ -303,6 +303,7 @@ static void start_regulators(void)
     control.integrator[0] = 0.0f;
     control.integrator[1] = 0.0f;
     control.integrator[2] = 0.0f;
+    control.integrator[3] = 0.0f;
     control.v_acting[0] = 0.0f;
     control.v_acting[1] = 0.0f;
     control.v_queued[0] = 0.0f;

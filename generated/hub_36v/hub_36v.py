@@ -91,8 +91,13 @@ L_D = 0.00025  # L_d, H
 L_Q = 0.00025  # L_q, H
 PSI_M = 0.0353463  # magnet flux linkage, Wb
 TORQUE_PER_A = 0.79529175  # 1.5 p psi_m, N m/A
+CANCELLING_CURRENT = 141.3852  # psi_m / L_d, A
+CORNER_SQUARED = 360000.0  # (R / L_d)^2, (rad/s)^2
+DEEPEST = 0.95  # of the largest current, may weaken the field
 A_PER_TORQUE = 1.2574001930737997  # 1 / (1.5 p psi_m), A/(N m)
+ROOM_PER_LINK = 0.5484827557301445  # 0.95 / sqrt(3), beyond which it is weakened
 TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
+CURVE_DEPTH = 1.1  # of -i_d at the largest torque, which the curve may take
 OWN_STATOR_RESISTANCE = 0.15  # the motor's stator_resistance
 RETURN = 1.52587890625e-05  # T / adaptive_time, to a power of two
 
@@ -880,8 +885,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (omega, theta) = rotor
     (omega_ref, v_dc) = command
     (gain_speed_p, gain_speed_i, gain_current_d_p, gain_current_q_p, gain_current_i, gain_max_current,
-        gain_compensation, gain_dead_current, gain_advance) = gain
-    (integral_speed, integral_d, integral_q) = integrator
+        gain_compensation, gain_dead_current, gain_advance, gain_weakening) = gain
+    (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
     sin_theta, cos_theta = math.sin_cos(theta)
@@ -890,7 +895,17 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- speed PI
     error_omega = omega_ref - omega
-    torque_limit = TORQUE_PER_A * gain_max_current
+    omega_e = POLE_PAIRS * omega
+
+    # --- what current and voltage allow
+    omega_e_squared = omega_e * omega_e
+    d_least_voltage = CANCELLING_CURRENT * omega_e_squared / (omega_e_squared + CORNER_SQUARED)
+    d_deepest = _smaller(DEEPEST * gain_max_current, d_least_voltage)
+    d_at_limit = _larger(integral_weakening, -d_deepest)
+    beyond_deepest = d_at_limit - integral_weakening
+    q_left = (_larger(np.sqrt(_larger(gain_max_current * gain_max_current - d_at_limit * d_at_limit, 0.0)) -
+        beyond_deepest, 0.0))
+    torque_limit = TORQUE_PER_A * q_left
     torque_wanted = gain_speed_p * error_omega + integral_speed
     torque_ref = _larger(-torque_limit, _smaller(torque_limit, torque_wanted))
     integral_speed_next = (integral_speed + gain_speed_i * error_omega +
@@ -900,20 +915,28 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     i_q_ref = A_PER_TORQUE * torque_ref
 
     # --- current PI with decoupling
+    error_d = d_at_limit - i_d
     error_q = i_q_ref - i_q
-    omega_e = POLE_PAIRS * omega
-    v_d_wanted = integral_d - gain_current_d_p * i_d - omega_e * (L_Q * i_q)
+    v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q)
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
     v_max = ONE_BY_SQRT_3 * v_link
-    shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
+    v_wanted_squared = v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted
+    shrink = v_max / np.sqrt(_larger(v_wanted_squared, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
 
+    # --- field weakening by the voltage that is asked for
+    v_room = ROOM_PER_LINK * v_link
+    v_room_squared = v_room * v_room
+    v_squared_left = _larger(v_room_squared - v_wanted_squared, -v_room_squared)
+    integral_weakening_next = (_larger(_smaller(integral_weakening + gain_weakening * v_squared_left, 0.0),
+        -(d_deepest + gain_max_current)))
+
     # --- anti-windup by back-calculation
-    integral_d_next = (integral_d - gain_current_i * i_d +
+    integral_d_next = (integral_d + gain_current_i * error_d +
         _smaller(gain_current_i / gain_current_d_p, 1.0) * (v_d - v_d_wanted))
     integral_q_next = (integral_q + gain_current_i * error_q +
         _smaller(gain_current_i / gain_current_q_p, 1.0) * (v_q - v_q_wanted))
@@ -958,13 +981,13 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
         (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0),
             part_of_v_alpha_commanded, part_of_v_alpha_commanded_2,),
         (v_alpha_commanded, v_beta_commanded,),
-        (integral_speed_next, integral_d_next, integral_q_next,),
+        (integral_speed_next, integral_d_next, integral_q_next, integral_weakening_next,),
     )
 
 
 #: Gains of the field-oriented controller, as the drive file's bandwidths make them.
-GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'compensation', 'dead_current', 'advance')
-GAIN = (7.300000000000001, 0.016653125, 0.6, 0.6, 0.0225, 25.0, 1.0, 0.121, 3.125e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, compensation, dead_current, advance
+GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'compensation', 'dead_current', 'advance', 'weakening')
+GAIN = (7.300000000000001, 0.016653125, 0.6, 0.6, 0.0225, 25.0, 1.0, 0.121, 3.125e-05, 0.0027619741093439392)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, compensation, dead_current, advance, weakening
 ADVANCE_DELAYED = 9.375e-05  # s, replaces GAIN[8] where the voltage acts a sample later
 COMMAND_MAX = (109.0, 72.0)  # speed reference rad/s, DC link V: beyond them a command is rejected
 COMMAND_FIRST = (0.0, 36.0)  # held until one is accepted
@@ -977,7 +1000,7 @@ def new_controller(dtype=np.float32, gain=GAIN, sensored=0, delay=0, **tuning):
     return SimpleNamespace(
         filter=new_filter(dtype, **tuning),
         gain=tuple(dtype(value) for value in gain),
-        integrator=(*zeros, dtype(0)),
+        integrator=(*zeros, *zeros),
         command_max=tuple(dtype(value) for value in COMMAND_MAX),
         command_held=tuple(dtype(value) for value in COMMAND_FIRST),
         v_acting=zeros,

@@ -15,8 +15,8 @@ extern "C" {
 typedef struct {
     ipmsm_flux_ickf_t filter; /* the estimator and its tuning */
     /* speed_p, current_d_p, current_q_p and dead_current must be positive */
-    float32 gain[9]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance */
-    float32 integrator[3]; /* speed N m, d and q current V */
+    float32 gain[10]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance, weakening */
+    float32 integrator[4]; /* speed N m, d and q current V, weakening A */
     float32 command_max[2]; /* speed reference rad/s, DC link V: commands beyond are rejected */
     float32 command_held[2]; /* the last accepted ones, used again if new ones are rejected */
     float32 v_acting[2]; /* V: voltage of the interval that begins now */

@@ -3,7 +3,7 @@
  *
  * Replays 10 recorded steps, interrupts of a controller that has just been told to start,
  * against the bits that the generated Python computes in float32.
- * No stdio, no heap; about 280 16-bit words of constants. */
+ * No stdio, no heap; about 320 16-bit words of constants. */
 #ifndef PAPER_SPMSM_CKF_FOC_SELFTEST_H
 #define PAPER_SPMSM_CKF_FOC_SELFTEST_H
 

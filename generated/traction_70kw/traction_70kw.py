@@ -120,7 +120,14 @@ L_D = 0.0002  # L_d, H
 L_Q = 0.0005  # L_q, H
 TORQUE_PER_A = 0.48  # 1.5 p psi_m, N m/A
 MTPA_RATIO = 0.0037500000000000003  # (L_q - L_d) / psi_m, 1/A
+CANCELLING_CURRENT = 400.0  # psi_m / L_d, A
+CORNER_SQUARED = 8099.999999999997  # (R / L_d)^2, (rad/s)^2
+CURVE_DEPTH = 1.1  # of -i_d at the largest torque, which the curve may take
+DEEPEST = 0.95  # of the largest current, may weaken the field
+LEAST_FLUX = 0.05  # of the magnet's torque per ampere is left at least
 A_PER_TORQUE = 2.0833333333333335  # 1 / (1.5 p psi_m), A/(N m)
+CURVE_EXCESS = 1.003  # of the least current, which the curve may take
+ROOM_PER_LINK = 0.5484827557301445  # 0.95 / sqrt(3), beyond which it is weakened
 TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
 INV_L_D = 5000.0  # 1 / L_d, A/Wb
 HALF_T = 5e-05  # T / 2, s
@@ -1018,8 +1025,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (omega, theta) = rotor
     (omega_ref, v_dc) = command
     (gain_speed_p, gain_speed_i, gain_current_d_p, gain_current_q_p, gain_current_i, gain_max_current,
-        gain_compensation, gain_dead_current, gain_advance) = gain
-    (integral_speed, integral_d, integral_q) = integrator
+        gain_compensation, gain_dead_current, gain_advance, gain_weakening) = gain
+    (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
     sin_theta, cos_theta = math.sin_cos(theta)
@@ -1028,10 +1035,23 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- speed PI
     error_omega = omega_ref - omega
+    omega_e = POLE_PAIRS * omega
     reluctance_at_limit = MTPA_RATIO * gain_max_current
     root_at_limit = np.sqrt(1.0 + 8.0 * (reluctance_at_limit * reluctance_at_limit))
     d_share_at_limit = 2.0 * reluctance_at_limit / (1.0 + root_at_limit)
-    torque_limit = (TORQUE_PER_A * gain_max_current * np.sqrt(1.0 - d_share_at_limit * d_share_at_limit) * (1.0 + reluctance_at_limit * d_share_at_limit))
+    d_against_at_limit = d_share_at_limit * gain_max_current
+
+    # --- what current and voltage allow
+    d_asked_at_limit = integral_weakening - d_against_at_limit
+    omega_e_squared = omega_e * omega_e
+    d_least_voltage = (CANCELLING_CURRENT * omega_e_squared / (omega_e_squared + CORNER_SQUARED) +
+        CURVE_DEPTH * _larger(d_against_at_limit, 0.0))
+    d_deepest = _smaller(DEEPEST * gain_max_current, d_least_voltage)
+    d_at_limit = _larger(d_asked_at_limit, -d_deepest)
+    beyond_deepest = d_at_limit - d_asked_at_limit
+    q_left = (_larger(np.sqrt(_larger(gain_max_current * gain_max_current - d_at_limit * d_at_limit, 0.0)) -
+        beyond_deepest, 0.0))
+    torque_limit = TORQUE_PER_A * q_left * _larger(1.0 - MTPA_RATIO * d_at_limit, LEAST_FLUX)
     torque_wanted = gain_speed_p * error_omega + integral_speed
     torque_ref = _larger(-torque_limit, _smaller(torque_limit, torque_wanted))
     integral_speed_next = (integral_speed + gain_speed_i * error_omega +
@@ -1043,25 +1063,37 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     i_q_first = i_q_at_zero_i_d / np.sqrt(0.75 + np.sqrt(0.0625 + reluctance_torque * reluctance_torque))
     reluctance = MTPA_RATIO * i_q_first
     root_mtpa = np.sqrt(0.25 + reluctance * reluctance)
-    minus_i_d_ref = i_q_first * reluctance / (0.5 + root_mtpa)
-    i_q_ref = i_q_at_zero_i_d / (1.0 + MTPA_RATIO * minus_i_d_ref)
+    d_against = i_q_first * reluctance / (0.5 + root_mtpa)
+    i_d_ref = _larger(integral_weakening - d_against, -d_deepest)
+    i_q_wanted = i_q_at_zero_i_d / _larger(1.0 - MTPA_RATIO * i_d_ref, LEAST_FLUX)
+    curve_excess_x_gain_max_current = CURVE_EXCESS * gain_max_current
+    q_left_at_ref = (np.sqrt(_larger(curve_excess_x_gain_max_current * curve_excess_x_gain_max_current -
+        i_d_ref * i_d_ref, 0.0)))
+    i_q_ref = _larger(-q_left_at_ref, _smaller(q_left_at_ref, i_q_wanted))
 
     # --- current PI with decoupling
+    error_d = i_d_ref - i_d
     error_q = i_q_ref - i_q
-    omega_e = POLE_PAIRS * omega
-    minus_i_d_ref_plus_i_d = minus_i_d_ref + i_d
-    v_d_wanted = integral_d - gain_current_d_p * minus_i_d_ref_plus_i_d - omega_e * (L_Q * i_q)
+    v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q)
     v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M)
 
     # --- voltage hexagon's inner circle
     v_link = _larger(v_dc, 1.0)
     v_max = ONE_BY_SQRT_3 * v_link
-    shrink = v_max / np.sqrt(_larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted, v_max * v_max))
+    v_wanted_squared = v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted
+    shrink = v_max / np.sqrt(_larger(v_wanted_squared, v_max * v_max))
     v_d = shrink * v_d_wanted
     v_q = shrink * v_q_wanted
 
+    # --- field weakening by the voltage that is asked for
+    v_room = ROOM_PER_LINK * v_link
+    v_room_squared = v_room * v_room
+    v_squared_left = _larger(v_room_squared - v_wanted_squared, -v_room_squared)
+    integral_weakening_next = (_larger(_smaller(integral_weakening + gain_weakening * v_squared_left, 0.0),
+        -(d_deepest + gain_max_current)))
+
     # --- anti-windup by back-calculation
-    integral_d_next = (integral_d - gain_current_i * minus_i_d_ref_plus_i_d +
+    integral_d_next = (integral_d + gain_current_i * error_d +
         _smaller(gain_current_i / gain_current_d_p, 1.0) * (v_d - v_d_wanted))
     integral_q_next = (integral_q + gain_current_i * error_q +
         _smaller(gain_current_i / gain_current_q_p, 1.0) * (v_q - v_q_wanted))
@@ -1106,13 +1138,13 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
         (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0),
             part_of_v_alpha_commanded, part_of_v_alpha_commanded_2,),
         (v_alpha_commanded, v_beta_commanded,),
-        (integral_speed_next, integral_d_next, integral_q_next,),
+        (integral_speed_next, integral_d_next, integral_q_next, integral_weakening_next,),
     )
 
 
 #: Gains of the field-oriented controller, as the drive file's bandwidths make them.
-GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'compensation', 'dead_current', 'advance')
-GAIN = (5.16, 0.011094, 0.3, 0.75, 0.0026999999999999997, 400.0, 1.0, 3.6, 5e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, compensation, dead_current, advance
+GAIN_NAMES = ('speed_p', 'speed_i', 'current_d_p', 'current_q_p', 'current_i', 'max_current', 'compensation', 'dead_current', 'advance', 'weakening')
+GAIN = (5.16, 0.011094, 0.3, 0.75, 0.0026999999999999997, 400.0, 1.0, 3.6, 5e-05, 7.458677018191833e-05)  # speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, compensation, dead_current, advance, weakening
 ADVANCE_DELAYED = 0.00015000000000000001  # s, replaces GAIN[8] where the voltage acts a sample later
 COMMAND_MAX = (1676.0, 1200.0)  # speed reference rad/s, DC link V: beyond them a command is rejected
 COMMAND_FIRST = (0.0, 600.0)  # held until one is accepted
@@ -1125,7 +1157,7 @@ def new_controller(dtype=np.float32, gain=GAIN, sensored=0, delay=0, **tuning):
     return SimpleNamespace(
         filter=new_filter(dtype, **tuning),
         gain=tuple(dtype(value) for value in gain),
-        integrator=(*zeros, dtype(0)),
+        integrator=(*zeros, *zeros),
         command_max=tuple(dtype(value) for value in COMMAND_MAX),
         command_held=tuple(dtype(value) for value in COMMAND_FIRST),
         v_acting=zeros,

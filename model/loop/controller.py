@@ -16,6 +16,8 @@ import casadi as ca
 
 from model.filters.program import BlockBuilder
 from model.inverter import SQRT_3, STATE, clarke, compensation_current, legs, lost_voltage, saturated, takes_voltage
+from model.loop.references import current_reference, record, within_reach
+from model.loop.weakening import room_left, weakening_gain
 from model.machines.base import Pair, Rotor
 from model.machines.lost_voltage import constant_voltage
 from model.machines.state_space import StateSpaceModel
@@ -45,6 +47,7 @@ class Gains:
     dead_share: float  # dead time over T, or (``compensation``) the share of V_d that is made up for; 0: none
     dead_current: float  # A: below it the compensation fades, as the sign of a noisy current is no sign
     advance: float  # s
+    weakening: float  # A/V^2 per sample
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -85,6 +88,7 @@ def design(drive: Drive, delay: int = 0) -> Gains:
         dead_share=1.0 if takes_voltage(drive) else 0.0,
         dead_current=compensation_current(drive),
         advance=(0.5 + delay) * T,
+        weakening=weakening_gain(drive),
     )
 
 
@@ -136,7 +140,7 @@ def believed_block(model: StateSpaceModel) -> Block:
     b = BlockBuilder("believed_currents", "h, eq. 5: i_alpha, i_beta in A as the filter believes them")
     x = b.input("x", [state.name for state in model.states])
     i, named = model.measure(x)
-    _record(b, "", {**named, "i_alpha_believed": i[0], "i_beta_believed": i[1]})
+    record(b, "", {**named, "i_alpha_believed": i[0], "i_beta_believed": i[1]})
     b.output("i", i)
     return b.build()
 
@@ -154,9 +158,9 @@ def control_block(drive: Drive, constants: Constants) -> Block:
 
     Inputs: ``i`` alpha-beta currents (A); ``rotor`` speed (mechanical rad/s) and electrical angle (rad), estimated or
     sensed, and the V_d that is estimated, if it is; ``command`` speed reference (rad/s), DC link (V); ``gain`` as
-    :class:`Gains`; ``integrator`` speed (N m), d and q current (V). Outputs: ``duty`` of phases a, b, c; ``v`` the
-    voltage (V) the filter is told of: the one that arrives where the compensation is right or, where the model has V_d,
-    the one the duty cycles command; ``integrator``.
+    :class:`Gains`; ``integrator`` speed (N m), d and q current (V), weakening (A). Outputs: ``duty`` of phases a, b, c;
+    ``v`` the voltage (V) the filter is told of: the one that arrives where the compensation is right or, where the
+    model has V_d, the one the duty cycles command; ``integrator``.
 
     Parameters
     ----------
@@ -169,60 +173,70 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     omega, theta, *estimated = b.input("rotor", ["omega", "theta", *([STATE] if STATE in drive.model.adaptive else [])])
     omega_ref, v_dc = b.input("command", ["omega_ref", "v_dc"])
     gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
-    z_speed, z_d, z_q = b.input("integrator", ["integral_speed", "integral_d", "integral_q"])
-    motor = drive.motor
-    L_d = constants("L_D", ca.SX(motor.inductance_d), "L_d, H")
-    L_q = constants("L_Q", ca.SX(motor.inductance_q), "L_q, H")
-    psi_m = constants("PSI_M", ca.SX(motor.magnet_flux), "magnet flux linkage, Wb")
-    pole_pairs = constants("POLE_PAIRS", ca.SX(motor.pole_pairs), "p")
+    z_speed, z_d, z_q, z_weak = b.input("integrator", [f"integral_{of}" for of in ("speed", "d", "q", "weakening")])
+    L_d, L_q, psi_m, pole_pairs = _motor(drive, constants)
     i_d, i_q = Rotor.at(theta).to_rotor((i[0], i[1]))
-    _record(b, "Park", {"i_d": i_d, "i_q": i_q})
+    record(b, "Park", {"i_d": i_d, "i_q": i_q})
     error_omega = omega_ref - omega
-    _record(b, "speed PI", {"error_omega": error_omega})
-    torque_ref, z_speed = _speed_regulator(b, drive, constants, gain, error_omega, z_speed)
-    i_d_ref, i_q_ref = _current_reference(b, drive, constants, torque_ref)
+    record(b, "speed PI", {"error_omega": error_omega})
     omega_e = pole_pairs * omega
+    record(b, "", {"omega_e": omega_e})
+    reach = within_reach(b, drive, constants, gain.max_current, z_weak, omega_e)
+    torque_ref, z_speed = _speed_regulator(b, gain, reach.torque, error_omega, z_speed)
+    i_d_ref, i_q_ref = current_reference(b, drive, constants, torque_ref, reach)
     feed_forward = (-omega_e * (L_q * i_q), omega_e * (L_d * i_d + psi_m))
     error = (i_d_ref - i_d, i_q_ref - i_q)
-    _record(b, "current PI with decoupling", {"error_d": error[0], "error_q": error[1]})
+    record(b, "current PI with decoupling", {"error_d": error[0], "error_q": error[1]})
     v_d = gain.current_d_p * error[0] + z_d + feed_forward[0]
     v_q = gain.current_q_p * error[1] + z_q + feed_forward[1]
-    _record(b, "", {"omega_e": omega_e, "v_d_wanted": v_d, "v_q_wanted": v_q})
+    record(b, "", {"v_d_wanted": v_d, "v_q_wanted": v_q})
     v_link = ca.fmax(v_dc, LEAST_LINK)
-    v_max = (1 / SQRT_3) * v_link
-    shrink = v_max / ca.sqrt(ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max))
-    v_d_lim, v_q_lim = shrink * v_d, shrink * v_q
-    named = {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": v_d_lim, "v_q": v_q_lim}
-    _record(b, "voltage hexagon's inner circle", named)
+    v_d_lim, v_q_lim = _on_circle(b, v_d, v_q, v_link)
+    weakening = room_left(constants, gain.weakening, v_link, v_d, v_q, z_weak, reach.deepest + gain.max_current)
+    record(b, "field weakening by the voltage that is asked for", weakening)
     z_d = z_d + gain.current_i * error[0] + _back(gain.current_i, gain.current_d_p) * (v_d_lim - v_d)
     z_q = z_q + gain.current_i * error[1] + _back(gain.current_i, gain.current_q_p) * (v_q_lim - v_q)
-    _record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
+    record(b, "anti-windup by back-calculation", {"integral_d_next": z_d, "integral_q_next": z_q})
     acting = theta + omega_e * gain.advance
-    _record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
+    record(b, "inverse Park at the angle in the middle of the acting interval", {"theta_acting": acting})
     v = Rotor.at(acting).to_stator((v_d_lim, v_q_lim))
-    _record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
+    record(b, "", {"v_alpha": v[0], "v_beta": v[1]})
     share = _lost_share(b, drive, constants, gain, estimated, v_link)
     duty = _svpwm(b, v, v_link, _dead_time(b, gain, share, i))
     b.output("duty", duty)
     b.output("v", list(_commanded(b, duty, v_link) if takes_voltage(drive) else v))
-    b.output("integrator", [z_speed, z_d, z_q])
+    b.output("integrator", [z_speed, z_d, z_q, weakening["integral_weakening_next"]])
     return b.build()
 
 
-def _record(b: BlockBuilder, meaning: str, named: dict[str, Any]) -> None:
-    b.stage(next(iter(named)), "", meaning, list(named.values()), list(named), scale="none")
+def _motor(drive: Drive, constants: Constants) -> tuple[Any, Any, Any, Any]:
+    """L_d, L_q, psi_m and p, by name."""
+    m = drive.motor
+    return (
+        constants("L_D", ca.SX(m.inductance_d), "L_d, H"),
+        constants("L_Q", ca.SX(m.inductance_q), "L_q, H"),
+        constants("PSI_M", ca.SX(m.magnet_flux), "magnet flux linkage, Wb"),
+        constants("POLE_PAIRS", ca.SX(m.pole_pairs), "p"),
+    )
 
 
-def _speed_regulator(
-    b: BlockBuilder, drive: Drive, constants: Constants, gain: Any, error: Any, integral: Any
-) -> tuple[Any, Any]:
-    """PI with back-calculation; the torque is limited to what the maximum current makes."""
-    limit = _torque_limit(b, drive, constants, gain.max_current)
+def _on_circle(b: BlockBuilder, v_d: Any, v_q: Any, v_link: Any) -> Pair:
+    """A voltage, shortened to what a turning one may be."""
+    v_max = (1 / SQRT_3) * v_link
+    shrink = v_max / ca.sqrt(ca.fmax(v_d * v_d + v_q * v_q, v_max * v_max))
+    limited = shrink * v_d, shrink * v_q
+    named = {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": limited[0], "v_q": limited[1]}
+    record(b, "voltage hexagon's inner circle", named)
+    return limited
+
+
+def _speed_regulator(b: BlockBuilder, gain: Any, limit: Any, error: Any, integral: Any) -> tuple[Any, Any]:
+    """PI with back-calculation; the torque is limited to what maximum current and voltage make."""
     wanted = gain.speed_p * error + integral
     torque = ca.fmax(-limit, ca.fmin(limit, wanted))
     following = integral + gain.speed_i * error + _back(gain.speed_i, gain.speed_p) * (torque - wanted)
     named = {"torque_wanted": wanted, "torque_ref": torque, "integral_speed_next": following}
-    _record(b, "", named)
+    record(b, "", named)
     return torque, following
 
 
@@ -235,62 +249,6 @@ def _back(integral: Any, proportional: Any) -> Any:
     return ca.fmin(integral / proportional, 1.0)
 
 
-def _saliency(drive: Drive, constants: Constants) -> Any | None:
-    """Return (L_q - L_d) / psi_m, 1/A, of either sign: what reluctance adds to the torque; None for a round rotor."""
-    m = drive.motor
-    difference = m.inductance_q - m.inductance_d
-    if ca.SX(difference).is_zero():
-        return None
-    return constants("MTPA_RATIO", ca.SX(difference / m.magnet_flux), "(L_q - L_d) / psi_m, 1/A")
-
-
-def _torque_limit(b: BlockBuilder, drive: Drive, constants: Constants, current: Any) -> Any:
-    """Torque of the current on the curve of maximum torque per ampere (MTPA).
-
-    With r = (L_q - L_d) / psi_m the torque is 1.5 p psi_m i_q (1 - r i_d), and least current makes it where
-    i_d (1 - r i_d) = -r i_q^2. On the circle of radius I that is i_d = -2 I (r I) / (1 + sqrt(1 + 8 (r I)^2)): nothing
-    cancels, whatever the sign and size of r.
-    """
-    per_ampere = 1.5 * drive.motor.pole_pairs * drive.motor.magnet_flux
-    limit = constants("TORQUE_PER_A", ca.SX(per_ampere), "1.5 p psi_m, N m/A") * current
-    ratio = _saliency(drive, constants)
-    if ratio is not None:
-        reluctance = ratio * current
-        root = ca.sqrt(1 + 8 * (reluctance * reluctance))
-        share = 2 * reluctance / (1 + root)  # -i_d / I, at most sqrt(1 / 2) of it
-        limit = limit * ca.sqrt(1 - share * share) * (1 + reluctance * share)
-        _record(b, "", {"reluctance_at_limit": reluctance, "root_at_limit": root, "d_share_at_limit": share})
-    _record(b, "", {"torque_limit": limit})
-    return limit
-
-
-def _current_reference(b: BlockBuilder, drive: Drive, constants: Constants, torque: Any) -> Pair:
-    """Currents that make a torque: i_d = 0, or where the axes differ maximum torque per ampere (MTPA).
-
-    In units of 1 / r the curve is i_d = -i_q^2 / (1/2 + sqrt(1/4 + i_q^2)) and the torque i_q (1 - i_d). The i_q of a
-    torque t is first taken as t / sqrt(3/4 + sqrt(1/16 + t^2)), which is right to third order for small and to first
-    order for large t; then i_d follows, and i_q once more from the torque. The torque is exact; the current is at most
-    0.26 % more than the least, since about the optimum it changes with the square of the error.
-    """
-    m = drive.motor
-    inverse = constants("A_PER_TORQUE", ca.SX(1 / (1.5 * m.pole_pairs * m.magnet_flux)), "1 / (1.5 p psi_m), A/(N m)")
-    i_d, i_q = ca.SX(0), inverse * torque
-    ratio = _saliency(drive, constants)
-    if ratio is None:
-        _record(b, "current references", {"i_q_ref": i_q})
-    else:
-        _record(b, "current references", {"i_q_at_zero_i_d": i_q})
-        t = ratio * i_q
-        first = i_q / ca.sqrt(0.75 + ca.sqrt(0.0625 + t * t))
-        reluctance = ratio * first
-        root = ca.sqrt(0.25 + reluctance * reluctance)
-        _record(b, "", {"reluctance_torque": t, "i_q_first": first, "reluctance": reluctance, "root_mtpa": root})
-        against = first * reluctance / (0.5 + root)
-        i_d, i_q = -against, i_q / (1 + ratio * against)
-        _record(b, "", {"minus_i_d_ref": against, "i_q_ref": i_q})
-    return i_d, i_q
-
-
 def _lost_share(
     b: BlockBuilder, drive: Drive, constants: Constants, gain: Any, estimated: list[Any], v_link: Any
 ) -> Any:
@@ -299,7 +257,7 @@ def _lost_share(
         return gain.dead_share
     V_d = estimated[0] if estimated else constant_voltage(constants, ca.SX(lost_voltage(drive)))
     lost = gain.dead_share * V_d / v_link
-    _record(b, "share of a leg's duty cycle that the inverter takes", {"lost_share": lost})
+    record(b, "share of a leg's duty cycle that the inverter takes", {"lost_share": lost})
     return lost
 
 
@@ -307,7 +265,7 @@ def _commanded(b: BlockBuilder, duty: list[Any], v_link: Any) -> Pair:
     """The voltage that duty cycles command."""
     v_alpha, v_beta = clarke(duty)
     v = v_link * v_alpha, v_link * v_beta
-    _record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})
+    record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})
     return v
 
 
@@ -316,8 +274,8 @@ def _dead_time(b: BlockBuilder, gain: Any, lost: Any, i: list[Any]) -> list[Any]
     phases, parts = legs(i)
     names = ["i_a", "i_b", "i_c"]
     signs = [saturated(phase / gain.dead_current) for phase in phases]
-    _record(b, "dead-time compensation", parts)
-    _record(
+    record(b, "dead-time compensation", parts)
+    record(
         b, "", {**dict(zip(names, phases, strict=True)), **{f"sign_{n}": s for n, s in zip(names, signs, strict=True)}}
     )
     return [lost * sign for sign in signs]
@@ -328,10 +286,10 @@ def _svpwm(b: BlockBuilder, v: Pair, v_link: Any, lost: list[Any]) -> list[Any]:
     half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]
     phases = [v[0], half + cross, half - cross]
     named = {"minus_half_v_alpha": half, "cross_v_beta": cross, "v_b": phases[1], "v_c": phases[2]}
-    _record(b, "SVPWM", named)
+    record(b, "SVPWM", named)
     highest = ca.fmax(phases[0], ca.fmax(phases[1], phases[2]))
     lowest = ca.fmin(phases[0], ca.fmin(phases[1], phases[2]))
     common = 0.5 * (highest + lowest)
-    _record(b, "", {"v_highest": highest, "v_lowest": lowest, "v_common": common})
+    record(b, "", {"v_highest": highest, "v_lowest": lowest, "v_common": common})
     raw = [0.5 + (phase - common) / v_link + more for phase, more in zip(phases, lost, strict=True)]
     return [ca.fmin(ca.fmax(value, 0.0), 1.0) for value in raw]  # the second counts where they do not compare

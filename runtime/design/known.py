@@ -106,7 +106,7 @@ def usable_current(f: Facts, point: RatedPoint) -> float:
     """The largest current that the voltage can still turn at rated speed, A: omega_e L_q i_q takes all of it.
 
     On the curve of maximum torque per ampere. Of a reluctance machine more locks the current regulators into the
-    voltage limit during the run-up: the controller does not weaken the field.
+    voltage limit during the run-up, where the field is weakened in place of torque.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def remarks(f: Facts, point: RatedPoint) -> list[str]:
     if f.speed > point.base_speed:
         lines.append(
             f"with rated torque a DC link of {f.dc_link:g} V is used up at {point.base_speed * RPM:.0f} r/min; the "
-            f"rated speed of {f.speed * RPM:.0f} r/min is out of reach."
+            f"rated speed of {f.speed * RPM:.0f} r/min takes field weakening: the trial says what it reaches."
         )
     if f.max_current > f.range:
         lines.append(f"sensor.range of {f.range:g} A does not cover rated.max_current, {f.max_current:g} A.")

@@ -99,7 +99,7 @@ def design(facts: Facts) -> Design:
     if usable < facts.max_current:
         said.append(
             f"currents up to {usable:.3g} A instead of {facts.max_current:g} A: more takes the whole voltage at rated "
-            "speed, and the controller does not weaken the field."
+            "speed, which the run-up with it would meet."
         )
         facts = replace(facts, max_current=usable)
         point = rated_point(facts)

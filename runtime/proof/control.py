@@ -17,12 +17,20 @@ Array = NDArray[Any]
 #: Where dead-time compensation of a drive that says nothing of its inverter reaches its full size, A; least DC link, V;
 #: largest sensed angle, rad.
 DEAD_CURRENT, LEAST_LINK, SENSED_MAX = 0.3, 1.0, 1000.0
+#: The field is weakened from this share of the largest voltage on, with at most this share of the largest current, this
+#: much slower than the currents are regulated; of the magnet's torque per ampere so much is left at least.
+ROOM, DEEPEST, SLOWER, LEAST_FLUX = 0.95, 0.95, 0.1, 0.05
+#: What the curve of maximum torque per ampere, in a fixed number of operations, may take of the least current, and of
+#: its d part.
+EXCESS, FURTHER = 1.003, 1.1
 #: A third of a turn.
 THIRD = np.exp(2j * math.pi / 3)
 
 
 def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
-    """Pole placement in the order of the struct: speed p, i; current p on d, on q, i; limit; dead time; advance.
+    """Pole placement, in the order of the struct.
+
+    Speed p, i; current p on d, on q, i; limit; dead time's share and current; advance; weakening.
 
     Parameters
     ----------
@@ -37,7 +45,11 @@ def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
     regulators = [2 * speed * J, speed * speed * J * T, current * m["inductance_d"], current * m["inductance_q"]]
     inverter = make_inverter(parameters)
     dead = [1.0, inverter.compensated] if inverter else [0.0, DEAD_CURRENT]
-    return np.array([*regulators, current * R * T, c["max_current"], *dead, T / 2 + delay * T])
+    room = ROOM * c["dc_link"] / math.sqrt(3)
+    base_speed = room / abs(m["magnet_flux"] + 1j * m["inductance_q"] * c["max_current"])  # electrical
+    by_volt = SLOWER * current * T / (base_speed * m["inductance_d"])  # A a sample
+    advance = T / 2 + delay * T
+    return np.array([*regulators, current * R * T, c["max_current"], *dead, advance, by_volt / (2 * room)])
 
 
 def clarke(phase: Array) -> complex:
@@ -57,8 +69,8 @@ def clarke(phase: Array) -> complex:
 class Sample:
     """One sample by hand.
 
-    Duty cycles (3,), the voltage (V) the filter is told of, integrators (3,), and on the way the largest torque and the
-    torque that is asked for (N m).
+    Duty cycles (3,), the voltage (V) the filter is told of, integrators (4,), and on the way the largest torque and the
+    torque that is asked for (N m), and the currents that are to make it (A, on the rotor's axes).
     """
 
     duty: Array
@@ -66,6 +78,7 @@ class Sample:
     integrator: Array
     torque_limit: float
     torque: float
+    i_ref: complex
 
 
 def control(
@@ -76,7 +89,7 @@ def control(
     command: Array,
     gain: Array,
     integrator: Array,
-    i_ref: complex | None = None,
+    i_d_best: float | None = None,
 ) -> Sample:
     """Compute one sample of the controller.
 
@@ -92,40 +105,142 @@ def control(
         The filter's state, where V_d may be in it, V.
     command : ndarray, (2,)
         Speed reference, rad/s, and DC link, V.
-    gain : ndarray, (9,)
+    gain : ndarray, (10,)
         In the order of the struct.
-    integrator : ndarray, (3,)
-        Of speed, N m, and of d and q current, V.
-    i_ref : complex, optional
-        Reference currents on the rotor's axes, A; by default the least that make the torque.
+    integrator : ndarray, (4,)
+        Of speed, N m, of d and q current, V, and what the field is weakened by, A.
+    i_d_best : float, optional
+        d current of the least current that makes the torque, A; by default it is found.
     """
     m = parameters["motor"]
-    speed_p, speed_i, d_p, q_p, current_i, most, dead_share, dead_current, advance = gain
+    speed_p, speed_i, d_p, q_p, current_i, most, dead_share, dead_current, advance, weakening = gain
     omega, theta = rotor
     error = command[0] - omega
     wanted = speed_p * error + integrator[0]
-    limit = torque_of(m, best_currents(m, most, of_current))
+    omega_e = m["pole_pairs"] * omega
+    limit, deepest = within_reach(m, most, omega_e, integrator[3])
     torque = float(np.clip(wanted, -limit, limit))
     z_speed = integrator[0] + speed_i * error + min(speed_i / speed_p, 1.0) * (torque - wanted)
-    if i_ref is None:
-        i_ref = best_currents(m, torque, torque_of)
+    if i_d_best is None:
+        i_d_best = best_currents(m, torque, torque_of).real
+    i_ref = weakened_currents(m, most, torque, max(i_d_best + integrator[3], -deepest))
     i_dq = i * np.exp(-1j * theta)
     missing = i_ref - i_dq
-    omega_e = m["pole_pairs"] * omega
     flux = m["magnet_flux"] + m["inductance_d"] * i_dq.real + 1j * m["inductance_q"] * i_dq.imag
-    v = d_p * missing.real + 1j * q_p * missing.imag + complex(*integrator[1:]) + 1j * omega_e * flux
+    v = d_p * missing.real + 1j * q_p * missing.imag + complex(*integrator[1:3]) + 1j * omega_e * flux
     link = max(command[1], LEAST_LINK)
     limited = v * min(1.0, link / math.sqrt(3) / abs(v)) if v else v
+    room = ROOM * link / math.sqrt(3)
+    longer = integrator[3] + weakening * max((room - abs(v)) * (room + abs(v)), -(room**2))
+    z_weakening = max(min(longer, 0.0), -(deepest + most))
     z_d = integrator[1] + current_i * missing.real + min(current_i / d_p, 1.0) * (limited - v).real
     z_q = integrator[2] + current_i * missing.imag + min(current_i / q_p, 1.0) * (limited - v).imag
     v_stator = limited * np.exp(1j * (theta + omega_e * advance))
-    legs, currents = (np.real(x * THIRD ** -np.arange(3)) for x in (v_stator, i))
+    duty, told = modulated(parameters, v_stator, i, x, link, dead_share, dead_current)
+    return Sample(duty, told, np.array([z_speed, z_d, z_q, z_weakening]), limit, torque, i_ref)
+
+
+def modulated(
+    parameters: Mapping[str, Any], v: complex, i: complex, x: Array, link: float, dead_share: float, dead_current: float
+) -> tuple[Array, complex]:
+    """Duty cycles (3,), and the voltage (V) that the filter is told of.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Sections of the drive file.
+    v, i : complex
+        Stator voltage that is wanted, V, and current, A.
+    x : ndarray, (n,)
+        The filter's state, where V_d may be in it, V.
+    link : float
+        DC link, V.
+    dead_share, dead_current : float
+        The controller's gains: what is made up for, and below which current (A) less of it.
+    """
+    legs, currents = (np.real(of * THIRD ** -np.arange(3)) for of in (v, i))
     middle = (legs.max() + legs.min()) / 2
     inverter = make_inverter(parameters)
     lost = dead_share * float(np.ravel(inverter.voltage(x))[0]) / link if inverter else dead_share
     duty = np.clip(0.5 + (legs - middle) / link + lost * np.clip(currents / dead_current, -1, 1), 0, 1)
-    told = link * 2 / 3 * np.sum(duty * THIRD ** np.arange(3)) if inverter else v_stator
-    return Sample(duty, complex(told), np.array([z_speed, z_d, z_q]), limit, torque)
+    return duty, complex(link * 2 / 3 * np.sum(duty * THIRD ** np.arange(3)) if inverter else v)
+
+
+def within_reach(motor: Mapping[str, Any], most: float, omega_e: float, z: float) -> tuple[float, float]:
+    """The largest torque (N m) of currents that the field is weakened with, and how far it is, at most (A).
+
+    Parameters
+    ----------
+    motor : mapping
+        The drive file's section.
+    most : float
+        The largest current, A.
+    omega_e : float
+        Electrical speed, rad/s.
+    z : float
+        What is added to the d current of the least current, A; 0 or negative.
+    """
+    best = best_currents(motor, most, of_current)
+    deepest = least_voltage_current(motor, omega_e, best.real, most)
+    i_d = max(best.real + z, -deepest)
+    beyond = i_d - best.real - z
+    left = max(math.sqrt(max(most**2 - i_d**2, 0.0)) - beyond, 0.0)
+    return min(torque_of(motor, best), left * torque_per_ampere(motor, i_d)), deepest
+
+
+def weakened_currents(motor: Mapping[str, Any], most: float, torque: float, i_d: float) -> complex:
+    """Currents with this d part that make a torque, A; of a salient machine no more than the circle allows.
+
+    Parameters
+    ----------
+    motor : mapping
+        The drive file's section.
+    most : float
+        The largest current, A.
+    torque : float
+        N m.
+    i_d : float
+        A.
+    """
+    is_round = motor["inductance_d"] == motor["inductance_q"]
+    circle = math.inf if is_round else math.sqrt(max((EXCESS * most) ** 2 - i_d**2, 0.0))
+    return complex(i_d, min(max(torque / torque_per_ampere(motor, i_d), -circle), circle))
+
+
+def least_voltage_current(motor: Mapping[str, Any], omega_e: float, i_d_best: float, most: float) -> float:
+    """How far the field is weakened, A: where the terminals of a motor without torque have the least voltage.
+
+    Of R i_d + j omega_e (psi_m + L_d i_d), linear in i_d, that is the projection of the back-EMF on the impedance.
+    Reluctance may go as much further as its torque wants; torque wants a rest of the current.
+
+    Parameters
+    ----------
+    motor : mapping
+        The drive file's section.
+    omega_e : float
+        Electrical speed, rad/s.
+    i_d_best : float
+        d current of the largest torque, A.
+    most : float
+        The largest current, A.
+    """
+    impedance = complex(motor["stator_resistance"], omega_e * motor["inductance_d"])
+    projected = (1j * omega_e * motor["magnet_flux"] / impedance).real
+    return float(min(DEEPEST * most, projected + FURTHER * max(-i_d_best, 0.0)))
+
+
+def torque_per_ampere(motor: Mapping[str, Any], i_d: float) -> float:
+    """Return the torque of i_q = 1 A at a d current, N m; some is left where reluctance is against the magnet.
+
+    Parameters
+    ----------
+    motor : mapping
+        The drive file's section.
+    i_d : float
+        A.
+    """
+    least = LEAST_FLUX * 1.5 * motor["pole_pairs"] * motor["magnet_flux"]
+    return float(max(torque_of(motor, complex(i_d, 1.0)), least))
 
 
 def torque_of(motor: Mapping[str, Any], i_dq: complex) -> float:

@@ -112,10 +112,12 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
             c.sensed = tuple(sensed)
             with np.errstate(all="ignore"), watched_locals(module) as seen:
                 duty, status = module.foc_step(c, module.STEPS[kind], tuple(phase), tuple(command), math)
-            i_ref = complex(-seen.get(("control", "minus_i_d_ref"), 0.0), seen["control", "i_q_ref"])
+            i_d_best = -seen.get(("control", "d_against"), 0.0)
+            i_d = seen.get(("control", "i_d_ref"), seen["control", "d_at_limit"])  # of a round rotor they are one
+            i_ref = complex(i_d, seen["control", "i_q_ref"])
             with np.errstate(all="ignore"):
                 wanted, held_now, rejected = _sample(
-                    module, kind, parameters, motor, before, (phase, command, sensed), i_ref
+                    module, kind, parameters, motor, before, (phase, command, sensed), i_d_best
                 )
             found = (np.array(duty), complex(*c.v_queued) if delay else complex(*c.v_acting), np.array(c.integrator))
             shifted = np.array([*c.v_acting]) - (before.v_queued if delay else c.v_acting)
@@ -126,8 +128,8 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
                     np.max(np.abs(found[0] - wanted.duty)),
                     abs(found[1] - wanted.v) / scales[0],
                     np.max(np.abs(found[2] - wanted.integrator) / np.maximum(1.0, np.abs(wanted.integrator))),
-                    abs(torque_of(parameters["motor"], i_ref) - wanted.torque) / wanted.torque_limit,
-                    abs(i_ref) / max(abs(best_currents(parameters["motor"], wanted.torque, torque_of)), 1e-300) - 1,
+                    abs(i_ref - wanted.i_ref) / parameters["control"]["max_current"],
+                    _excess(parameters["motor"], i_d_best, wanted.torque),
                     np.max(np.abs([*shifted, *held])),
                     float((int(status) & (REJECTED | COMMAND_REJECTED)) != rejected),
                 ]
@@ -139,7 +141,7 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
         "duty cycles": ALLOWED,
         "voltage, of the DC link": ALLOWED,
         "integrators": ALLOWED,
-        "torque of the reference currents, of the limit": ALLOWED,
+        "reference currents, of the largest": ALLOWED,
         "reference current beyond the least, of it": EXCESS,
         "delay and commands held": 0.0,
         "status": 0.0,
@@ -151,6 +153,12 @@ def _by_hand(module: ModuleType, drive: str, kind: str, gain: str, parameters: M
     rows += (Row("-", "commands to begin with, and their limits", "as stated", started, 0.0, 4),)
     claim = "controller by hand = generated float64"
     return Link("controller", claim, drive, kind, gain, f"{len(errors)} samples", rows)
+
+
+def _excess(motor: Mapping[str, Any], i_d: float, torque: float) -> float:
+    """How much more current makes a torque with this i_d, before the field is weakened, than the least."""
+    current = abs(complex(i_d, torque / torque_of(motor, complex(i_d, 1.0))))
+    return current / max(abs(best_currents(motor, torque, torque_of)), 1e-300) - 1
 
 
 def _commands(parameters: Mapping[str, Any]) -> Array:
@@ -166,9 +174,9 @@ def _sample(
     motor: Plant,
     c: SimpleNamespace,
     given: tuple[Array, Array, Array],
-    i_ref: complex,
+    i_d_best: float,
 ) -> tuple[Sample, Array, int]:
-    """One sample by hand from the state ``c`` with these reference currents; commands held, status."""
+    """One sample by hand from the state ``c`` with this d current of the least one; commands held, status."""
     phase, command, sensed = given
     box, link = parameters["operating_box"], parameters["control"]["dc_link"]
     i = clarke(phase)
@@ -188,7 +196,7 @@ def _sample(
         else:
             status |= COMMAND_REJECTED
     gains = np.array(c.gain, dtype=float)
-    sample = control(parameters, i, rotor, x, held, gains, np.array(c.integrator, dtype=float), i_ref)
+    sample = control(parameters, i, rotor, x, held, gains, np.array(c.integrator, dtype=float), i_d_best)
     return sample, held, status
 
 

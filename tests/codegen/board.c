@@ -28,7 +28,7 @@ typedef struct {
     float y[2];          /* A, or the phases */
     float command[2];
     float gain_max;      /* A: the controller's maximum current as the step found it */
-    float integrator[3];
+    float integrator[4];
     float v_acting[2];
     float v_queued[2];
     int delay;
@@ -147,7 +147,7 @@ int scripted_foc_step(FOC_T *c, const float32 phase[2], const float32 command[2]
     if (board.tuned > 0.0f) {
         c->gain[MAX_CURRENT_PLACE] = board.tuned;
     }
-    c->integrator[0] = c->integrator[1] = c->integrator[2] = 7.0f; /* so that what is not cleared is seen */
+    c->integrator[0] = c->integrator[1] = c->integrator[2] = c->integrator[3] = 7.0f; /* so that what is not cleared is seen */
     c->v_acting[0] = c->v_acting[1] = c->v_queued[0] = c->v_queued[1] = 7.0f;
     memcpy(duty, board.duty_wanted, sizeof board.duty_wanted);
     return board.status;

@@ -23,7 +23,7 @@ from model.schema import Drive
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 
 HERE = Path(__file__).parent
-FLOAT2, FLOAT3 = ctypes.c_float * 2, ctypes.c_float * 3
+FLOAT2, FLOAT3, FLOAT4 = (ctypes.c_float * size for size in (2, 3, 4))
 
 
 def _fields(states: int) -> list[tuple[str, Any]]:
@@ -51,7 +51,7 @@ def _fields(states: int) -> list[tuple[str, Any]]:
         ("y", FLOAT2),
         ("command", FLOAT2),
         ("gain_max", ctypes.c_float),
-        ("integrator", FLOAT3),
+        ("integrator", FLOAT4),
         ("v_acting", FLOAT2),
         ("v_queued", FLOAT2),
         ("delay", ctypes.c_int),

@@ -126,4 +126,4 @@ def test_a_new_filter_is_what_init_leaves(name: str, number: type) -> None:
     assert (f.iterations, f.repairs, f.max_iterations) == (0, 0, drive.filter.max_iterations)
     c = module.new_controller(number, delay=1)
     assert c.gain == tuple(number(value) for value in module.GAIN)
-    assert (c.delay, c.sensored, c.integrator) == (1, 0, (0, 0, 0))
+    assert (c.delay, c.sensored, c.integrator) == (1, 0, (0, 0, 0, 0))

@@ -252,7 +252,7 @@ def _nothing_is_left(board: Board) -> None:
     """The next two steps have no voltage behind them."""
     spin(board, 1, 0.0)
     if board.variant:
-        assert [*board.now.integrator, *board.now.v_acting, *board.now.v_queued] == [0.0] * 7
+        assert [*board.now.integrator, *board.now.v_acting, *board.now.v_queued] == [0.0] * 8
     else:
         assert list(board.now.u) == [0.0, 0.0]
         torque = board.now.torque

@@ -129,7 +129,7 @@ FILTER_UNITS = {
     "nis_max": "from this mean of the normalised innovation squared on; expected: 2",
 }
 CONTROLLER_UNITS = {
-    "integrator": "speed N m, d and q current V",
+    "integrator": "speed N m, d and q current V, weakening A",
     "command_max": "speed reference rad/s, DC link V",
     "v_acting": "V: voltage of the interval that begins now",
     "v_queued": "V: with a sample of delay",

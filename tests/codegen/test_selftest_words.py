@@ -91,7 +91,7 @@ def subject(name: str, controller: bool) -> Subject:
     p = f"{name}_{kind}" + ("_foc" if controller else "")
     _compile(GENERATED / name, p, n, controller, scratch)
     library = ctypes.CDLL(str(scratch / "t.so"))
-    words = 6 if controller else n + n * (n + 1) // 2
+    words = 7 if controller else n + n * (n + 1) // 2
     row = _vector_type(1 if controller else 2, words)
     vectors = len(re.findall(r"^    /\* \d+: ", (GENERATED / name / f"{p}_selftest.c").read_text(), re.MULTILINE))
     table = (row * vectors).in_dll(library, "VECTORS")

@@ -13,7 +13,8 @@ import pytest
 from codegen.ir.layout import Listing, lay_out
 from model.drives.load import load_drive, parse_drive
 from model.filters.program import BlockBuilder
-from model.loop.controller import Gains, _current_reference, _torque_limit, control_block, design
+from model.loop.controller import Gains, control_block, design
+from model.loop.references import current_reference, within_reach
 from model.quantities import Constants
 from model.schema import DriveError
 from runtime.proof.control import best_currents, of_current, torque_of
@@ -37,6 +38,7 @@ def draw(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
         "magnet_flux": between(1e-5, 100.0),
         "pole_pairs": rng.integers(1, 201, count).astype(float),
         "max_current": between(1e-3, 1e5),
+        "stator_resistance": between(1e-5, 1e4),
     }
 
 
@@ -47,8 +49,8 @@ def motor_of(drawn: dict[str, np.ndarray], k: int) -> SimpleNamespace:
 def currents_of(motor: Any, share: Any) -> tuple[Any, Any, Any]:
     """Torque limit, N m, and currents, A, at a share of it, by the model's own expressions."""
     b, constants, drive = BlockBuilder("b", ""), Constants(named=False), SimpleNamespace(motor=motor)
-    limit = _torque_limit(b, drive, constants, ca.SX(motor.max_current))
-    return limit, *_current_reference(b, drive, constants, share * limit)
+    reach = within_reach(b, drive, constants, ca.SX(motor.max_current), ca.SX(0), ca.SX(0))
+    return reach.torque, *current_reference(b, drive, constants, share * reach.torque, reach)
 
 
 def references(motor: Any, share: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -181,7 +183,7 @@ def test_integrators_and_duties_stay_finite_in_float32() -> None:
         block = control_block(drive, constants)
         listing = lay_out(block, list(constants.items.values()))
         order = listing.graph.reachable(n for nodes in listing.outputs.values() for n in nodes)
-        gain, integrator = np.array(design(drive).values), np.zeros(3)
+        gain, integrator = np.array(design(drive).values), np.zeros(4)
         assert len(gain) == len(Gains.names())
         i, rotor, command = np.zeros(2), np.zeros(2), np.array([0.0, control.dc_link])
         for sample in range(20):
@@ -203,7 +205,7 @@ def test_integrators_and_duties_stay_finite_in_float32() -> None:
 def test_field_intensifying_motors_get_a_current_that_helps(sign: int) -> None:
     """L_d > L_q: i_d > 0, small and rising with torque; its mirror image i_d < 0."""
     m = SimpleNamespace(inductance_d=5e-3 + sign * 1e-3, inductance_q=5e-3 - sign * 1e-3, magnet_flux=0.1)
-    m.pole_pairs, m.max_current = 4.0, 20.0
+    m.pole_pairs, m.max_current, m.stator_resistance = 4.0, 20.0, 0.1
     _, i_d, i_q = references(m, np.array([0.0, 0.1, 0.5, 1.0, -1.0]))
     assert i_d[0] == i_q[0] == 0
     assert np.all(np.diff(sign * i_d[:4]) > 0)
@@ -215,6 +217,7 @@ def test_field_intensifying_motors_get_a_current_that_helps(sign: int) -> None:
 def test_a_traction_motor_gets_all_that_its_current_makes() -> None:
     """L_q 2.5 times L_d, 80 mWb, 400 A: 293 N m, where 1.5 p psi_m I is 192; 150 N m with 247 A."""
     m = SimpleNamespace(inductance_d=0.2e-3, inductance_q=0.5e-3, magnet_flux=0.08, pole_pairs=4.0, max_current=400.0)
+    m.stator_resistance = 0.018
     limit, i_d, i_q = references(m, np.array([1.0]))
     assert limit == pytest.approx(293, abs=1)
     _, i_d, i_q = references(m, np.array([150 / limit]))

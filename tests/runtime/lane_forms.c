@@ -59,7 +59,7 @@ int compare_controllers(JOIN(FOC, _t) *drives, int steps, const float *phase, co
             *seen |= status;
             found += status != group.status[lane];
             found += differ(duty, duties, 3, lane);
-            found += differ(c->integrator, group.integrator, 3, lane);
+            found += differ(c->integrator, group.integrator, 4, lane);
             found += differ(c->v_acting, group.v_acting, 2, lane) + differ(c->v_queued, group.v_queued, 2, lane);
             found += differ(c->command_held, group.command_held, 2, lane);
             found += differ(c->filter.x, group.filter.x, sizeof(c->filter.x) / sizeof(float), lane);

@@ -218,7 +218,7 @@ def test_the_resistance_is_adapted_where_it_hurts_and_only_there() -> None:
     ("changed", "said"),
     [
         ({"T": 1e-3}, "a sample of 1e+03 us is long"),
-        ({"dc_link": 12.0}, "out of reach"),
+        ({"dc_link": 12.0}, "takes field weakening"),
         ({"torque": 2.0}, "more than rated.max_current"),
         ({"range": 5.0}, "does not cover"),
     ],
@@ -269,7 +269,7 @@ def test_a_reluctance_machine_gets_no_more_current_than_the_voltage_can_turn() -
     drive = parse_drive(chosen.tables(), "x")
     _, i_q = mtpa_currents(drive, drive.control.max_current)
     assert ferrite.omega_e * ferrite.L_q * i_q == pytest.approx(ferrite.voltage, rel=1e-4)
-    assert any("does not weaken the field" in line for line in chosen.remarks)
+    assert any("takes the whole voltage at rated speed" in line for line in chosen.remarks)
     for path in FACTS:
         assert design(read_facts(path)).sections["control"]["max_current"].value == read_facts(path).max_current
 

@@ -236,7 +236,7 @@ def test_gains_follow_from_motor_and_bandwidth() -> None:
     assert gains.current_d_p == pytest.approx(drive.control.current_bandwidth * drive.motor.inductance_d)
     assert gains.speed_p == pytest.approx(2 * drive.control.speed_bandwidth * drive.motor.inertia)
     assert design(drive, delay=1).advance == pytest.approx(3 * gains.advance)
-    assert Gains.names()[-1] == "advance"
+    assert Gains.names()[-2:] == ["advance", "weakening"]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
@@ -295,7 +295,7 @@ def test_a_dead_link_leaves_duty_cycles_and_integrators_finite(drive: Drive, v_d
     numbers = [np.float32(value) for value in (3.0, -2.0, 50.0, 0.3, 100.0, v_dc)]
     i, rotor, command = numbers[0:2], numbers[2:4], numbers[4:6]
     gain = [np.float32(value) for value in module.GAIN]
-    duty, v, integrator = module.control(i, rotor, command, gain, [np.float32(0)] * 3, math)
+    duty, v, integrator = module.control(i, rotor, command, gain, [np.float32(0)] * 4, math)
     assert np.all(np.isfinite([*duty, *v, *integrator]))
     assert all(0 <= value <= 1 for value in duty)
     assert np.hypot(*v) <= 1.0, "no more voltage than the least link offers"

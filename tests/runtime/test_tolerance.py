@@ -124,6 +124,24 @@ def test_a_bound_hides_no_nan(tmp_path: Path) -> None:
             assert np.all(np.isfinite(f.x))
 
 
+def test_a_step_without_a_measurement_holds_the_bounds_too(tmp_path: Path) -> None:
+    """An estimate that was put beyond them comes back with the next step, whether or not it has currents to go by."""
+    drive = bounded(variant(load_drive("spmsm_adaptive"), filter={"kinds": ["ckf"]}))
+    write_folder(tmp_path / drive.name, generate_bare(drive).files)
+    most = {"stator_resistance": 1.2 * drive.motor.stator_resistance, "magnet_flux": 1.1 * drive.motor.magnet_flux}
+    for backend in ("numpy", "c"):
+        f = load(tmp_path / drive.name, "ckf", backend, "float32")
+        for y in ([np.nan, 0.0], [0.0, 0.0]):
+            x = f.x.copy()
+            for name, value in most.items():
+                x[f.state_names.index(name)] = 1.5 * value
+            f.reset(x)
+            x = f.step([0.0, 0.0], y)
+            assert bool(f.status) == bool(np.isnan(y[0]))
+            for name, value in most.items():
+                assert x[f.state_names.index(name)] <= value * (1 + 1e-6), (backend, name, y)
+
+
 def test_an_adaptive_drive_survives_an_inverter_it_does_not_know(tmp_path: Path) -> None:
     """2 us of dead time that only the controller knows of: taken for R i and psi_m it lost every run."""
     drive = load_drive("ipmsm_adaptive")

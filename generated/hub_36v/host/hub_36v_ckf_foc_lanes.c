@@ -18,7 +18,11 @@
 #define L_Q 0.00025f /* L_q, H */
 #define PSI_M 0.0353463f /* magnet flux linkage, Wb */
 #define TORQUE_PER_A 0.7952917f /* 1.5 p psi_m, N m/A */
+#define CANCELLING_CURRENT 141.3852f /* psi_m / L_d, A */
+#define CORNER_SQUARED 360000.0f /* (R / L_d)^2, (rad/s)^2 */
+#define DEEPEST 0.95f /* of the largest current, may weaken the field */
 #define A_PER_TORQUE 1.2574002f /* 1 / (1.5 p psi_m), A/(N m) */
+#define ROOM_PER_LINK 0.5484828f /* 0.95 / sqrt(3), beyond which it is weakened */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
 #define TWO_THIRDS 0.6666667f /* 2 / 3 */
@@ -182,9 +186,11 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 gain_compensation = gain[6].of[lane];
         const float32 gain_dead_current = gain[7].of[lane];
         const float32 gain_advance = gain[8].of[lane];
+        const float32 gain_weakening = gain[9].of[lane];
         const float32 integral_speed = integrator[0].of[lane];
         const float32 integral_d = integrator[1].of[lane];
         const float32 integral_q = integrator[2].of[lane];
+        const float32 integral_weakening = integrator[3].of[lane];
 
         /* --- Park */
         const pmsm_pair sincos_theta = sin_cos(theta);
@@ -195,7 +201,17 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- speed PI */
         const float32 error_omega = omega_ref - omega;
-        const float32 torque_limit = TORQUE_PER_A * gain_max_current;
+        const float32 omega_e = POLE_PAIRS * omega;
+
+        /* --- what current and voltage allow */
+        const float32 omega_e_squared = omega_e * omega_e;
+        const float32 d_least_voltage = CANCELLING_CURRENT * omega_e_squared / (omega_e_squared + CORNER_SQUARED);
+        const float32 d_deepest = smaller(DEEPEST * gain_max_current, d_least_voltage);
+        const float32 d_at_limit = larger(integral_weakening, -d_deepest);
+        const float32 beyond_deepest = d_at_limit - integral_weakening;
+        const float32 q_left = larger(PMSM_SQRT(larger(gain_max_current * gain_max_current -
+            d_at_limit * d_at_limit, 0.0f)) - beyond_deepest, 0.0f);
+        const float32 torque_limit = TORQUE_PER_A * q_left;
         const float32 torque_wanted = gain_speed_p * error_omega + integral_speed;
         const float32 torque_ref = larger(-torque_limit, smaller(torque_limit, torque_wanted));
         const float32 integral_speed_next = integral_speed + gain_speed_i * error_omega +
@@ -205,21 +221,29 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 i_q_ref = A_PER_TORQUE * torque_ref;
 
         /* --- current PI with decoupling */
+        const float32 error_d = d_at_limit - i_d;
         const float32 error_q = i_q_ref - i_q;
-        const float32 omega_e = POLE_PAIRS * omega;
-        const float32 v_d_wanted = integral_d - gain_current_d_p * i_d - omega_e * (L_Q * i_q);
+        const float32 v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q);
         const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
         /* --- voltage hexagon's inner circle */
         const float32 v_link = larger(v_dc, 1.0f);
         const float32 v_max = ONE_BY_SQRT_3 * v_link;
-        const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
-            v_max * v_max));
+        const float32 v_wanted_squared = v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted;
+        const float32 shrink = v_max / PMSM_SQRT(larger(v_wanted_squared, v_max * v_max));
         const float32 v_d = shrink * v_d_wanted;
         const float32 v_q = shrink * v_q_wanted;
 
+        /* --- field weakening by the voltage that is asked for */
+        const float32 v_room = ROOM_PER_LINK * v_link;
+        const float32 v_room_squared = v_room * v_room;
+        const float32 v_squared_left = larger(v_room_squared - v_wanted_squared, -v_room_squared);
+        const float32 integral_weakening_next =
+            larger(smaller(integral_weakening + gain_weakening * v_squared_left, 0.0f),
+            -(d_deepest + gain_max_current));
+
         /* --- anti-windup by back-calculation */
-        const float32 integral_d_next = integral_d - gain_current_i * i_d +
+        const float32 integral_d_next = integral_d + gain_current_i * error_d +
             smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
         const float32 integral_q_next = integral_q + gain_current_i * error_q +
             smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);
@@ -273,6 +297,7 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         integrator_out[0].of[lane] = integral_speed_next;
         integrator_out[1].of[lane] = integral_d_next;
         integrator_out[2].of[lane] = integral_q_next;
+        integrator_out[3].of[lane] = integral_weakening_next;
     }
 }
 
@@ -288,10 +313,10 @@ void hub_36v_ckf_foc_lanes_load(hub_36v_ckf_foc_lanes_t *c, int lane, const hub_
     for (k = 0; k < 21; k++) {
         c->filter.LD[k].of[lane] = drive->filter.LD[k];
     }
-    for (k = 0; k < 9; k++) {
+    for (k = 0; k < 10; k++) {
         c->gain[k].of[lane] = drive->gain[k];
     }
-    for (k = 0; k < 3; k++) {
+    for (k = 0; k < 4; k++) {
         c->integrator[k].of[lane] = drive->integrator[k];
     }
     for (k = 0; k < 2; k++) {
@@ -324,7 +349,7 @@ void hub_36v_ckf_foc_lanes_step(hub_36v_ckf_foc_lanes_t *c, const lanes phase[2]
     lanes believed[2];
     lanes v[2];
     lanes rotor[2];
-    lanes integrator[3];
+    lanes integrator[4];
     int rejected[LANES];
     int k;
 
@@ -336,7 +361,7 @@ void hub_36v_ckf_foc_lanes_step(hub_36v_ckf_foc_lanes_t *c, const lanes phase[2]
     }
     judge_commands(c, command, rotor);
     control(i, rotor, c->command_held, c->gain, c->integrator, duty, v, integrator);
-    for (k = 0; k < 3; k++) {
+    for (k = 0; k < 4; k++) {
         c->integrator[k] = integrator[k];
     }
     queue(c, v);

@@ -18,7 +18,14 @@
 #define L_Q 0.051f /* L_q, H */
 #define TORQUE_PER_A 2.4525f /* 1.5 p psi_m, N m/A */
 #define MTPA_RATIO 0.027522936f /* (L_q - L_d) / psi_m, 1/A */
+#define CANCELLING_CURRENT 15.138889f /* psi_m / L_d, A */
+#define CORNER_SQUARED 10000.0f /* (R / L_d)^2, (rad/s)^2 */
+#define CURVE_DEPTH 1.1f /* of -i_d at the largest torque, which the curve may take */
+#define DEEPEST 0.95f /* of the largest current, may weaken the field */
+#define LEAST_FLUX 0.05f /* of the magnet's torque per ampere is left at least */
 #define A_PER_TORQUE 0.4077472f /* 1 / (1.5 p psi_m), A/(N m) */
+#define CURVE_EXCESS 1.003f /* of the least current, which the curve may take */
+#define ROOM_PER_LINK 0.5484828f /* 0.95 / sqrt(3), beyond which it is weakened */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
@@ -181,9 +188,11 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 gain_dead_share = gain[6].of[lane];
         const float32 gain_dead_current = gain[7].of[lane];
         const float32 gain_advance = gain[8].of[lane];
+        const float32 gain_weakening = gain[9].of[lane];
         const float32 integral_speed = integrator[0].of[lane];
         const float32 integral_d = integrator[1].of[lane];
         const float32 integral_q = integrator[2].of[lane];
+        const float32 integral_weakening = integrator[3].of[lane];
 
         /* --- Park */
         const pmsm_pair sincos_theta = sin_cos(theta);
@@ -194,11 +203,23 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- speed PI */
         const float32 error_omega = omega_ref - omega;
+        const float32 omega_e = POLE_PAIRS * omega;
         const float32 reluctance_at_limit = MTPA_RATIO * gain_max_current;
         const float32 root_at_limit = PMSM_SQRT(1.0f + 8.0f * (reluctance_at_limit * reluctance_at_limit));
         const float32 d_share_at_limit = 2.0f * reluctance_at_limit / (1.0f + root_at_limit);
-        const float32 torque_limit =
-            TORQUE_PER_A * gain_max_current * PMSM_SQRT(1.0f - d_share_at_limit * d_share_at_limit) * (1.0f + reluctance_at_limit * d_share_at_limit);
+        const float32 d_against_at_limit = d_share_at_limit * gain_max_current;
+
+        /* --- what current and voltage allow */
+        const float32 d_asked_at_limit = integral_weakening - d_against_at_limit;
+        const float32 omega_e_squared = omega_e * omega_e;
+        const float32 d_least_voltage = CANCELLING_CURRENT * omega_e_squared / (omega_e_squared + CORNER_SQUARED)
+            + CURVE_DEPTH * larger(d_against_at_limit, 0.0f);
+        const float32 d_deepest = smaller(DEEPEST * gain_max_current, d_least_voltage);
+        const float32 d_at_limit = larger(d_asked_at_limit, -d_deepest);
+        const float32 beyond_deepest = d_at_limit - d_asked_at_limit;
+        const float32 q_left = larger(PMSM_SQRT(larger(gain_max_current * gain_max_current -
+            d_at_limit * d_at_limit, 0.0f)) - beyond_deepest, 0.0f);
+        const float32 torque_limit = TORQUE_PER_A * q_left * larger(1.0f - MTPA_RATIO * d_at_limit, LEAST_FLUX);
         const float32 torque_wanted = gain_speed_p * error_omega + integral_speed;
         const float32 torque_ref = larger(-torque_limit, smaller(torque_limit, torque_wanted));
         const float32 integral_speed_next = integral_speed + gain_speed_i * error_omega +
@@ -211,26 +232,39 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
             PMSM_SQRT(0.0625f + reluctance_torque * reluctance_torque));
         const float32 reluctance = MTPA_RATIO * i_q_first;
         const float32 root_mtpa = PMSM_SQRT(0.25f + reluctance * reluctance);
-        const float32 minus_i_d_ref = i_q_first * reluctance / (0.5f + root_mtpa);
-        const float32 i_q_ref = i_q_at_zero_i_d / (1.0f + MTPA_RATIO * minus_i_d_ref);
+        const float32 d_against = i_q_first * reluctance / (0.5f + root_mtpa);
+        const float32 i_d_ref = larger(integral_weakening - d_against, -d_deepest);
+        const float32 i_q_wanted = i_q_at_zero_i_d / larger(1.0f - MTPA_RATIO * i_d_ref, LEAST_FLUX);
+        const float32 curve_excess_x_gain_max_current = CURVE_EXCESS * gain_max_current;
+        const float32 q_left_at_ref =
+            PMSM_SQRT(larger(curve_excess_x_gain_max_current * curve_excess_x_gain_max_current -
+            i_d_ref * i_d_ref, 0.0f));
+        const float32 i_q_ref = larger(-q_left_at_ref, smaller(q_left_at_ref, i_q_wanted));
 
         /* --- current PI with decoupling */
+        const float32 error_d = i_d_ref - i_d;
         const float32 error_q = i_q_ref - i_q;
-        const float32 omega_e = POLE_PAIRS * omega;
-        const float32 minus_i_d_ref_plus_i_d = minus_i_d_ref + i_d;
-        const float32 v_d_wanted = integral_d - gain_current_d_p * minus_i_d_ref_plus_i_d - omega_e * (L_Q * i_q);
+        const float32 v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q);
         const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
         /* --- voltage hexagon's inner circle */
         const float32 v_link = larger(v_dc, 1.0f);
         const float32 v_max = ONE_BY_SQRT_3 * v_link;
-        const float32 shrink = v_max / PMSM_SQRT(larger(v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted,
-            v_max * v_max));
+        const float32 v_wanted_squared = v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted;
+        const float32 shrink = v_max / PMSM_SQRT(larger(v_wanted_squared, v_max * v_max));
         const float32 v_d = shrink * v_d_wanted;
         const float32 v_q = shrink * v_q_wanted;
 
+        /* --- field weakening by the voltage that is asked for */
+        const float32 v_room = ROOM_PER_LINK * v_link;
+        const float32 v_room_squared = v_room * v_room;
+        const float32 v_squared_left = larger(v_room_squared - v_wanted_squared, -v_room_squared);
+        const float32 integral_weakening_next =
+            larger(smaller(integral_weakening + gain_weakening * v_squared_left, 0.0f),
+            -(d_deepest + gain_max_current));
+
         /* --- anti-windup by back-calculation */
-        const float32 integral_d_next = integral_d - gain_current_i * minus_i_d_ref_plus_i_d +
+        const float32 integral_d_next = integral_d + gain_current_i * error_d +
             smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
         const float32 integral_q_next = integral_q + gain_current_i * error_q +
             smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);
@@ -272,6 +306,7 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         integrator_out[0].of[lane] = integral_speed_next;
         integrator_out[1].of[lane] = integral_d_next;
         integrator_out[2].of[lane] = integral_q_next;
+        integrator_out[3].of[lane] = integral_weakening_next;
     }
 }
 
@@ -287,10 +322,10 @@ void ipmsm_ickf_foc_lanes_load(ipmsm_ickf_foc_lanes_t *c, int lane, const ipmsm_
     for (k = 0; k < 15; k++) {
         c->filter.LD[k].of[lane] = drive->filter.LD[k];
     }
-    for (k = 0; k < 9; k++) {
+    for (k = 0; k < 10; k++) {
         c->gain[k].of[lane] = drive->gain[k];
     }
-    for (k = 0; k < 3; k++) {
+    for (k = 0; k < 4; k++) {
         c->integrator[k].of[lane] = drive->integrator[k];
     }
     for (k = 0; k < 2; k++) {
@@ -323,7 +358,7 @@ void ipmsm_ickf_foc_lanes_step(ipmsm_ickf_foc_lanes_t *c, const lanes phase[2], 
     lanes believed[2];
     lanes v[2];
     lanes rotor[2];
-    lanes integrator[3];
+    lanes integrator[4];
     int rejected[LANES];
     int k;
 
@@ -335,7 +370,7 @@ void ipmsm_ickf_foc_lanes_step(ipmsm_ickf_foc_lanes_t *c, const lanes phase[2], 
     }
     judge_commands(c, command, rotor);
     control(i, rotor, c->command_held, c->gain, c->integrator, duty, v, integrator);
-    for (k = 0; k < 3; k++) {
+    for (k = 0; k < 4; k++) {
         c->integrator[k] = integrator[k];
     }
     queue(c, v);

@@ -11,8 +11,8 @@
 /* The fields of spmsm_adaptive_ckf_foc_t. */
 typedef struct {
     spmsm_adaptive_ckf_lanes_t filter;
-    lanes gain[9]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance */
-    lanes integrator[3]; /* speed N m, d and q current V */
+    lanes gain[10]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, dead_share, dead_current, advance, weakening */
+    lanes integrator[4]; /* speed N m, d and q current V, weakening A */
     lanes command_max[2]; /* speed reference rad/s, DC link V */
     lanes command_held[2];
     lanes v_acting[2]; /* V */

@@ -26,8 +26,8 @@ _ROWS = (
     ),
     (
         "one axis limited",
-        "v_d_lim, v_q_lim = shrink * v_d, shrink * v_q",
-        "v_d_lim, v_q_lim = shrink * v_d, v_q",
+        "limited = shrink * v_d, shrink * v_q",
+        "limited = shrink * v_d, v_q",
         SURFACE,
     ),
     (
@@ -42,16 +42,6 @@ _ROWS = (
     ("angle not advanced", "acting = theta + omega_e * gain.advance", "acting = theta", SURFACE),
     ("torque unlimited above", "ca.fmax(-limit, ca.fmin(limit, wanted))", "ca.fmax(-limit, wanted)", SURFACE),
     ("no anti-windup of speed", "error + _back(gain.speed_i, gain.speed_p) * (torque - wanted)", "error", SURFACE),
-    ("factor 1.5 lost", "per_ampere = 1.5 * drive", "per_ampere = drive", SURFACE),
-    ("MTPA's sign", "against = first * reluctance", "against = -first * reluctance", SALIENT),
-    ("MTPA: torque of i_d forgotten", "i_q / (1 + ratio * against)", "i_q / (1 - ratio * against)", SALIENT),
-    ("MTPA: saliency's factor", "ca.SX(difference / m.magnet_flux)", "ca.SX(2 * difference / m.magnet_flux)", SALIENT),
-    ("MTPA: axes exchanged", "m.inductance_q - m.inductance_d", "m.inductance_d - m.inductance_q", SALIENT),
-    ("MTPA: first i_q as of a round rotor", "first = i_q / ca.sqrt(0.75", "first = i_q / (1 + 0 * 0.75", OPTIMUM),
-    ("MTPA: root", "root = ca.sqrt(0.25 + reluctance", "root = ca.sqrt(0.5 + reluctance", OPTIMUM),
-    ("torque limit without reluctance", "* (1 + reluctance * share)", "", SALIENT),
-    ("torque limit: root", "ca.sqrt(1 + 8 * (reluctance", "ca.sqrt(1 + 4 * (reluctance", SALIENT),
-    ("torque limit: all current on q", "limit * ca.sqrt(1 - share * share)", "limit", SALIENT),
     (
         "phases b and c exchanged",
         "half, cross = -0.5 * v[0], (SQRT_3 / 2) * v[1]",
@@ -103,6 +93,44 @@ _ROWS = (
     ("sensed angle of less", "SENSED_MAX = 1000.0", "SENSED_MAX = 100.0", SURFACE),
 )
 
+_REFERENCES = (
+    ("factor 1.5 lost", "per_ampere = 1.5 * drive", "per_ampere = drive", SURFACE),
+    ("MTPA's sign", "against = first * reluctance", "against = -first * reluctance", SALIENT),
+    ("MTPA: torque of i_d forgotten", "wanted = i_q / torque_share(constants, ratio, i_d)", "wanted = i_q", SALIENT),
+    ("MTPA: saliency's factor", "ca.SX(difference / m.magnet_flux)", "ca.SX(2 * difference / m.magnet_flux)", SALIENT),
+    ("MTPA: axes exchanged", "m.inductance_q - m.inductance_d", "m.inductance_d - m.inductance_q", SALIENT),
+    ("MTPA: first i_q as of a round rotor", "first = i_q / ca.sqrt(0.75", "first = i_q / (1 + 0 * 0.75", OPTIMUM),
+    ("MTPA: root", "root = ca.sqrt(0.25 + reluctance", "root = ca.sqrt(0.5 + reluctance", OPTIMUM),
+    ("torque limit: root", "ca.sqrt(1 + 8 * (reluctance", "ca.sqrt(1 + 4 * (reluctance", SALIENT),
+    ("torque limit of the magnet alone", "torque = torque * torque_share(constants, ratio, i_d)", "pass", SALIENT),
+    ("beyond the deepest torque goes on", "_left_of(current, i_d) - beyond", "_left_of(current, i_d)", SURFACE),
+    ("not held at the deepest", "i_d = ca.fmax(i_d - against, -reach.deepest)", "i_d = i_d - against", SALIENT),
+    ("a round rotor is not held", "i_d = ca.fmax(i_d, -reach.deepest)", "i_d = ca.SX(0)", SURFACE),
+    (
+        "the curve may take ten times as much more",
+        "CURVE_EXCESS = 1.003",
+        "CURVE_EXCESS = 1.03",
+        ("pytest tests/model/test_weakening.py -k within_the_largest",),
+    ),
+)
+
+_WEAKENING = (
+    ("room of the whole voltage", "ROOM / math.sqrt(3)), f", "1 / math.sqrt(3)), f", SURFACE),
+    ("voltage of one axis", "v_d * v_d + v_q * v_q", "v_q * v_q", SURFACE),
+    ("strengthened", "z + gain * left", "z - gain * left", SURFACE),
+    ("above zero", "ca.fmin(z + gain * left, 0.0)", "z + gain * left", SURFACE),
+    ("without end", "ca.fmax(ca.fmin(z + gain * left, 0.0), -most)", "ca.fmin(z + gain * left, 0.0)", ("pytest tests/model/test_weakening.py -k integrator",)),
+    ("a burst counts in full", "ca.fmax(room_squared - wanted_squared, -room_squared)", "room_squared - wanted_squared", SURFACE),
+    ("resistance forgotten", "/ (turning + corner)", "/ (turning + 1e-9)", SURFACE),
+    ("corner of the other axis", "(m.stator_resistance / m.inductance_d) ** 2", "(m.stator_resistance / m.inductance_q) ** 2", SALIENT),
+    ("cancelled by the other axis", "ca.SX(m.magnet_flux / m.inductance_d)", "ca.SX(m.magnet_flux / m.inductance_q)", SALIENT),
+    ("all of the current", "DEEPEST = 0.1, 0.95", "DEEPEST = 0.1, 1.0", SALIENT),
+    ("reluctance goes no further", " + curve * ca.fmax(at_limit, 0.0)", "", SALIENT),
+    ("gain by the back-EMF alone", "math.hypot(m.magnet_flux, m.inductance_q * c.max_current)", "m.magnet_flux", SALIENT),
+    ("gain of another voltage", "per_volt / (2 * V)", "per_volt / V", SURFACE),
+    ("torque left: reluctance's sign", "ca.fmax(1 - ratio * i_d, least)", "ca.fmax(1 + ratio * i_d, least)", SALIENT),
+)  # fmt: skip
+
 _PLANT = (
     ("weights of RK4", "k1[j] + 2 * (k2[j] + k3[j]) + k4[j]", "k1[j] + (k2[j] + k3[j]) + k4[j]", PLANT),
     ("reach of the third slope", "enumerate((0.0, 0.5, 0.5, 1.0))", "enumerate((0.0, 0.5, 1.0, 1.0))", PLANT),
@@ -126,5 +154,7 @@ def _of(kind: str, file: str, rows: tuple[tuple[str, str, str, tuple[str, ...]],
 
 CONTROL = (
     *_of("controller", "model/loop/controller.py", _ROWS),
+    *_of("controller", "model/loop/references.py", _REFERENCES),
+    *_of("controller", "model/loop/weakening.py", _WEAKENING),
     *_of("plant", "model/loop/plant.py", _PLANT),
 )

@@ -170,7 +170,7 @@ _CONTROLLER_TEST: tuple[Row, ...] = (
 
 _SELFTEST_PRINT: tuple[Row, ...] = (
     ("size without the starts", " + len(runs) * _even(1 + 4 * n)", "", HEADERS),
-    ("size in bytes", "words = vectors * _even(8 + 1 + 3 * outputs)", "words = 2 * vectors * _even(8 + 1 + 3 * outputs)", (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm-foc and sizes'",)),
+    ("size in bytes", "_even(8 + 2 + 3 * outputs)\n    p = f", "2 * _even(8 + 2 + 3 * outputs)\n    p = f", (f"regenerated paper_spmsm {_WORDS} 'paper_spmsm-foc and sizes'",)),
     ("plan begins with vector 0", "plan += [(int(a) + 1, int(b), run.title)", "plan += [(int(a), int(b), run.title)", HEADERS),
     ("stages of x and P exchanged", '("10 + k", "x[k]")', '("20 + k", "x[k]")', HEADERS),
     ("inputs' units exchanged", '(u[k], "u", "V"), (y[k], "y", "A")', '(u[k], "u", "A"), (y[k], "y", "V")', HEADERS),

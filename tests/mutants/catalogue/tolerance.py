@@ -11,6 +11,7 @@ NOTICED = ("noticed tests/runtime/test_tolerance.py -k 'both_forms and paper_spm
 OWN = ("pytest tests/runtime/test_tolerance.py -k ones_own",)
 
 #: Bounds of adaptive states, and a V_d that may be off.
+COASTS = ("pytest tests/runtime/test_tolerance.py -k without_a_measurement",)
 HELD = ("pytest tests/model/test_tolerance.py -k held_within",)
 VOLTS = ("pytest tests/model/test_tolerance.py -k by_hand_says",)
 UNSURE = ("pytest tests/model/test_inverter.py -k unsure",)
@@ -135,7 +136,7 @@ TOLERANCE = (
             "the coasting estimate free",
             'b.output("x", self._kept(b, x))',
             'b.output("x", [v.apply("wrap") if i == 3 else v for i, v in enumerate(x)])',
-            BOTH,
+            COASTS,
         ),
     ),
     *of(
