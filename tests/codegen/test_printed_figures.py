@@ -63,7 +63,7 @@ def test_cycles_are_the_sum_of_prices(made: Made) -> None:
         assert facts["cycles_sincos_expanded"] == dict(zip(("2.5", "4", "5"), expanded, strict=True))
         assert facts["estimated_cycles"] == called[0]
         cells = [[int(value) for value in cell.split(" / ")] for cell in table[row]]
-        shares = [[round(100 * value / (CLOCK * period)) for value in called] for _, period in periods]
+        shares = [[round(100 * value / round(CLOCK * period)) for value in called] for _, period in periods]
         assert cells == [called, expanded, *shares]
     assert "`k (add + mul) + 25 div + 29 sqrt + 44 sincos + 60`" in made.report
     assert "TI's fastRTS figures and 60 for the interrupt" in made.report
