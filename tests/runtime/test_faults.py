@@ -194,7 +194,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("inside", [INSIDE_CASADI, INSIDE_A_FINALISER])
+@pytest.mark.parametrize("inside", [INSIDE_CASADI, *thoroughly(INSIDE_A_FINALISER)])
 def test_ctrl_c_is_one_line_whatever_becomes_of_the_exception(inside: str, tmp_path: Path) -> None:
     code, _, err = finish(start("-c", f"import os, signal, sys{inside}{GENERATING}", cwd=tmp_path))
     assert (code, err.splitlines()) == (130, ["pmsm-ickf: interrupted"])

@@ -71,7 +71,7 @@ def test_every_filter_in_both_forms(name: str, kind: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "learnt"), [("ckf", False), ("ekf", True)])
+@pytest.mark.parametrize(("kind", "learnt"), [("ekf", True), *thoroughly(("ckf", False))])
 def test_where_the_inverter_is_part_of_the_model(kind: str, learnt: bool, tmp_path: Path) -> None:
     """The derivatives are taken at the voltage that arrives, V_d a constant or a state."""
     drive = load_drive("spmsm_load_torque")

@@ -180,6 +180,7 @@ def test_every_statement_is_reached() -> None:
     assert reached == total
 
 
+@pytest.mark.thorough
 def test_a_wider_box_raises_alarms() -> None:
     need("frama-c")
     manifest = read_manifest(GENERATED / "paper_spmsm")

@@ -130,6 +130,7 @@ def test_a_finding_is_shortened() -> None:
     assert KINDS[verdict.kind].startswith("theta outside")
 
 
+@pytest.mark.thorough
 def test_missing_tools_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "python3").symlink_to(sys.executable)
     done = call("fuzz", "paper_spmsm", cwd=tmp_path, PATH=str(tmp_path))
