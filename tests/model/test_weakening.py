@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -28,7 +29,7 @@ DRAWS = 300
 def references(motor: Any, torque_share: float, z: float, omega_e: float) -> dict[str, float]:
     """Of one motor: the torque limit, D, and the reference currents at a share of that limit."""
     b, constants = BlockBuilder("b", ""), Constants(named=False)
-    drive: Any = type("", (), {"motor": motor})()
+    drive: Any = SimpleNamespace(motor=motor)
     reach: Reach = within_reach(b, drive, constants, ca.SX(motor.max_current), ca.SX(z), ca.SX(omega_e))
     i_d, i_q = current_reference(b, drive, constants, torque_share * reach.torque, reach)
     names = ("limit", "D", "i_d", "i_q")
