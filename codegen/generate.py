@@ -42,6 +42,7 @@ from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
+from codegen.render.supervisor import module_context, render_supervisor
 from model.filters import FilterStep, build_filter
 from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
@@ -153,9 +154,8 @@ def draft(drive: Drive, form: str = "fast") -> Draft:
     model, steps = build_steps(drive, form)
     listings = lay_out_steps(model, steps)
     about = Description(drive, model, tuple(default_initial_state(drive)))
-    return Draft(
-        about, steps, listings, render_module(about, steps, listings, controller_context(about, PythonPrinter()))
-    )
+    around = controller_context(about, PythonPrinter()) | module_context(about, next(iter(steps.values())))
+    return Draft(about, steps, listings, render_module(about, steps, listings, around))
 
 
 @contextmanager
@@ -276,6 +276,8 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
         files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
         foc = f"{name}_{kind}_foc"
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, [OPEN_HEAD])
+        own = render_supervisor(about, step).items()
+        files |= {f"{name}_{kind}_{end}": text for end, text in own}
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
     kind = default_kind(steps)
     files["example_isr.c"] = render_example(about, steps[kind])

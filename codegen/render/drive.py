@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from codegen.ir.constants import is_round
-from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
 from codegen.render.filter import (
@@ -19,7 +17,6 @@ from codegen.render.filter import (
     sin_cos_text,
     state_place,
     trig_note,
-    variance_place,
     with_ramfuncs,
 )
 from codegen.render.printers.c import CPrinter
@@ -162,22 +159,8 @@ def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str
     return render("foc.h.j2", **context), with_ramfuncs(source, cold={f"{context['p']}_foc_init"})
 
 
-#: The example's reaction to faults, s. Lost is who is blind for so long, or diverged: a fault of some 50 ms is ridden
-#: through, and torque is cut where the angle no longer turns as the speed says.
-BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
-#: Currents must read zero for REST; zero voltage is tried for PROBE; the filter has CATCH to lock, of which its angle
-#: may jump for SETTLE, and must be content for LOCKED.
-REST_TIME, PROBE_TIME, CATCH_TIME, SETTLE_TIME, LOCKED_TIME = 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
-#: It sends numbers so many times a second.
+#: The example sends numbers so many times a second.
 TELEMETRY_RATE = 50.0
-#: Shares of the maximum current: what reads as zero, what shows where the back-EMF points, what is too
-#: much. Of the operating box's speed: what may be
-#: unknown, and standstill.
-ZERO_CURRENT, PROBE_CURRENT, TRIP_CURRENT, UNKNOWN_SPEED = 0.05, 0.1, 1.5, 0.5
-#: rad^2: what the probe leaves open of the angle.
-UNKNOWN_ANGLE = 0.01
-#: Share of their variance that adaptive states keep meanwhile.
-HELD = 1e-3
 
 
 def default_kind(kinds: Iterable[str]) -> str:
@@ -201,53 +184,18 @@ def render_example(about: Description, step: FilterStep) -> str:
     step : FilterStep
         The filter; places in its struct are told by the names of its header.
     """
-    drive, literal = about.drive, CPrinter(F28335).format_literal
-    layout, p = CovarianceLayout.of(step), f"{about.drive.name}_{step.kind}"
-    slow = [state.name for state in about.model.adaptive.states]
-    names = {"X_ALPHA": layout.states[0], "X_BETA": layout.states[1], "OMEGA": "omega", "THETA": ANGLE}
-    names |= {name.upper(): name for name in slow}
-    flux_states = about.model.states[0].unit == "Wb"
-    T, speed = drive.model.sample_time, drive.operating_box.speed
-    counts = {
-        "max_rejected": BLIND_TIME / T,
-        "max_diverged": DIVERGED_TIME / T,
-        "rest": REST_TIME / T,
-        "catch": CATCH_TIME / T,
-        "probe": PROBE_TIME / T,
-        "settle": SETTLE_TIME / T,
-        "locked": LOCKED_TIME / T,
-        "telemetry_every": 1 / (TELEMETRY_RATE * T),
-    }
-    numbers = {
-        "zero_current": ZERO_CURRENT * drive.control.max_current,
-        "trip_current": TRIP_CURRENT * drive.control.max_current,
-        "probe_current": PROBE_CURRENT * drive.control.max_current,
-        "probe_speed": drive.motor.inductance_q / (drive.motor.magnet_flux * drive.motor.pole_pairs * T),
-        "unknown_speed": (UNKNOWN_SPEED * speed) ** 2,
-        "unknown_angle": UNKNOWN_ANGLE,
-        "held": HELD,
-        "unknown_flux": UNKNOWN_ANGLE * drive.motor.magnet_flux**2,
-        "sample_time": T,
-        "pole_pairs": float(drive.motor.pole_pairs),
-        "pi": math.pi,
-        "two_pi": 2 * math.pi,
-    }
+    drive, p = about.drive, f"{about.drive.name}_{step.kind}"
+    T = drive.model.sample_time
     source = render(
         "example_isr.c.j2",
-        slow=slow,
-        places=[
-            (label, state_place(p, name), variance_place(p, layout, name) if flux_states or label[0] != "X" else "")
-            for label, name in names.items()
-        ],
         p=p,
         drive=drive.name,
         sha=drive.sha256,
         sample_time_us=f"{T * 1e6:g}",
-        flux_states=flux_states,
-        covariance=layout.field,
-        max_current=Gains.names().index("max_current"),
-        **{name: max(1, round(count)) for name, count in counts.items()},
-        **{name: literal(value) for name, value in numbers.items()},
+        telemetry_every=max(1, round(1 / (TELEMETRY_RATE * T))),
+        pole_pairs=CPrinter(F28335).format_literal(float(drive.motor.pole_pairs)),
+        omega=state_place(p, "omega"),
+        theta=state_place(p, ANGLE),
     )
     return with_ramfuncs(source, cold={"motor_setup"})
 

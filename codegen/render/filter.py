@@ -25,6 +25,7 @@ from model.filters.program import Call, Repeat, Restart, Seldom, Turns
 from model.machines.own import kept_as, read_word, title
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
+from model.supervisor.table import MODES, REASONS
 
 _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
@@ -101,7 +102,7 @@ def render(template: str, **context: Any) -> str:
 
 def render_port() -> str:
     """Render the port header, which is the same for every drive."""
-    return render("port.h.j2")
+    return render("port.h.j2", modes=MODES, reasons=REASONS)
 
 
 def state_place(p: str, state: str) -> str:

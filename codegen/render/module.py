@@ -15,9 +15,19 @@ from model.filters.program import Restart, Seldom
 
 
 def render_module(
-    about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], controller: dict[str, Any]
+    about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing], around: dict[str, Any]
 ) -> str:
-    """The Python module of a drive, all its kinds, and the controller (see :mod:`codegen.render.drive`)."""
+    """The Python module of a drive, all its kinds, and what is around them.
+
+    Parameters
+    ----------
+    about : Description
+    steps : dict of str to FilterStep
+    listings : dict of str to Listing
+        Of their blocks.
+    around : dict of str to Any
+        Template context of controller (:mod:`codegen.render.drive`) and supervisor (:mod:`codegen.render.supervisor`).
+    """
     drive, model = about.drive, about.model
     printer = PythonPrinter()
     (covariance,) = {step.covariance for step in steps.values()}
@@ -52,8 +62,9 @@ def render_module(
             for name, value, formula in {
                 c[0]: c
                 for c in (
-                    *named_constants(about, [*listings.values(), *controller["control_listings"]], staged=True),
-                    *((c.name, c.value, c.formula) for c in controller["control_constants"]),
+                    *named_constants(about, [*listings.values(), *around["control_listings"]], staged=True),
+                    *named_constants(about, around["supervisor_listings"], staged=True),
+                    *((c.name, c.value, c.formula) for c in around["control_constants"]),
                 )
             }.values()
         ],
@@ -68,7 +79,7 @@ def render_module(
         small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
         covariance=covariance,
         packing=render("packing.py.j2", covariance=covariance),
-        **controller,
+        **around,
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[{"kind": kind, "program": "\n".join(printer.format_step(step))} for kind, step in steps.items()],
     )

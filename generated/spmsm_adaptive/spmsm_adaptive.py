@@ -102,6 +102,11 @@ ROOM_PER_LINK = 0.5484827557301445  # 0.95 / sqrt(3), beyond which it is weakene
 ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
 SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
 TWO_BY_SQRT_3 = 1.1547005383792517  # 2 / sqrt(3)
+TURN_PER_SAMPLE = 0.0004  # p T, rad electrical per rad/s
+LEAST_SIZE = 1e-12  # A^2: no less is divided by
+QUARTER_PI = 0.7853981633974483  # pi / 4
+ARC_BEND = 0.273  # of the arc tangent, within 0.004 rad
+PROBE_SPEED = 11.92857142857143  # L_q / (psi_m p T), rad/s per A, of one interval
 CURVE_DEPTH = 1.1  # of -i_d at the largest torque, which the curve may take
 HALF_T = 5e-05  # T / 2, s
 OWN_MAGNET_FLUX = 0.175  # the motor's magnet_flux
@@ -1207,6 +1212,444 @@ def foc_step(c, filter_step, phase, command, math):
     else:
         c.v_acting = v
     return duty, status
+
+
+# --- the supervisor: the drive's modes, and what goes from one to the next
+
+RESTING = 0  # inverter off, until the currents read zero
+PROBING = 1  # zero voltage, until a current shows where the back-EMF points
+CATCHING = 2  # zero torque, until the filter has found the rotor
+RUNNING = 3  # speed and torque as commanded
+FAULT = 4  # inverter off, until the fault is acknowledged
+MODES = ("RESTING", "PROBING", "CATCHING", "RUNNING", "FAULT")
+REASON_NONE = 0  # nothing went wrong since power-up or the last acknowledgement
+REASON_CURRENT = 1  # a current was beyond TRIP_CURRENT, or no number
+REASON_BLIND = 2  # the filter rejected its inputs for too long
+REASON_DIVERGED = 3  # for too long the currents were not what voltages and motor data say
+REASON_RESTARTED = 4  # the filter's state was lost, and it began anew
+REASON_SLIPPED = 5  # the angle did not turn as the estimated speed says
+REASON_NOT_CAUGHT = 6  # the filter did not find the turning rotor in time
+REASON_SELF_TEST = 7  # the self-test failed: no acknowledgement helps
+REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "NOT_CAUGHT", "SELF_TEST")
+MAX_REJECTED = 20  # inputs rejected in a row: no estimate is left
+MAX_DIVERGED = 1000  # steps in a row with PMSM_DIVERGED: less is ridden through
+MAX_EXCESS = 3  # samples in a row beyond the trip current
+MAX_FAILURES = 10  # attempts in a row that fail end in FAULT
+REST_SAMPLES = 20  # so long both currents must read zero before the inverter is enabled
+PROBE_SAMPLES = 20  # without a current from zero voltage for so long the rotor stands
+SETTLE_SAMPLES = 10  # so long the angle may jump; then it must turn as the speed says
+TWICE_SETTLE_SAMPLES = 20  # or the guess is turned round
+CATCH_SAMPLES = 100  # so long the filter may take to lock
+LOCKED_SAMPLES = 30  # so long it must be content; and the length of a window of RUNNING
+STEADY_WINDOWS = 33  # of RUNNING, after which failures are forgotten
+MOST_SAMPLES = 32000  # an int of 16 bits counts no further
+ZERO_SQUARED = 1.0  # (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors
+PROBE_SQUARED = 4.0  # (0.1 of the largest current)^2, A^2: tells where the back-EMF points
+TRIP_SQUARED = 900.0  # (1.5 of the largest current)^2, A^2: no torque needs so much; beside the hardware's trip
+CATCH_JOLT_SQUARED = 0.010000000000000002  # rad^2: so far off may the angle be, beside half of what is stated
+RUN_JOLT_SQUARED = 0.09  # rad^2: the same in a window of RUNNING, where a jolt may come
+UNKNOWN_SPEED = 10000.0  # (rad/s)^2: where the rotor may turn
+UNKNOWN_ANGLE = 0.01  # rad^2: what the probe leaves open
+HELD = 0.001  # of P_0: motor data that are states are not learnt while the rotor is looked for
+PI = 3.141592653589793  # half a turn
+
+
+def new_supervisor(dtype=np.float32):
+    """A supervisor as its C's _supervisor_init leaves it: RESTING. Fields as in the C header."""
+    return SimpleNamespace(
+        mode=np.int64(0),
+        reason=np.int64(0),
+        inverter=np.int64(0),
+        runs=np.int64(0),
+        torque=np.int64(0),
+        fresh=np.int64(0),
+        acknowledged=np.int64(0),
+        since=np.int64(0),
+        quiet=np.int64(0),
+        rejected=np.int64(0),
+        diverged=np.int64(0),
+        excess=np.int64(0),
+        content=np.int64(0),
+        mirrored=np.int64(0),
+        failures=np.int64(0),
+        steady=np.int64(0),
+        turning=(dtype(0),) * 4,
+        probe=(dtype(0),) * 2,
+        guess=(dtype(0),) * 4,
+    )
+
+
+def _reset(f, x, LD, where, math):
+    """As C's _reset, in the lanes of a mask. Returns x and LD as lists."""
+    words = diagonal(f.P_0, math.dtype(0))
+    f.u_held = _select(where, (math.dtype(0), math.dtype(0)), f.u_held)
+    f.iterations = np.where(where, 0, f.iterations)[()]
+    f.nis = np.where(where, 0.0, f.nis)[()]
+    return list(_select(where, f.x_0, x)), list(_select(where, words, LD))
+
+
+def watch_turning(x, turning, math, stages=None):
+    """How far the angle turned, and how far it should have by the speed."""
+    omega = x[2]
+    theta = x[3]
+    turned = turning[0]
+    stated = turning[1]
+    theta_before = turning[2]
+    turned_now = turned + math.wrap(theta - theta_before)
+    stated_now = stated + TURN_PER_SAMPLE * omega
+    off = turned_now - stated_now
+
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now),)
+
+
+def read_probe(phase, probe, math, stages=None):
+    """Where a current from zero voltage says that the rotor is."""
+    (i_a, i_b) = phase
+    (direction, intervals) = probe
+    i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
+    size = np.sqrt(_larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE))
+    direction_times_i_beta_per_size = direction * i_beta / size
+    cosine = -direction_times_i_beta_per_size
+    sine = direction * i_a / size
+    along = _larger(cosine, direction_times_i_beta_per_size)
+    across = _larger(sine, -sine)
+    slope = (across - along) / (across + along)
+    theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0 - _larger(slope, -slope)))
+
+    return (
+        (i_a, i_beta, PROBE_SPEED * direction * size / _larger(intervals, 1.0), theta_first,),
+        (cosine, sine,),
+    )
+
+
+def _fail(s, f, phase, where, math):
+    """One more attempt that failed."""
+    s.failures = np.where(where & (s.failures < MAX_FAILURES), s.failures + 1, s.failures)[()]
+
+
+def _forget(s, f, phase, where, math):
+    """The next attempt is the first one again."""
+    s.failures = np.where(where, 0, s.failures)[()]
+    s.reason = np.where(where, 0, s.reason)[()]
+
+
+def _guess_from_probe(s, f, phase, where, math):
+    """The current says where the back-EMF points, and how fast the rotor turns."""
+    guess = list(s.guess)
+    guess_new, towards = read_probe(phase, s.probe, math)
+    guess = list(_select(where, guess_new, guess))
+    hit_1 = where & (towards[0] < 0.0)
+    guess[3] = np.where(hit_1, PI - guess[3], guess[3])[()]
+    hit_2 = where & (towards[1] < 0.0)
+    guess[3] = np.where(hit_2, 0.0 - guess[3], guess[3])[()]
+    s.mirrored = np.where(where, 0, s.mirrored)[()]
+    s.guess = tuple(guess)
+
+
+def _guess_mirrored(s, f, phase, where, math):
+    """Half a turn on, and the other way round: what makes the same voltage at this instant."""
+    guess = list(s.guess)
+    guess[0] = np.where(where, f.x[0], guess[0])[()]
+    guess[1] = np.where(where, f.x[1], guess[1])[()]
+    guess[2] = np.where(where, 0.0 - f.x[2], guess[2])[()]
+    guess[3] = np.where(where, f.x[3] + PI, guess[3])[()]
+    s.guess = tuple(guess)
+
+
+def _mark_mirrored(s, f, phase, where, math):
+    """There are two guesses, and this is the second one."""
+    s.mirrored = np.where(where, 1, s.mirrored)[()]
+
+
+def _start_filter(s, f, phase, where, math):
+    """The filter from anew at the guess, neither speed nor angle known."""
+    x = list(f.x)
+    LD = list(f.LD)
+    x, LD = _reset(f, x, LD, where, math)
+    x[0] = np.where(where, s.guess[0], x[0])[()]
+    x[1] = np.where(where, s.guess[1], x[1])[()]
+    x[2] = np.where(where, s.guess[2], x[2])[()]
+    x[3] = np.where(where, s.guess[3], x[3])[()]
+    LD[5] = np.where(where, UNKNOWN_SPEED, LD[5])[()]
+    LD[9] = np.where(where, UNKNOWN_ANGLE, LD[9])[()]
+    LD[20] = np.where(where, HELD * f.P_0[5], LD[20])[()]
+    LD[27] = np.where(where, HELD * f.P_0[6], LD[27])[()]
+    s.rejected = np.where(where, 0, s.rejected)[()]
+    s.diverged = np.where(where, 0, s.diverged)[()]
+    s.content = np.where(where, 0, s.content)[()]
+    s.fresh = np.where(where, 1, s.fresh)[()]
+    f.x = tuple(x)
+    f.LD = tuple(LD)
+
+
+def _start_at_rest(s, f, phase, where, math):
+    """The filter as the drive file begins it."""
+    x = list(f.x)
+    LD = list(f.LD)
+    x, LD = _reset(f, x, LD, where, math)
+    s.rejected = np.where(where, 0, s.rejected)[()]
+    s.diverged = np.where(where, 0, s.diverged)[()]
+    s.content = np.where(where, 0, s.content)[()]
+    s.fresh = np.where(where, 1, s.fresh)[()]
+    s.steady = np.where(where, 0, s.steady)[()]
+    f.x = tuple(x)
+    f.LD = tuple(LD)
+
+
+def _learn(s, f, phase, where, math):
+    """Torque is allowed, and motor data that are states are learnt again."""
+    LD = list(f.LD)
+    LD[20] = np.where(where, f.P_0[5], LD[20])[()]
+    LD[27] = np.where(where, f.P_0[6], LD[27])[()]
+    s.steady = np.where(where, 0, s.steady)[()]
+    f.LD = tuple(LD)
+
+
+def _begin_window(s, f, phase, where, math):
+    """From here on the angle's turning is compared with the speed."""
+    turning = list(s.turning)
+    turning[0] = np.where(where, 0.0, turning[0])[()]
+    turning[1] = np.where(where, 0.0, turning[1])[()]
+    turning[2] = np.where(where, f.x[3], turning[2])[()]
+    s.turning = tuple(turning)
+
+
+def _count_steady(s, f, phase, where, math):
+    """After some windows in a row the attempts that went before are forgotten."""
+    s.steady = np.where(where & (s.steady < STEADY_WINDOWS), s.steady + 1, s.steady)[()]
+    hit_1 = where & (s.steady >= STEADY_WINDOWS)
+    s.failures = np.where(hit_1, 0, s.failures)[()]
+
+
+def _go(s, mode, where):
+    """Into a mode, or once more into the same one."""
+    s.mode = np.where(where, mode, s.mode)[()]
+    s.since = np.where(where, 0, s.since)[()]
+
+
+def _tell(s):
+    """What the mode allows."""
+    s.inverter = np.where((s.mode == PROBING) | (s.mode == CATCHING) | (s.mode == RUNNING), 1, 0)[()]
+    s.runs = np.where((s.mode == CATCHING) | (s.mode == RUNNING), 1, 0)[()]
+    s.torque = np.where((s.mode == RUNNING), 1, 0)[()]
+
+
+def _watch(s, f, status, phase, reference, math):
+    """Counts, in every mode, and of the step that ran."""
+    probe = list(s.probe)
+    turning = list(s.turning)
+    s.since = np.where((s.since < MOST_SAMPLES), s.since + 1, s.since)[()]
+    hit_1 = reference < 0.0
+    miss_1 = np.logical_not(reference < 0.0)
+    probe[0] = np.where(hit_1, -1.0, probe[0])[()]
+    probe[0] = np.where(miss_1, 1.0, probe[0])[()]
+    hit_2 = s.mode == PROBING
+    miss_2 = np.logical_not(s.mode == PROBING)
+    probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
+    probe[1] = np.where(miss_2, 0.0, probe[1])[()]
+    hit_3 = s.mode == RESTING
+    miss_3 = np.logical_not(s.mode == RESTING)
+    hit_4 = hit_3 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
+    miss_4 = (hit_3 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
+        (phase[1] * phase[1] <= ZERO_SQUARED)))
+    s.quiet = np.where(hit_4 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
+    s.quiet = np.where(miss_4, 0, s.quiet)[()]
+    s.quiet = np.where(miss_3, 0, s.quiet)[()]
+    hit_5 = np.logical_not(s.mode == FAULT)
+    s.acknowledged = np.where(hit_5, 0, s.acknowledged)[()]
+    hit_6 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
+    miss_6 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
+    s.excess = np.where(hit_6 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
+    s.excess = np.where(miss_6, 0, s.excess)[()]
+    hit_7 = s.runs == 1
+    hit_8 = hit_7 & ((status & INPUT_REJECTED) != 0)
+    miss_8 = hit_7 & np.logical_not((status & INPUT_REJECTED) != 0)
+    s.rejected = np.where(hit_8 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
+    s.rejected = np.where(miss_8, 0, s.rejected)[()]
+    hit_9 = hit_7 & ((status & DIVERGED) != 0)
+    miss_9 = hit_7 & np.logical_not((status & DIVERGED) != 0)
+    s.diverged = np.where(hit_9 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
+    s.diverged = np.where(miss_9, 0, s.diverged)[()]
+    hit_10 = hit_7 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
+    miss_10 = (hit_7 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
+        np.logical_not((status & RESTARTED) != 0)))
+    s.content = np.where(hit_10 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
+    s.content = np.where(miss_10, 0, s.content)[()]
+    turning_new = watch_turning(f.x, turning, math)
+    turning = list(_select(hit_7, turning_new, turning))
+    s.probe = tuple(probe)
+    s.turning = tuple(turning)
+
+
+def supervise(s, f, status, phase, reference, math):
+    """Once an interrupt, after the filter's step where there was one; see the C header. Fields and arguments are scalars
+    or arrays of lanes. Returns the number of the transition that was taken, 0 for none.
+    """
+    _watch(s, f, status, phase, reference, math)
+    s.fresh = np.zeros(np.shape(s.mode), np.int64)[()]
+    taken = 0
+    found = 0
+    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 17, found)
+    taken = np.where(s.mode == FAULT, found, taken)[()]
+    found = 0
+    found = np.where(s.since >= LOCKED_SAMPLES, 16, found)
+    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 15,
+        found))
+    found = np.where((status & RESTARTED) != 0, 14, found)
+    found = np.where(s.diverged >= MAX_DIVERGED, 13, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 12, found)
+    found = np.where(s.excess >= MAX_EXCESS, 11, found)
+    taken = np.where(s.mode == RUNNING, found, taken)[()]
+    found = 0
+    found = np.where(s.since >= CATCH_SAMPLES, 10, found)
+    found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.content >= LOCKED_SAMPLES) &
+        (s.turning[3] <= CATCH_JOLT_SQUARED), 9, found))
+    found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.mirrored == 0) &
+        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 8, found))
+    found = np.where(s.since == SETTLE_SAMPLES, 7, found)
+    found = np.where(s.excess >= MAX_EXCESS, 6, found)
+    taken = np.where(s.mode == CATCHING, found, taken)[()]
+    found = 0
+    found = np.where(s.since >= PROBE_SAMPLES, 5, found)
+    found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
+        (phase[1] * phase[1] <= PROBE_SQUARED)), 4, found))
+    found = (np.where(np.logical_not((phase[0] * phase[0] <= TRIP_SQUARED) &
+        (phase[1] * phase[1] <= TRIP_SQUARED)), 3, found))
+    taken = np.where(s.mode == PROBING, found, taken)[()]
+    found = 0
+    found = np.where(s.quiet >= REST_SAMPLES, 2, found)
+    found = np.where(s.failures >= MAX_FAILURES, 1, found)
+    taken = np.where(s.mode == RESTING, found, taken)[()]
+    lost = (np.logical_not((s.mode == RESTING) | (s.mode == PROBING) | (s.mode == CATCHING) |
+        (s.mode == RUNNING) | (s.mode == FAULT)))
+    # RESTING: attempts failed again and again.
+    where = taken == 1
+    if np.any(where):
+        _go(s, FAULT, where)
+    # RESTING: the currents read zero.
+    where = taken == 2
+    if np.any(where):
+        _go(s, PROBING, where)
+    # PROBING: a current is too large, or no number.
+    where = taken == 3
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # PROBING: a current shows that the rotor turns.
+    where = taken == 4
+    if np.any(where):
+        _guess_from_probe(s, f, phase, where, math)
+        _start_filter(s, f, phase, where, math)
+        _go(s, CATCHING, where)
+    # PROBING: no current came: the rotor stands, and starts as the drive file says.
+    where = taken == 5
+    if np.any(where):
+        _start_at_rest(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, RUNNING, where)
+    # CATCHING: a current is too large.
+    where = taken == 6
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # CATCHING: the angle has jumped where it would.
+    where = taken == 7
+    if np.any(where):
+        _begin_window(s, f, phase, where, math)
+    # CATCHING: the angle turns the other way than the speed says: half a turn on there is the other guess.
+    where = taken == 8
+    if np.any(where):
+        _guess_mirrored(s, f, phase, where, math)
+        _start_filter(s, f, phase, where, math)
+        _mark_mirrored(s, f, phase, where, math)
+        _go(s, CATCHING, where)
+    # CATCHING: the filter is content, and its angle turns as its speed says.
+    where = taken == 9
+    if np.any(where):
+        _learn(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, RUNNING, where)
+    # CATCHING: the filter did not find the rotor in time.
+    where = taken == 10
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_NOT_CAUGHT, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: a current is too large.
+    where = taken == 11
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: the filter is blind.
+    where = taken == 12
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_BLIND, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: currents, voltages and motor do not fit.
+    where = taken == 13
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_DIVERGED, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: the filter began anew.
+    where = taken == 14
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: the angle does not turn as the speed says: the filter may be half a turn off.
+    where = taken == 15
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_SLIPPED, s.reason)[()]
+        _go(s, RESTING, where)
+    # RUNNING: a window is over, and the next one begins.
+    where = taken == 16
+    if np.any(where):
+        _count_steady(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, RUNNING, where)
+    # FAULT: the fault is acknowledged.
+    where = taken == 17
+    if np.any(where):
+        _forget(s, f, phase, where, math)
+        _go(s, RESTING, where)
+    _go(s, RESTING, lost)
+    _tell(s)
+    return taken
+
+
+def new_drive(dtype=np.float32, delay=1, **settings):
+    """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
+    if delay:
+        settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=np.int64(0))
+
+
+def drive_step(d, filter_step, phase, command, math):
+    """One sample of one drive ``d`` (not of lanes). phase: i_a, i_b in A; command: speed reference rad/s, DC link V.
+
+    Returns the duty cycles, and 1 where the gates may be enabled with them; 0: all six off. d.status is that of the step.
+    """
+    c, s = d.control, d.supervisor
+    if s.fresh != 0:
+        zero = math.dtype(0)
+        c.integrator, c.v_acting, c.v_queued = (zero,) * 4, (zero,) * 2, (zero,) * 2
+    if s.runs != 0:
+        gain = c.gain
+        limit = np.where(s.torque != 0, gain[5], math.dtype(0))[()]
+        c.gain = (*gain[:5], limit, *gain[6:])
+        duty, d.status = foc_step(c, filter_step, phase, command, math)
+        c.gain = gain
+    else:
+        half = math.dtype(0.5)
+        duty, d.status = (half, half, half), np.int64(0)
+    supervise(s, c.filter, d.status, phase, command[0], math)
+    return duty, s.inverter
 
 
 STEPS = {"ckf": ckf_step, "ickf": ickf_step}

@@ -40,7 +40,21 @@ class Number:
     value: float
 
 
-Value = Entry | Name | Number | Operation
+@dataclass(frozen=True)
+class Whole:
+    """An integer's literal."""
+
+    value: int
+
+
+@dataclass(frozen=True)
+class Label:
+    """An integer by the name that it has in the port header, without what such names begin with."""
+
+    name: str
+
+
+Value = Entry | Name | Number | Whole | Label | Operation
 
 
 @dataclass(frozen=True)
@@ -50,7 +64,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Compare:
-    """``left sign right``; ``sign`` is < <= or >."""
+    """``left sign right``; ``sign`` is < <= > or >=, of integers == as well."""
 
     sign: str
     left: Value
@@ -88,6 +102,16 @@ class Either:
 Condition = Accepted | Compare | Reported | Not | All | Either
 
 ACCEPTED = Accepted()
+
+
+def square(value: Value) -> Value:
+    """A number times itself.
+
+    Parameters
+    ----------
+    value : Value
+    """
+    return Operation("*", value, value)
 
 
 def total(*values: Value) -> Value:

@@ -151,7 +151,7 @@ class FilterStep:
     @property
     def nodes(self) -> list[Node]:
         """All nodes, those within others too, in the order they run."""
-        return list(_nodes(self.body))
+        return list(nodes(self.body))
 
     @property
     def blocks(self) -> list[Block]:
@@ -179,13 +179,19 @@ class FilterStep:
         return bool(self.all_of(kind))
 
 
-def _nodes(body: tuple[Node, ...]) -> Iterator[Node]:
+def nodes(body: tuple[Node, ...]) -> Iterator[Node]:
+    """All nodes of a body, those within others too, in the order they run.
+
+    Parameters
+    ----------
+    body : tuple of Node
+    """
     for node in body:
         yield node
         if isinstance(node, Repeat | Seldom):
-            yield from _nodes(node.body)
+            yield from nodes(node.body)
         elif isinstance(node, If):
-            yield from _nodes(node.then + node.otherwise)
+            yield from nodes(node.then + node.otherwise)
 
 
 def entries_of(node: object) -> Iterator[Entry]:

@@ -39,7 +39,8 @@ typedef struct {
     float *x;             /* the estimate */
     float *duty;          /* 3 */
     int *status;
-    int *mode;            /* of the example, after the interrupt */
+    int *mode;            /* of the drive, after the interrupt */
+    int *reason;          /* why it last gave up its rotor */
 } faulty_run;
 
 /* The board. */
@@ -116,7 +117,8 @@ void inverter_on(void)
 
 void telemetry(const float32 *words, int count)
 {
-    board.status = (int)words[count - 1];
+    (void)count;
+    board.status = (int)words[3];
 }
 
 /* Gates off: a current goes on through the diodes against the DC link and dies out; then the phases are open. Holds
@@ -184,7 +186,7 @@ static void record(const faulty_run *r, int k)
     row[3] = hypot(i[0], i[1]);
     row[4] = (double)read_dc_link();
     for (j = 0; j < r->states; j++) {
-        r->x[r->states * k + j] = control.filter.x[j];
+        r->x[r->states * k + j] = drive.control.filter.x[j];
     }
     for (j = 0; j < 2; j++) {
         r->phase[2 * k + j] = board.seen[j];
@@ -193,7 +195,8 @@ static void record(const faulty_run *r, int k)
         r->duty[3 * k + j] = board.duty[j];
     }
     r->status[k] = board.status;
-    r->mode[k] = mode;
+    r->mode[k] = drive.supervisor.mode;
+    r->reason[k] = drive.supervisor.reason;
 }
 
 /* The interrupt of an application that does not look at the status. */
@@ -203,7 +206,7 @@ static void bare_isr(void)
     read_phase_currents(phase);
     command[0] = read_speed_reference();
     command[1] = read_dc_link();
-    board.status = JOIN(FOC, _step)(&control, phase, command, duty);
+    board.status = JOIN(FOC, _step)(&drive.control, phase, command, duty);
     write_duty(duty);
 }
 
@@ -212,7 +215,7 @@ static int power_up(int reacting)
     const int failed = motor_setup();
     if (!reacting) {
         static const float32 ZERO[3] = {0.5f, 0.5f, 0.5f};
-        mode = RUNNING;
+        drive.supervisor.mode = PMSM_RUNNING;
         write_duty(ZERO);
         inverter_on();
     }

@@ -40,8 +40,8 @@ FAULT = np.dtype(
     ]
 )
 
-#: Modes of the example interrupt.
-RESTING, PROBING, CATCHING, RUNNING = 0, 1, 2, 3
+#: Modes of the drive.
+RESTING, PROBING, CATCHING, RUNNING, FAULT_MODE = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class FaultyRun(AgainstTruth):
     """A run with a fault; arrays of N samples.
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
-    told V; x (N, n) the estimate; duty (N, 3); status, mode (N,): the interrupt's. Samples
+    told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's. Samples
     ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
     estimate of the speed no further off is right.
     """
@@ -69,6 +69,7 @@ class FaultyRun(AgainstTruth):
     duty: Array
     status: Array
     mode: Array
+    reason: Array
     powered: Array
     band: float
 
@@ -81,7 +82,8 @@ class FaultyLoop:
         self.folder, self.kind, self.module = folder, kind, folder.module
         prefix, sources = c_sources(folder, kind, "float32")
         foc, plant = f"{prefix}_foc", f"{folder.drive}_plant"
-        for name, place in ((foc, ""), (f"{prefix}_selftest", ""), (f"{foc}_selftest", ""), (plant, "host/")):
+        own = [f"{prefix}_{end}" for end in ("foc", "supervisor", "drive", "selftest", "foc_selftest")]
+        for name, place in (*((name, "") for name in own), (plant, "host/")):
             sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
         defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
         handwritten = {"loop.c": LOOP.read_text(encoding="utf-8"), "simulator.h": SIMULATOR.read_text(encoding="utf-8")}
@@ -126,7 +128,7 @@ class FaultyLoop:
         }
         found = {"out": np.empty((steps, 5)), "phase": np.empty((steps, 2), np.float32)}
         found |= {"x": np.empty((steps, n), np.float32), "duty": np.empty((steps, 3), np.float32)}
-        found |= {name: np.empty(steps, np.int32) for name in ("status", "mode")}
+        found |= {name: np.empty(steps, np.int32) for name in ("status", "mode", "reason")}
         task = self._ffi.new("faulty_run *")
         task.reacting = int(reacting)
         task.steps, task.states, task.fault_from, task.fault_count = steps, n, first, len(faults)

@@ -18,6 +18,15 @@ from codegen.evidence.emitted import parse_emitted
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.result import Link, Row
 from runtime.proof.text.c_steps import CText
+from runtime.proof.text.drive_flows import (
+    drive_in_c,
+    drive_in_python,
+    function_in_c,
+    function_in_python,
+    functions_of,
+    supervisor_in_c,
+    supervisor_in_python,
+)
 from runtime.proof.text.expressions import Function, c_functions, python_functions
 from runtime.proof.text.flows import (
     Cells,
@@ -25,12 +34,13 @@ from runtime.proof.text.flows import (
     controller_in_python,
     filter_in_c,
     filter_in_python,
+    record_cells,
     record_of,
     written_fields,
 )
 from runtime.proof.text.python_nodes import Record
 from runtime.proof.text.python_steps import PythonText
-from runtime.proof.text.terms import Terms
+from runtime.proof.text.terms import Key, Terms
 
 #: Blocks that each form has at least; a filter's own, such as ekf_time_update, go before those of the cubature filters.
 MUST = {
@@ -38,6 +48,8 @@ MUST = {
     "lanes": ("sin_cos", "time_update"),
     "controller": ("sin_cos", "control"),
     "controller's lanes": ("sin_cos", "control"),
+    "supervisor": ("watch_turning", "read_probe"),
+    "drive": (),
 }
 
 
@@ -75,6 +87,8 @@ class _Texts:
             "lanes": f"host/{stem}_lanes.c",
             "controller": f"{stem}_foc.c",
             "controller's lanes": f"host/{stem}_foc_lanes.c",
+            "supervisor": f"{stem}_supervisor.c",
+            "drive": f"{stem}_drive.c",
         }
         self.prefixes = {form: file.rpartition("/")[2].removesuffix(".c") for form, file in self.files.items()}
         self._trees: dict[str, Any] = {}
@@ -128,6 +142,12 @@ class _Texts:
         text = self._c(form)
         return record_of(text, text.new_struct(f"{self.prefixes[form]}_t"))
 
+    def _supervisor(self) -> CText:
+        """The supervisor's text, and what the filter's own has of a reset."""
+        text, own = self._c("supervisor"), self._c("C").functions
+        text.functions |= {name: own[name] for name in ("restart", f"{self.stem}_reset") if name in own}
+        return text
+
     @cached_property
     def _written(self) -> Mapping[str, int]:
         """The fields that the filter's step writes, as the module tells it."""
@@ -141,11 +161,38 @@ class _Texts:
         if form in {"C", "lanes"}:
             found = filter_in_c(self._c(form), prefix, lanes)
             wanted = filter_in_python(self._python(form), f"{self.kind}_step", self._fields("C"))
+        elif form == "supervisor":
+            yield from self._function_rows()
+            return
+        elif form == "drive":
+            found = drive_in_c(self._c(form), self.stem)
+            wanted = drive_in_python(self._python(form), self._fields(form))
         else:
             inner = f"{self.stem}_lanes" if lanes else self.stem
             found = controller_in_c(self._c(form), prefix, inner, lanes, self._written)
             wanted = controller_in_python(self._python(form), self._fields("controller"), self._written)
         yield from _flow_rows(form, wanted, found)
+
+    def _function_rows(self) -> Iterator[Row]:
+        """What the supervisor counts, and each action, by itself; then the table that calls them."""
+        changes: dict[str, set[Key]] = {}
+        for name in functions_of(self._supervisor(), self.stem):
+            before = self._machine()
+            found = function_in_c(self._supervisor(), name, self.stem)
+            wanted, mask = function_in_python(self._python("supervisor"), name, *self._records())
+            changes[name] = {key for key, value in found.items() if value is not before[key]}
+            masked = {key: self.terms.select(mask, value, before[key]) for key, value in found.items()}
+            yield from _flow_rows(f"supervisor's {name}", wanted, masked)
+        found = supervisor_in_c(self._supervisor(), self.stem, changes)
+        wanted = supervisor_in_python(self._python("supervisor"), *self._records(), changes)
+        yield from _flow_rows("supervisor", wanted, found)
+
+    def _records(self) -> tuple[Record, Record]:
+        return self._fields("supervisor"), self._fields("C")
+
+    def _machine(self) -> Cells:
+        """Every cell of the supervisor's and of the filter's struct before anything ran."""
+        return {key: value for record in self._records() for key, value in record_cells(self.terms, record)}
 
 
 def _block_row(form: str, name: str, wanted: Function | None, found: Function | None) -> Row:

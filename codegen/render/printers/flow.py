@@ -9,12 +9,14 @@ from model.filters.conditions import (
     Compare,
     Condition,
     Entry,
+    Label,
     Name,
     Not,
     Number,
     Operation,
     Reported,
     Value,
+    Whole,
 )
 
 
@@ -25,7 +27,7 @@ class FlowPrinter(ExpressionPrinter):
     AND, OR = "&&", "||"
     #: Before a condition that does not hold.
     NOT = "!"
-    #: Before a status bit's name.
+    #: Before the name of a status bit, or of another number of the port header.
     BIT = "PMSM_"
     #: The measurement is taken.
     ACCEPTED = "accepted != 0"
@@ -52,6 +54,10 @@ class FlowPrinter(ExpressionPrinter):
             return value.name
         if isinstance(value, Number):
             return self.format_literal(value.value)
+        if isinstance(value, Whole):
+            return str(value.value)
+        if isinstance(value, Label):
+            return self.BIT + value.name
         left, right = self.format_value(value.left), self.format_value(value.right)
         if value.sign == "*" and isinstance(value.left, Operation) and value.left.sign != "*":
             left = f"({left})"

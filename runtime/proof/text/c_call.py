@@ -87,6 +87,8 @@ class Call:
                 self.text.write(array, place, self._plus(self.text.read(array, place)))
             case c_ast.FuncCall():
                 self.value(item)
+            case c_ast.Cast(expr=c_ast.FuncCall() as call):
+                self.value(call)  # (void)f(x): what it returns is not wanted
             case c_ast.Cast(expr=c_ast.ID()):
                 pass  # (void)x: says to the compiler that it is not used
             case _:

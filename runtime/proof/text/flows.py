@@ -27,7 +27,7 @@ def filter_in_c(text: CText, prefix: str, lanes: bool) -> Cells:
     """
     f, kind = text.new_struct(f"{prefix}_t"), "lanes" if lanes else "float32"
     status = text.call(f"{prefix}_step", [f, text.new_input("u", 2, kind), text.new_input("y", 2, kind)])
-    return _struct_cells(text, f) | ({} if lanes else {("status", 0): _term(text.terms, status)})
+    return struct_cells(text, f) | ({} if lanes else {("status", 0): term_of(text.terms, status)})
 
 
 def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
@@ -43,7 +43,7 @@ def filter_in_python(text: PythonText, name: str, fields: Record) -> Cells:
     """
     inputs = [tuple(text.terms.symbol(port, k) for k in range(2)) for port in ("u", "y")]
     status = text.call(name, [fields, *inputs, None])
-    return dict(_record_cells(text.terms, fields)) | {("status", 0): _term(text.terms, status)}
+    return dict(record_cells(text.terms, fields)) | {("status", 0): term_of(text.terms, status)}
 
 
 def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, written: Mapping[str, int]) -> Cells:
@@ -66,9 +66,9 @@ def controller_in_c(text: CText, prefix: str, filter_prefix: str, lanes: bool, w
     duty = text.new_array("duty", 3, kind)
     inputs = [text.new_input(port, 2, kind) for port in ("phase", "command")]
     status = text.call(f"{prefix}_step", [c, *inputs, Pointer(duty)])
-    found = _struct_cells(text, c) | {("duty", k): _term(text.terms, text.read(duty, k)) for k in range(3)}
+    found = struct_cells(text, c) | {("duty", k): term_of(text.terms, text.read(duty, k)) for k in range(3)}
     found.pop(("filter.status", 0), None)
-    return found | ({} if lanes else {("status", 0): _term(text.terms, status)})
+    return found | ({} if lanes else {("status", 0): term_of(text.terms, status)})
 
 
 def controller_in_python(text: PythonText, fields: Record, written: Mapping[str, int]) -> Cells:
@@ -87,8 +87,8 @@ def controller_in_python(text: PythonText, fields: Record, written: Mapping[str,
     step = text.terms.symbol("filter_step")
     found = text.call("foc_step", [fields, step, *inputs, None])
     duty, status = found if isinstance(found, tuple) and len(found) == 2 else ((), None)
-    cells = dict(_record_cells(text.terms, fields)) | {("duty", k): entry for k, entry in enumerate(duty)}
-    return cells | {("status", 0): _term(text.terms, status)}
+    cells = dict(record_cells(text.terms, fields)) | {("duty", k): entry for k, entry in enumerate(duty)}
+    return cells | {("status", 0): term_of(text.terms, status)}
 
 
 def record_of(text: CText, struct: Struct) -> Record:
@@ -104,7 +104,7 @@ def record_of(text: CText, struct: Struct) -> Record:
     def field(value: Any) -> Any:
         if isinstance(value, dict):
             return record_of(text, value)
-        cells = tuple(_term(text.terms, text.read(value, k)) for k in range(value.size))
+        cells = tuple(term_of(text.terms, text.read(value, k)) for k in range(value.size))
         return cells if value.is_array else cells[0]
 
     return Record({name: field(value) for name, value in struct.items()})
@@ -129,7 +129,7 @@ def written_fields(before: Record, after: Cells) -> dict[str, int]:
 # --- the filter, called by the controller
 
 
-def _step_term(terms: Terms, state: list[Term], v: Term, i: Term) -> Term:
+def _stepterm_of(terms: Terms, state: list[Term], v: Term, i: Term) -> Term:
     return terms.make("call", "filter_step", terms.make("array", *state), v, i)
 
 
@@ -138,8 +138,8 @@ def _filter_called_in_c(text: CText, arguments: list[Value], written: Mapping[st
     if not isinstance(f, dict):
         return text.terms.unknown("a filter")
     fields = sorted(name for name in f if name != "status")
-    state = [_term(text.terms, text.read(f[name], k)) for name in fields for k in range(f[name].size)]
-    call = _step_term(text.terms, state, text.cells(v), text.cells(i))
+    state = [term_of(text.terms, text.read(f[name], k)) for name in fields for k in range(f[name].size)]
+    call = _stepterm_of(text.terms, state, text.cells(v), text.cells(i))
     for name, size in written.items():
         for k in range(size):
             text.memory[f[name].id, k] = text.terms.make("out", call, name, k, whole=f[name].whole)
@@ -154,7 +154,7 @@ def _filter_called_in_python(text: PythonText, arguments: list[Any], written: Ma
     match arguments:
         case [Record() as f, tuple() | list() as v, tuple() | list() as i, _]:
             state = [cell for name in sorted(f) for cell in (f[name] if isinstance(f[name], tuple) else (f[name],))]
-            call = _step_term(terms, state, terms.make("array", *v), terms.make("array", *i))
+            call = _stepterm_of(terms, state, terms.make("array", *v), terms.make("array", *i))
             for name, size in written.items():
                 whole = isinstance(f[name], Term) and f[name].whole
                 cells = tuple(terms.make("out", call, name, k, whole=whole) for k in range(size))
@@ -166,24 +166,47 @@ def _filter_called_in_python(text: PythonText, arguments: list[Any], written: Ma
 # --- cells
 
 
-def _term(terms: Terms, value: Any) -> Term:
+def term_of(terms: Terms, value: Any) -> Term:
+    """The value of a cell; what is none is unknown.
+
+    Parameters
+    ----------
+    terms : Terms
+    value : Term, or anything else
+    """
     return value if isinstance(value, Term) else terms.unknown("no value")
 
 
-def _struct_cells(text: CText, struct: Struct) -> Cells:
+def struct_cells(text: CText, struct: Struct) -> Cells:
+    """Every cell of a C struct, those of structs within it too.
+
+    Parameters
+    ----------
+    text : CText
+    struct : Struct
+    """
     found: Cells = {}
     for value in struct.values():
         if isinstance(value, dict):
-            found |= _struct_cells(text, value)
+            found |= struct_cells(text, value)
         else:
-            found |= {(value.name, k): _term(text.terms, text.read(value, k)) for k in range(value.size)}
+            found |= {(value.name, k): term_of(text.terms, text.read(value, k)) for k in range(value.size)}
     return found
 
 
-def _record_cells(terms: Terms, record: Record, prefix: str = "") -> Iterator[tuple[Key, Term]]:
+def record_cells(terms: Terms, record: Record, prefix: str = "") -> Iterator[tuple[Key, Term]]:
+    """Every cell of the module's object, those of objects within it too.
+
+    Parameters
+    ----------
+    terms : Terms
+    record : Record
+    prefix : str, optional
+        Beginning of the names.
+    """
     for name, value in record.items():
         if isinstance(value, Record):
-            yield from _record_cells(terms, value, f"{prefix}{name}.")
+            yield from record_cells(terms, value, f"{prefix}{name}.")
         else:
             for k, entry in enumerate(value if isinstance(value, tuple | list) else (value,)):
-                yield (prefix + name, k), _term(terms, entry)
+                yield (prefix + name, k), term_of(terms, entry)

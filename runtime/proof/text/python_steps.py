@@ -263,6 +263,8 @@ class _Run:
             match owner, place:
                 case ((list() | tuple()), ast.Slice(lower=ast.Constant(value=int(first)), upper=None, step=None)):
                     return owner[first:]
+                case ((list() | tuple()), ast.Slice(lower=None, upper=ast.Constant(value=int(last)), step=None)):
+                    return owner[:last]
             return self.terms.unknown("a slice")
         index = self.value(place)
         if isinstance(owner, list | tuple) and isinstance(index, Term) and index.kind == "integer":
@@ -306,6 +308,8 @@ class _Run:
         values = [self.value(a) for a in args]
         if not all(isinstance(value, Term) for value in values):
             return self.terms.unknown(f"np.{name}")
+        if name == "logical_not" and len(values) == 1:
+            return self.terms.opposite(values[0])
         if name == "where" and len(values) == 3:
             return self.terms.merge(values[0], values[1], values[2])
         if name in {"any", "all"} and len(values) == 1:

@@ -274,6 +274,27 @@ class Terms:
             return self._integers(str(args[0]), args[1], args[2])
         return self.make(term.kind, *args, whole=term.whole)
 
+    def within(self, condition: Term, term: Term) -> Term:
+        """The term where a truth holds; elsewhere it is of no interest.
+
+        Parameters
+        ----------
+        condition, term : Term
+        """
+        return self._once(self._within, condition, term)
+
+    def _within(self, condition: Term, term: Term) -> Term:
+        if condition.kind != "choice" or term.kind != "choice":
+            return term
+        atom = min((part.args[0] for part in (condition, term)), key=lambda atom: atom.order)
+        holds, other = (self._side(condition, atom, side) for side in (1, 2))
+        if other is self.zero:
+            return self.within(holds, self._side(term, atom, 1))
+        if holds is self.zero:
+            return self.within(other, self._side(term, atom, 2))
+        then, otherwise = (self.within(c, self._side(term, atom, k)) for k, c in ((1, holds), (2, other)))
+        return self._branch(atom, then, otherwise)
+
     # --- merging, loops
 
     def merge(self, condition: Term | OverLanes, then: Term, otherwise: Term) -> Term:

@@ -1,0 +1,106 @@
+"""What the supervisor computes: how the angle turned beside the speed, and where the filter is to begin."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+
+from model.filters.program import BlockBuilder
+from model.inverter import SQRT_3, TRANSFORM
+from model.machines.state_space import StateSpaceModel
+from model.quantities import Block, Constant
+from model.schema import Drive
+
+#: Share of the stated angle by which the turned one may be off.
+ANGLE_SHARE = 0.5
+#: An arc tangent within 0.004 rad: q (pi / 4 + ARC (1 - |q|)), |q| <= 1.
+ARC = 0.273
+#: A back-EMF that shows less of itself is not divided by, A^2.
+LEAST_SIZE = 1e-12
+
+
+def constants(drive: Drive) -> tuple[Constant, ...]:
+    """The numbers of these blocks that have a name in generated text.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    return (
+        *TRANSFORM,
+        Constant("QUARTER_PI", math.pi / 4, "pi / 4", None),
+        Constant("ARC_BEND", ARC, "of the arc tangent, within 0.004 rad", None),
+        Constant("LEAST_SIZE", LEAST_SIZE, "A^2: no less is divided by", None),
+        Constant("TURN_PER_SAMPLE", _turn_per_sample(drive), "p T, rad electrical per rad/s", None),
+        Constant("PROBE_SPEED", _probe_speed(drive), "L_q / (psi_m p T), rad/s per A, of one interval", None),
+    )
+
+
+def _turn_per_sample(drive: Drive) -> float:
+    return drive.motor.pole_pairs * drive.model.sample_time
+
+
+def _probe_speed(drive: Drive) -> float:
+    return drive.motor.inductance_q / (drive.motor.magnet_flux * _turn_per_sample(drive))
+
+
+def turning_block(drive: Drive, model: StateSpaceModel) -> Block:
+    """How far the angle turned, and how far it should have by the estimated speed.
+
+    A filter that is half a turn off may believe in the opposite speed, but its angle is pushed along by the rotor.
+    ``doubt`` is the square of the difference, less that of half of what is stated.
+
+    Parameters
+    ----------
+    drive : Drive
+    model : StateSpaceModel
+        Tells the places of speed and angle.
+    """
+    b = BlockBuilder("watch_turning", "How far the angle turned, and how far it should have by the speed")
+    x = b.input("x", [state.name for state in model.states])
+    omega, theta = (x[[s.name for s in model.states].index(name)] for name in ("omega", "theta"))
+    turned, stated, theta_before, _ = b.input("turning", ["turned", "stated", "theta_before", "doubt"])
+    turned = turned + ca.remainder(theta - theta_before, 2 * math.pi)
+    stated = stated + _turn_per_sample(drive) * omega
+    off = turned - stated
+    b.stage("turned", "", "", [turned, stated, off], ["turned_now", "stated_now", "off"], scale="none")
+    doubt = off * off - ANGLE_SHARE**2 * (stated * stated)
+    b.output("turning", [turned, stated, theta, doubt])
+    return b.build()
+
+
+def probe_block(drive: Drive, model: StateSpaceModel) -> Block:
+    """Where a current that zero voltage lets flow says the rotor is.
+
+    Zero voltage leaves the back-EMF to drive the current: i = -(k T / L) e after k intervals, and
+    e = omega_e psi_m (-sin theta, cos theta). A rotor that turns the other way is half a turn from there. The angle is
+    that of the absolute values, in the first quadrant; signs come after.
+
+    Parameters
+    ----------
+    drive : Drive
+    model : StateSpaceModel
+        Says whether states are currents or flux linkages.
+    """
+    b = BlockBuilder("read_probe", "Where a current from zero voltage says that the rotor is")
+    phase = b.input("phase", ["i_a", "i_b"])
+    direction, intervals = b.input("probe", ["direction", "intervals"])
+    i_alpha, i_beta = phase[0], (1 / SQRT_3) * phase[0] + (2 / SQRT_3) * phase[1]
+    size = ca.sqrt(ca.fmax(i_alpha * i_alpha + i_beta * i_beta, LEAST_SIZE))
+    cosine, sine = -direction * i_beta / size, direction * i_alpha / size
+    omega = direction * _probe_speed(drive) * size / ca.fmax(intervals, 1.0)
+    along, across = ca.fmax(cosine, -cosine), ca.fmax(sine, -sine)
+    slope = (across - along) / (across + along)
+    theta = math.pi / 4 + slope * (math.pi / 4 + ARC * (1 - ca.fmax(slope, -slope)))
+    named = {"i_beta": i_beta, "size": size, "cosine": cosine, "sine": sine, "along": along, "across": across}
+    named |= {"slope": slope, "theta_first": theta}
+    b.stage("size", "", "", list(named.values()), list(named), scale="none")
+    if model.states[0].unit == "Wb":
+        x_0 = b.input("x_0", [f"{state.name}_0" for state in model.states])
+        first = [cosine * x_0[0] - sine * x_0[1], sine * x_0[0] + cosine * x_0[1]]
+    else:
+        first = [i_alpha, i_beta]
+    b.output("guess", [*first, omega, theta])
+    b.output("towards", [cosine, sine])
+    return b.build()
