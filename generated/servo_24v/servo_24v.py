@@ -1316,7 +1316,7 @@ def supervise(s, f, status, phase, reference, math):
     or arrays of lanes. Returns the number of the transition that was taken, 0 for none.
     """
     _watch(s, f, status, phase, reference, math)
-    s.fresh = 0 * s.fresh
+    s.fresh = np.zeros(np.shape(s.mode), np.int64)[()]
     taken = 0
     found = 0
     found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 17, found)
@@ -1457,7 +1457,7 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=np.int64(0))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0)
 
 
 def drive_step(d, filter_step, phase, command, math):
@@ -1466,18 +1466,18 @@ def drive_step(d, filter_step, phase, command, math):
     Returns the duty cycles, and 1 where the gates may be enabled with them; 0: all six off. d.status is that of the step.
     """
     c, s = d.control, d.supervisor
-    if s.fresh:
+    if s.fresh != 0:
         zero = math.dtype(0)
         c.integrator, c.v_acting, c.v_queued = (zero,) * 4, (zero,) * 2, (zero,) * 2
-    if s.runs:
+    if s.runs != 0:
         gain = c.gain
-        limit = gain[5] if s.torque else math.dtype(0)
+        limit = np.where(s.torque != 0, gain[5], math.dtype(0))[()]
         c.gain = (*gain[:5], limit, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
     else:
         half = math.dtype(0.5)
-        duty, d.status = (half, half, half), np.int64(0)
+        duty, d.status = (half, half, half), 0
     supervise(s, c.filter, d.status, phase, command[0], math)
     return duty, s.inverter
 

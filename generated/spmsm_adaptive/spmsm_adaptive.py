@@ -1627,7 +1627,7 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=np.int64(0))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0)
 
 
 def drive_step(d, filter_step, phase, command, math):
@@ -1647,7 +1647,7 @@ def drive_step(d, filter_step, phase, command, math):
         c.gain = gain
     else:
         half = math.dtype(0.5)
-        duty, d.status = (half, half, half), np.int64(0)
+        duty, d.status = (half, half, half), 0
     supervise(s, c.filter, d.status, phase, command[0], math)
     return duty, s.inverter
 

@@ -49,8 +49,8 @@ from model.supervisor.words import (
 #: s. Lost is who is blind for so long, or diverged: a fault of some 50 ms is ridden through, and torque is cut where
 #: the angle no longer turns as the speed says.
 BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
-#: s. Currents must read zero for REST; zero voltage is tried for PROBE; the filter has CATCH to lock, of which its angle
-#: may jump for SETTLE, and must be content for LOCKED. Attempts are forgotten after STEADY of running.
+#: s. Currents must read zero for REST; zero voltage is tried for PROBE; the filter has CATCH to lock, of which its
+#: angle may jump for SETTLE, and must be content for LOCKED. Attempts are forgotten after STEADY of running.
 REST_TIME, PROBE_TIME, CATCH_TIME, SETTLE_TIME, LOCKED_TIME, STEADY_TIME = 2e-3, 2e-3, 10e-3, 1e-3, 3e-3, 100e-3
 #: Samples in a row beyond the trip current; attempts in a row that failed.
 MAX_EXCESS, MAX_FAILURES = 3, 10

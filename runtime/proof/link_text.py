@@ -155,6 +155,13 @@ class _Texts:
             self._fields("C"), filter_in_python(self._python("C"), f"{self.kind}_step", self._fields("C"))
         )
 
+    @cached_property
+    def _controller_changes(self) -> set[Key]:
+        """The cells that the controller's step changes, as the module tells it."""
+        before = dict(record_cells(self.terms, self._fields("controller")))
+        after = controller_in_python(self._python("controller"), self._fields("controller"), self._written)
+        return {key for key, value in before.items() if after.get(key) is not value}
+
     def flow_rows(self, form: str) -> Iterator[Row]:
         """A row for every field that the step of this form or the module's leaves."""
         lanes, prefix = "lanes" in form, self.prefixes[form]
@@ -165,8 +172,8 @@ class _Texts:
             yield from self._function_rows()
             return
         elif form == "drive":
-            found = drive_in_c(self._c(form), self.stem)
-            wanted = drive_in_python(self._python(form), self._fields(form))
+            found = drive_in_c(self._c(form), self.stem, self._controller_changes)
+            wanted = drive_in_python(self._python(form), self._fields(form), self._controller_changes)
         else:
             inner = f"{self.stem}_lanes" if lanes else self.stem
             found = controller_in_c(self._c(form), prefix, inner, lanes, self._written)

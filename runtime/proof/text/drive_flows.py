@@ -154,23 +154,25 @@ def supervisor_in_python(text: PythonText, machine: Record, fields: Record, chan
 # --- the drive
 
 
-def drive_in_c(text: CText, prefix: str) -> Cells:
+def drive_in_c(text: CText, prefix: str, changes: set[Key]) -> Cells:
     """Every field of the drive's struct after an interrupt, duty cycles and the inverter.
 
-    The controller's step and the supervisor's are a call each, which may change all that they are given.
+    The controller's step and the supervisor's are a call each; the supervisor's may change all that it is given.
 
     Parameters
     ----------
     text : CText
     prefix : str
         Beginning of the filter's names, such as "paper_spmsm_ckf".
+    changes : set of Key
+        The cells of its struct that the controller's step changes.
     """
     terms, d, duty = text.terms, text.new_struct(f"{prefix}_drive_t"), text.new_array("duty", 3, "float32")
 
     def controller(t: CText, arguments: list[Value]) -> Value:
         c, phase, command, given = arguments
         call = terms.make("call", "controller", _all_of_struct(t, c), t.cells(phase), t.cells(command))
-        _overwrite_struct(t, c, call)
+        _overwrite_struct(t, c, call, changes)
         if isinstance(given, Pointer):
             for k in range(3):
                 t.memory[given.array.id, given.offset + k] = terms.make("out", call, "duty", k)
@@ -191,7 +193,7 @@ def drive_in_c(text: CText, prefix: str) -> Cells:
     return found | {("inverter", 0): term_of(terms, inverter)}
 
 
-def drive_in_python(text: PythonText, fields: Record) -> Cells:
+def drive_in_python(text: PythonText, fields: Record, changes: set[Key]) -> Cells:
     """The same of the module's ``drive_step``.
 
     Parameters
@@ -199,6 +201,8 @@ def drive_in_python(text: PythonText, fields: Record) -> Cells:
     text : PythonText
     fields : Record
         Those of the C struct, as symbols; the step changes them.
+    changes : set of Key
+        The cells of its struct that the controller's step changes.
     """
     terms = text.terms
 
@@ -207,7 +211,7 @@ def drive_in_python(text: PythonText, fields: Record) -> Cells:
             case [Record() as c, _, tuple() | list() as phase, tuple() | list() as command, _]:
                 given = (terms.make("array", *values) for values in (_all_of_record(terms, c), phase, command))
                 call = terms.make("call", "controller", *given)
-                _overwrite_record(terms, c, call)
+                _overwrite_record(terms, c, call, changes)
                 duty = tuple(terms.make("out", call, "duty", k) for k in range(3))
                 return duty, terms.make("out", call, "status", 0, whole=True)
         return terms.unknown("a call of the controller")
