@@ -131,6 +131,17 @@ class Rated(_Section):
     torque: Torque
 
 
+class Start(_Section):
+    """What is known of the rotor that stands: its angle is the initial state's, within ``angle`` degrees, or unknown.
+
+    Where it is unknown the supervisor lets a second filter run beside the first one until the rotor has turned;
+    ``filters = 1`` does without, where the sample time has no room for two.
+    """
+
+    angle: Literal["unknown"] | Annotated[float, Field(ge=0.0, le=90.0), Unit("degrees")] = "unknown"
+    filters: Literal[1, 2] | None = None
+
+
 class Tolerance(_Section):
     """How far motor data may be off: half the width of the range each lies in, relative to the datum itself.
 
@@ -208,6 +219,7 @@ class Drive(_Section):
     budget: Budget = Budget()
     rated: Rated | None = None
     tolerance: Tolerance | None = None
+    start: Start | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
 

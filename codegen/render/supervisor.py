@@ -7,28 +7,55 @@ from typing import Any
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
-from codegen.render.filter import Description, named_constants, render, with_ramfuncs
+from codegen.render.filter import (
+    Description,
+    named_constants,
+    render,
+    sin_cos_text,
+    trig_note,
+    tuning,
+    with_ramfuncs,
+)
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
-from model.loop.controller import Gains
+from model.filters.program import Restart
+from model.inverter import TRANSFORM
+from model.loop.controller import Gains, clarke_block
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
+from model.supervisor.limits import start_share
 
 
-def machine_of(about: Description) -> Supervisor:
+def machine_of(about: Description, step: FilterStep) -> Supervisor:
     """The drive's machine.
 
     Parameters
     ----------
     about : Description
+    step : FilterStep
+        The filter's: the literal form does not tell how well it expects the currents.
     """
-    return supervisor(about.drive, about.model)
+    return supervisor(about.drive, about.model, step.has(Restart))
 
 
 def _listings(about: Description, machine: Supervisor) -> list[Listing]:
     return [lay_out(block, constants(about.drive)) for block in machine.blocks]
+
+
+def filter_fields(about: Description, step: FilterStep) -> list[str]:
+    """The fields of a filter in the Python module: tuning, estimate, and what the last step did.
+
+    Parameters
+    ----------
+    about : Description
+    step : FilterStep
+        The filter's.
+    """
+    guarded = step.has(Restart)
+    monitored = ["nis", "repairs"] if guarded else []
+    return [*tuning(about, guarded), "x", step.covariance, "u_held", "iterations", *monitored]
 
 
 def _limits(machine: Supervisor, printer: CPrinter | PythonPrinter) -> list[dict[str, str]]:
@@ -51,11 +78,14 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     step : FilterStep
         Any of the module's: where the covariance lives is the same for all.
     """
-    machine = machine_of(about)
+    machine = machine_of(about, step)
     printer = ModesPython(machine, CovarianceLayout.of(step))
     listings = _listings(about, machine)
     return {
         "machine": machine,
+        "rivals": machine.rivals,
+        "filter_fields": filter_fields(about, step),
+        "start_share": printer.format_literal(start_share(about.drive)),
         "limits": _limits(machine, printer),
         "supervisor_listings": listings,
         "supervisor_blocks": [printer.format_block(listing) for listing in listings],
@@ -75,7 +105,7 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
     step : FilterStep
         The filter's.
     """
-    machine, prefix = machine_of(about), f"{about.drive.name}_{step.kind}"
+    machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
     printer = ModesC(machine, CovarianceLayout.of(step), prefix)
     listings = _listings(about, machine)
     common = {
@@ -84,6 +114,8 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
         "machine": machine,
+        "rivals": machine.rivals,
+        "start_share": printer.format_literal(start_share(about.drive)),
     }
     source = render(
         "supervisor.c.j2",
@@ -93,6 +125,9 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
             {"name": name, "text": printer.format_literal(value), "formula": formula}
             for name, value, formula in named_constants(about, listings)
         ],
+        pair=any(listing.operations()["sincos"] for listing in listings),
+        sin_cos=sin_cos_text(printer),
+        trig_note=trig_note(printer.target),
         round=printer.format_literal(SINGLE.rounding),
         below_pi=printer.format_literal(SINGLE.below_pi),
         wrap_angle=printer.format_helper(wrap_listing(SINGLE)),
@@ -102,7 +137,14 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
         table="\n".join(printer.format_table()),
         told="\n".join(printer.format_told()),
     )
-    drive = render("drive.c.j2", **common, max_current=Gains.names().index("max_current"))
+    clarke = lay_out(clarke_block(), TRANSFORM)
+    drive = render(
+        "drive.c.j2",
+        **common,
+        max_current=Gains.names().index("max_current"),
+        clarke=printer.format_block(clarke),
+        constants=[(name, printer.format_literal(v), formula) for name, v, formula in named_constants(about, [clarke])],
+    )
     return {
         "supervisor.h": render("supervisor.h.j2", **common),
         "supervisor.c": with_ramfuncs(source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}),

@@ -1138,25 +1138,30 @@ def foc_step(c, filter_step, phase, command, math):
 
 RESTING = 0  # inverter off, until the currents read zero
 PROBING = 1  # zero voltage, until a current shows where the back-EMF points
-CATCHING = 2  # zero torque, until the filter has found the rotor
-RUNNING = 3  # speed and torque as commanded
-FAULT = 4  # inverter off, until the fault is acknowledged
-MODES = ("RESTING", "PROBING", "CATCHING", "RUNNING", "FAULT")
+WAITING = 2  # inverter off, between two readings of a rotor that turns
+CATCHING = 3  # zero torque, until the filter has found the rotor that turns
+RUNNING = 4  # speed and torque as commanded
+FAULT = 5  # inverter off, until the fault is acknowledged
+STARTING = 6  # a rotor that stood: torque, and a rival half a turn from the filter
+MODES = ("RESTING", "PROBING", "WAITING", "CATCHING", "RUNNING", "FAULT", "STARTING")
 REASON_NONE = 0  # nothing went wrong since power-up or the last acknowledgement
-REASON_CURRENT = 1  # a current was beyond TRIP_CURRENT, or no number
+REASON_CURRENT = 1  # a current was beyond TRIP_CURRENT, or no number, or did not die out
 REASON_BLIND = 2  # the filter rejected its inputs for too long
 REASON_DIVERGED = 3  # for too long the currents were not what voltages and motor data say
 REASON_RESTARTED = 4  # the filter's state was lost, and it began anew
 REASON_SLIPPED = 5  # the angle did not turn as the estimated speed says
 REASON_NOT_CAUGHT = 6  # the filter did not find the turning rotor in time
-REASON_SELF_TEST = 7  # the self-test failed: no acknowledgement helps
-REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "NOT_CAUGHT", "SELF_TEST")
+REASON_NOT_STARTED = 7  # the rotor did not turn as either filter says
+REASON_SELF_TEST = 8  # the self-test failed: no acknowledgement helps
+REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "NOT_CAUGHT", "NOT_STARTED", "SELF_TEST")
 MAX_REJECTED = 20  # inputs rejected in a row: no estimate is left
 MAX_DIVERGED = 1000  # steps in a row with PMSM_DIVERGED: less is ridden through
 MAX_EXCESS = 3  # samples in a row beyond the trip current
 MAX_FAILURES = 10  # attempts in a row that fail end in FAULT
 REST_SAMPLES = 20  # so long both currents must read zero before the inverter is enabled
-PROBE_SAMPLES = 20  # without a current from zero voltage for so long the rotor stands
+PROBE_SAMPLES = 50  # without a current from zero voltage for so long the rotor stands
+GAP_SAMPLES = 5  # at least, from one reading to the next: the rotor turns less than half a turn
+WAIT_SAMPLES = 20  # so long the current of a reading may take to die out
 SETTLE_SAMPLES = 10  # so long the angle may jump; then it must turn as the speed says
 TWICE_SETTLE_SAMPLES = 20  # or the guess is turned round
 CATCH_SAMPLES = 100  # so long the filter may take to lock
@@ -1166,10 +1171,22 @@ MOST_SAMPLES = 32000  # an int of 16 bits counts no further
 ZERO_SQUARED = 0.25  # (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors
 PROBE_SQUARED = 1.0  # (0.1 of the largest current)^2, A^2: tells where the back-EMF points
 TRIP_SQUARED = 225.0  # (1.5 of the largest current)^2, A^2: no torque needs so much; beside the hardware's trip
+LEAST_SINE = 0.1  # of the angle between two readings: it tells the direction
 CATCH_JOLT_SQUARED = 0.010000000000000002  # rad^2: so far off may the angle be, beside half of what is stated
 RUN_JOLT_SQUARED = 0.09  # rad^2: the same in a window of RUNNING, where a jolt may come
-UNKNOWN_SPEED = 10000.0  # (rad/s)^2: where the rotor may turn
+UNKNOWN_SPEED = 10000.0  # (rad/s)^2: of a rotor that turns
 UNKNOWN_ANGLE = 0.01  # rad^2: what the probe leaves open
+WINDOW_SAMPLES = 223  # of STARTING at most: the rotor's time for a radian
+WINDOW_TURN_SQUARED = 1.0  # rad^2: a window is over that has turned so far
+LEAST_TURN_SQUARED = 0.25  # rad^2: motion enough to judge by
+GOOD_WINDOWS = 1  # must have gone before the one that ends a start
+MAX_WINDOWS = 20  # of STARTING, before the drive gives up
+PREFERENCE = 0.05  # the rival must expect the currents better by so much
+LOAD_PENALTY = 0.000744762939254696  # 1/(N m)^2: what a load adds to a filter's score
+REST_SPEED = 54.82033161358824  # (rad/s)^2: of a rotor that made no current
+MIRROR_SPEED = 2500.0  # (rad/s)^2: of half a turn on
+START_ANGLE = 0.09  # rad^2: about each of the filters' guesses
+HALF_PI = 1.5707963267948966  # a quarter of a turn
 PI = 3.141592653589793  # half a turn
 
 
@@ -1181,10 +1198,14 @@ def new_supervisor(dtype=np.float32):
         inverter=np.int64(0),
         runs=np.int64(0),
         torque=np.int64(0),
+        rivals=np.int64(0),
         fresh=np.int64(0),
+        anew=np.int64(0),
         acknowledged=np.int64(0),
         since=np.int64(0),
         quiet=np.int64(0),
+        readings=np.int64(0),
+        gap=np.int64(0),
         rejected=np.int64(0),
         diverged=np.int64(0),
         excess=np.int64(0),
@@ -1194,7 +1215,14 @@ def new_supervisor(dtype=np.float32):
         steady=np.int64(0),
         turning=(dtype(0),) * 4,
         probe=(dtype(0),) * 2,
+        reading=(dtype(0),) * 4,
+        first=(dtype(0),) * 2,
         guess=(dtype(0),) * 4,
+        spread=(dtype(0),) * 2,
+        side=np.int64(0),
+        windows=np.int64(0),
+        good=np.int64(0),
+        rival=new_filter(dtype),
     )
 
 
@@ -1205,6 +1233,65 @@ def _reset(f, x, LD, where, math):
     f.iterations = np.where(where, 0, f.iterations)[()]
     f.nis = np.where(where, 0.0, f.nis)[()]
     return list(_select(where, f.x_0, x)), list(_select(where, words, LD))
+
+
+START_SHARE = 0.8  # of the largest current, in STARTING
+
+
+def _take(target, source, where):
+    """All of a filter, tuning and state, in the lanes of a mask."""
+    target.Q = _select(where, source.Q, target.Q)
+    target.R = _select(where, source.R, target.R)
+    target.x_0 = _select(where, source.x_0, target.x_0)
+    target.P_0 = _select(where, source.P_0, target.P_0)
+    target.u_max = np.where(where, source.u_max, target.u_max)[()]
+    target.y_max = np.where(where, source.y_max, target.y_max)[()]
+    target.nis_max = np.where(where, source.nis_max, target.nis_max)[()]
+    target.nis_weight = np.where(where, source.nis_weight, target.nis_weight)[()]
+    target.tolerance = np.where(where, source.tolerance, target.tolerance)[()]
+    target.max_iterations = np.where(where, source.max_iterations, target.max_iterations)[()]
+    target.x = _select(where, source.x, target.x)
+    target.LD = _select(where, source.LD, target.LD)
+    target.u_held = _select(where, source.u_held, target.u_held)
+    target.iterations = np.where(where, source.iterations, target.iterations)[()]
+    target.nis = np.where(where, source.nis, target.nis)[()]
+    target.repairs = np.where(where, source.repairs, target.repairs)[()]
+
+
+def _exchange(one, other, where):
+    """All of two filters, in the lanes of a mask."""
+    a, b = one.Q, other.Q
+    one.Q, other.Q = _select(where, b, a), _select(where, a, b)
+    a, b = one.R, other.R
+    one.R, other.R = _select(where, b, a), _select(where, a, b)
+    a, b = one.x_0, other.x_0
+    one.x_0, other.x_0 = _select(where, b, a), _select(where, a, b)
+    a, b = one.P_0, other.P_0
+    one.P_0, other.P_0 = _select(where, b, a), _select(where, a, b)
+    a, b = one.u_max, other.u_max
+    one.u_max, other.u_max = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.y_max, other.y_max
+    one.y_max, other.y_max = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.nis_max, other.nis_max
+    one.nis_max, other.nis_max = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.nis_weight, other.nis_weight
+    one.nis_weight, other.nis_weight = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.tolerance, other.tolerance
+    one.tolerance, other.tolerance = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.max_iterations, other.max_iterations
+    one.max_iterations, other.max_iterations = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.x, other.x
+    one.x, other.x = _select(where, b, a), _select(where, a, b)
+    a, b = one.LD, other.LD
+    one.LD, other.LD = _select(where, b, a), _select(where, a, b)
+    a, b = one.u_held, other.u_held
+    one.u_held, other.u_held = _select(where, b, a), _select(where, a, b)
+    a, b = one.iterations, other.iterations
+    one.iterations, other.iterations = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.nis, other.nis
+    one.nis, other.nis = np.where(where, b, a)[()], np.where(where, a, b)[()]
+    a, b = one.repairs, other.repairs
+    one.repairs, other.repairs = np.where(where, b, a)[()], np.where(where, a, b)[()]
 
 
 def watch_turning(x, turning, math, stages=None):
@@ -1221,24 +1308,43 @@ def watch_turning(x, turning, math, stages=None):
     return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now),)
 
 
-def read_probe(phase, probe, math, stages=None):
-    """Where a current from zero voltage says that the rotor is."""
+def read_current(phase, first, math, stages=None):
+    """Direction and size of the current, and how it turned since the first reading."""
     (i_a, i_b) = phase
-    (direction, intervals) = probe
+    (first_cosine, first_sine) = first
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
     size = np.sqrt(_larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE))
-    direction_times_i_beta_per_size = direction * i_beta / size
-    cosine = -direction_times_i_beta_per_size
-    sine = direction * i_a / size
-    along = _larger(cosine, direction_times_i_beta_per_size)
+    cosine = i_a / size
+    sine = i_beta / size
+
+    return (cosine, sine, size, first_cosine * sine - first_sine * cosine,)
+
+
+def read_probe(reading, probe, math, stages=None):
+    """Where a current from zero voltage says that the rotor is."""
+    i_cosine = reading[0]
+    i_sine = reading[1]
+    size = reading[2]
+    (direction, intervals) = probe
+    direction_times_i_sine = direction * i_sine
+    cosine = -direction_times_i_sine
+    sine = direction * i_cosine
+    along = _larger(cosine, direction_times_i_sine)
     across = _larger(sine, -sine)
     slope = (across - along) / (across + along)
     theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0 - _larger(slope, -slope)))
 
-    return (
-        (i_a, i_beta, PROBE_SPEED * direction * size / _larger(intervals, 1.0), theta_first,),
-        (cosine, sine,),
-    )
+    return (cosine, sine, PROBE_SPEED * direction * size / _larger(intervals, 1.0), theta_first,)
+
+
+def place_state(phase, guess, math, stages=None):
+    """The states that carry the measured currents, with the rotor where it is guessed."""
+    (i_a, i_b) = phase
+    omega = guess[2]
+    theta = guess[3]
+    i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
+
+    return (i_a, i_beta, omega, theta,)
 
 
 def _fail(s, f, phase, where, math):
@@ -1252,36 +1358,96 @@ def _forget(s, f, phase, where, math):
     s.reason = np.where(where, 0, s.reason)[()]
 
 
+def _count_steady(s, f, phase, where, math):
+    """After some windows in a row the attempts that went before are forgotten."""
+    s.steady = np.where(where & (s.steady < STEADY_WINDOWS), s.steady + 1, s.steady)[()]
+    hit_1 = where & (s.steady >= STEADY_WINDOWS)
+    s.failures = np.where(hit_1, 0, s.failures)[()]
+
+
+def _begin_anew(s, f, phase, where, math):
+    """Regulators have not regulated yet, and nothing is counted."""
+    s.rejected = np.where(where, 0, s.rejected)[()]
+    s.diverged = np.where(where, 0, s.diverged)[()]
+    s.content = np.where(where, 0, s.content)[()]
+    s.anew = np.where(where, 1, s.anew)[()]
+
+
+def _void_voltages(s, f, phase, where, math):
+    """No voltage is under way: it was zero."""
+    s.fresh = np.where(where, 1, s.fresh)[()]
+
+
+def _await_reading(s, f, phase, where, math):
+    """No current was read yet."""
+    s.readings = np.where(where, 0, s.readings)[()]
+
+
+def _take_reading(s, f, phase, where, math):
+    """The current's direction and size."""
+    reading = list(s.reading)
+    reading_new = read_current(phase, s.first, math)
+    reading = list(_select(where, reading_new, reading))
+    s.reading = tuple(reading)
+
+
+def _keep_reading(s, f, phase, where, math):
+    """The first reading, from which the second one's time and angle count."""
+    first = list(s.first)
+    first[0] = np.where(where, s.reading[0], first[0])[()]
+    first[1] = np.where(where, s.reading[1], first[1])[()]
+    s.readings = np.where(where, 1, s.readings)[()]
+    s.gap = np.where(where, 0, s.gap)[()]
+    s.first = tuple(first)
+
+
 def _guess_from_probe(s, f, phase, where, math):
-    """The current says where the back-EMF points, and how fast the rotor turns."""
+    """Which way the current turned says which way the rotor turns, if it turned far enough; else the reference."""
+    probe = list(s.probe)
     guess = list(s.guess)
-    guess_new, towards = read_probe(phase, s.probe, math)
-    guess = list(_select(where, guess_new, guess))
-    hit_1 = where & (towards[0] < 0.0)
-    guess[3] = np.where(hit_1, PI - guess[3], guess[3])[()]
-    hit_2 = where & (towards[1] < 0.0)
-    guess[3] = np.where(hit_2, 0.0 - guess[3], guess[3])[()]
+    spread = list(s.spread)
+    hit_1 = where & (s.reading[3] > LEAST_SINE)
+    probe[0] = np.where(hit_1, 1.0, probe[0])[()]
+    hit_2 = where & (s.reading[3] < 0.0 - LEAST_SINE)
+    probe[0] = np.where(hit_2, -1.0, probe[0])[()]
+    towards = read_probe(s.reading, probe, math)
+    guess[2] = np.where(where, towards[2], guess[2])[()]
+    guess[3] = np.where(where, towards[3], guess[3])[()]
+    hit_3 = where & (towards[0] < 0.0)
+    guess[3] = np.where(hit_3, PI - guess[3], guess[3])[()]
+    hit_4 = where & (towards[1] < 0.0)
+    guess[3] = np.where(hit_4, 0.0 - guess[3], guess[3])[()]
     s.mirrored = np.where(where, 0, s.mirrored)[()]
+    spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
+    spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
+    s.probe = tuple(probe)
     s.guess = tuple(guess)
+    s.spread = tuple(spread)
 
 
 def _guess_mirrored(s, f, phase, where, math):
     """Half a turn on, and the other way round: what makes the same voltage at this instant."""
     guess = list(s.guess)
-    guess[0] = np.where(where, f.x[0], guess[0])[()]
-    guess[1] = np.where(where, f.x[1], guess[1])[()]
+    spread = list(s.spread)
     guess[2] = np.where(where, 0.0 - f.x[2], guess[2])[()]
     guess[3] = np.where(where, f.x[3] + PI, guess[3])[()]
+    s.mirrored = np.where(where, 1, s.mirrored)[()]
+    spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
+    spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
+    s.guess = tuple(guess)
+    s.spread = tuple(spread)
+
+
+def _place(s, f, phase, where, math):
+    """The states that carry the measured currents there."""
+    guess = list(s.guess)
+    guess_new = place_state(phase, guess, math)
+    guess = list(_select(where, guess_new, guess))
     s.guess = tuple(guess)
 
 
-def _mark_mirrored(s, f, phase, where, math):
-    """There are two guesses, and this is the second one."""
-    s.mirrored = np.where(where, 1, s.mirrored)[()]
-
-
 def _start_filter(s, f, phase, where, math):
-    """The filter from anew at the guess, neither speed nor angle known."""
+    """The filter from anew at the guess, with the guess's spread."""
     x = list(f.x)
     LD = list(f.LD)
     x, LD = _reset(f, x, LD, where, math)
@@ -1289,26 +1455,8 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
-    LD[5] = np.where(where, UNKNOWN_SPEED, LD[5])[()]
-    LD[9] = np.where(where, UNKNOWN_ANGLE, LD[9])[()]
-    s.rejected = np.where(where, 0, s.rejected)[()]
-    s.diverged = np.where(where, 0, s.diverged)[()]
-    s.content = np.where(where, 0, s.content)[()]
-    s.fresh = np.where(where, 1, s.fresh)[()]
-    f.x = tuple(x)
-    f.LD = tuple(LD)
-
-
-def _start_at_rest(s, f, phase, where, math):
-    """The filter as the drive file begins it."""
-    x = list(f.x)
-    LD = list(f.LD)
-    x, LD = _reset(f, x, LD, where, math)
-    s.rejected = np.where(where, 0, s.rejected)[()]
-    s.diverged = np.where(where, 0, s.diverged)[()]
-    s.content = np.where(where, 0, s.content)[()]
-    s.fresh = np.where(where, 1, s.fresh)[()]
-    s.steady = np.where(where, 0, s.steady)[()]
+    LD[5] = np.where(where, s.spread[0], LD[5])[()]
+    LD[9] = np.where(where, s.spread[1], LD[9])[()]
     f.x = tuple(x)
     f.LD = tuple(LD)
 
@@ -1327,11 +1475,86 @@ def _begin_window(s, f, phase, where, math):
     s.turning = tuple(turning)
 
 
-def _count_steady(s, f, phase, where, math):
-    """After some windows in a row the attempts that went before are forgotten."""
-    s.steady = np.where(where & (s.steady < STEADY_WINDOWS), s.steady + 1, s.steady)[()]
-    hit_1 = where & (s.steady >= STEADY_WINDOWS)
-    s.failures = np.where(hit_1, 0, s.failures)[()]
+def _copy_filter(s, f, phase, where, math):
+    """The rival is what the filter is, tuned as it is."""
+    _take(s.rival, f, where)
+
+
+def _exchange_filters(s, f, phase, where, math):
+    """The rival is followed from now on."""
+    _exchange(f, s.rival, where)
+    s.good = np.where(where, 0, s.good)[()]
+
+
+def _guess_rest(s, f, phase, where, math):
+    """The rotor stands, or nearly, where the drive file says;"""
+    guess = list(s.guess)
+    spread = list(s.spread)
+    guess[2] = np.where(where, 0.0, guess[2])[()]
+    guess[3] = np.where(where, f.x_0[3], guess[3])[()]
+    spread[0] = np.where(where, REST_SPEED, spread[0])[()]
+    spread[1] = np.where(where, START_ANGLE, spread[1])[()]
+    s.windows = np.where(where, 0, s.windows)[()]
+    s.good = np.where(where, 0, s.good)[()]
+    s.guess = tuple(guess)
+    s.spread = tuple(spread)
+
+
+def _guess_opposite(s, f, phase, where, math):
+    """or half a turn from there."""
+    guess = list(s.guess)
+    guess[3] = np.where(where, guess[3] + PI, guess[3])[()]
+    s.guess = tuple(guess)
+
+
+def _guess_half_turn(s, f, phase, where, math):
+    """The rival half a turn from the filter, which turned."""
+    guess = list(s.guess)
+    spread = list(s.spread)
+    guess[2] = np.where(where, 0.0 - f.x[2], guess[2])[()]
+    guess[3] = np.where(where, f.x[3] + PI, guess[3])[()]
+    spread[0] = np.where(where, MIRROR_SPEED, spread[0])[()]
+    spread[1] = np.where(where, START_ANGLE, spread[1])[()]
+    s.guess = tuple(guess)
+    s.spread = tuple(spread)
+
+
+def _guess_aside(s, f, phase, where, math):
+    """The rival a quarter of a turn from the filter, on either side in turn: nothing turned."""
+    guess = list(s.guess)
+    spread = list(s.spread)
+    guess[2] = np.where(where, 0.0, guess[2])[()]
+    hit_1 = where & (s.side == 0)
+    miss_1 = where & np.logical_not(s.side == 0)
+    guess[3] = np.where(hit_1, f.x[3] + HALF_PI, guess[3])[()]
+    s.side = np.where(hit_1, 1, s.side)[()]
+    guess[3] = np.where(miss_1, f.x[3] - HALF_PI, guess[3])[()]
+    s.side = np.where(miss_1, 0, s.side)[()]
+    spread[0] = np.where(where, REST_SPEED, spread[0])[()]
+    spread[1] = np.where(where, START_ANGLE, spread[1])[()]
+    s.guess = tuple(guess)
+    s.spread = tuple(spread)
+
+
+def _count_window(s, f, phase, where, math):
+    """One more window of STARTING."""
+    s.windows = np.where(where & (s.windows < MAX_WINDOWS), s.windows + 1, s.windows)[()]
+
+
+def _level_scores(s, f, phase, where, math):
+    """Both filters are judged by what they expect from now on."""
+    f.nis = np.where(where, 0.0, f.nis)[()]
+    s.windows = np.where(where & (s.windows < MAX_WINDOWS), s.windows + 1, s.windows)[()]
+
+
+def _count_good(s, f, phase, where, math):
+    """One more window in which the angle turned as stated."""
+    s.good = np.where(where & (s.good < GOOD_WINDOWS), s.good + 1, s.good)[()]
+
+
+def _count_none(s, f, phase, where, math):
+    """The next good window is the first one."""
+    s.good = np.where(where, 0, s.good)[()]
 
 
 def _go(s, mode, where):
@@ -1342,9 +1565,11 @@ def _go(s, mode, where):
 
 def _tell(s):
     """What the mode allows."""
-    s.inverter = np.where((s.mode == PROBING) | (s.mode == CATCHING) | (s.mode == RUNNING), 1, 0)[()]
-    s.runs = np.where((s.mode == CATCHING) | (s.mode == RUNNING), 1, 0)[()]
-    s.torque = np.where((s.mode == RUNNING), 1, 0)[()]
+    s.inverter = (np.where((s.mode == PROBING) | (s.mode == CATCHING) | (s.mode == RUNNING) |
+        (s.mode == STARTING), 1, 0)[()])
+    s.runs = np.where((s.mode == CATCHING) | (s.mode == RUNNING) | (s.mode == STARTING), 1, 0)[()]
+    s.torque = np.where((s.mode == RUNNING) | (s.mode == STARTING), 1, 0)[()]
+    s.rivals = np.where((s.mode == STARTING), 1, 0)[()]
 
 
 def _watch(s, f, status, phase, reference, math):
@@ -1360,6 +1585,7 @@ def _watch(s, f, status, phase, reference, math):
     miss_2 = np.logical_not(s.mode == PROBING)
     probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
     probe[1] = np.where(miss_2, 0.0, probe[1])[()]
+    s.gap = np.where((s.gap < MOST_SAMPLES), s.gap + 1, s.gap)[()]
     hit_3 = s.mode == RESTING
     miss_3 = np.logical_not(s.mode == RESTING)
     hit_4 = hit_3 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
@@ -1400,32 +1626,55 @@ def supervise(s, f, status, phase, reference, math):
     """
     _watch(s, f, status, phase, reference, math)
     s.fresh = np.zeros(np.shape(s.mode), np.int64)[()]
+    s.anew = np.zeros(np.shape(s.mode), np.int64)[()]
     taken = 0
     found = 0
-    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 17, found)
+    found = np.where(s.since >= WINDOW_SAMPLES, 22, found)
+    found = np.where(s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED, 21, found)
+    found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
+        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0), 20, found))
+    found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
+        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0) &
+        (s.good >= GOOD_WINDOWS), 19, found))
+    found = (np.where(s.rival.nis + LOAD_PENALTY * (s.rival.x[4] * s.rival.x[4]) + PREFERENCE < f.nis +
+        LOAD_PENALTY * (f.x[4] * f.x[4]), 18, found))
+    found = np.where(s.windows >= MAX_WINDOWS, 17, found)
+    found = np.where((status & RESTARTED) != 0, 16, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 15, found)
+    found = np.where(s.excess >= MAX_EXCESS, 14, found)
+    taken = np.where(s.mode == STARTING, found, taken)[()]
+    found = 0
+    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 29, found)
     taken = np.where(s.mode == FAULT, found, taken)[()]
     found = 0
-    found = np.where(s.since >= LOCKED_SAMPLES, 16, found)
-    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 15,
+    found = np.where(s.since >= LOCKED_SAMPLES, 28, found)
+    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 27,
         found))
-    found = np.where((status & RESTARTED) != 0, 14, found)
-    found = np.where(s.diverged >= MAX_DIVERGED, 13, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 12, found)
-    found = np.where(s.excess >= MAX_EXCESS, 11, found)
+    found = np.where((status & RESTARTED) != 0, 26, found)
+    found = np.where(s.diverged >= MAX_DIVERGED, 25, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 24, found)
+    found = np.where(s.excess >= MAX_EXCESS, 23, found)
     taken = np.where(s.mode == RUNNING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= CATCH_SAMPLES, 10, found)
+    found = np.where(s.since >= CATCH_SAMPLES, 13, found)
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.content >= LOCKED_SAMPLES) &
-        (s.turning[3] <= CATCH_JOLT_SQUARED), 9, found))
+        (s.turning[3] <= CATCH_JOLT_SQUARED), 12, found))
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.mirrored == 0) &
-        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 8, found))
-    found = np.where(s.since == SETTLE_SAMPLES, 7, found)
-    found = np.where(s.excess >= MAX_EXCESS, 6, found)
+        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 11, found))
+    found = np.where(s.since == SETTLE_SAMPLES, 10, found)
+    found = np.where(s.excess >= MAX_EXCESS, 9, found)
     taken = np.where(s.mode == CATCHING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= PROBE_SAMPLES, 5, found)
+    found = np.where(s.since >= WAIT_SAMPLES, 8, found)
+    found = (np.where((s.gap >= GAP_SAMPLES) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
+        (phase[1] * phase[1] <= ZERO_SQUARED)), 7, found))
+    taken = np.where(s.mode == WAITING, found, taken)[()]
+    found = 0
+    found = np.where(s.since >= PROBE_SAMPLES, 6, found)
     found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
-        (phase[1] * phase[1] <= PROBE_SQUARED)), 4, found))
+        (phase[1] * phase[1] <= PROBE_SQUARED)), 5, found))
+    found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
+        (phase[1] * phase[1] <= PROBE_SQUARED)) & (s.readings == 0), 4, found))
     found = (np.where(np.logical_not((phase[0] * phase[0] <= TRIP_SQUARED) &
         (phase[1] * phase[1] <= TRIP_SQUARED)), 3, found))
     taken = np.where(s.mode == PROBING, found, taken)[()]
@@ -1433,8 +1682,8 @@ def supervise(s, f, status, phase, reference, math):
     found = np.where(s.quiet >= REST_SAMPLES, 2, found)
     found = np.where(s.failures >= MAX_FAILURES, 1, found)
     taken = np.where(s.mode == RESTING, found, taken)[()]
-    lost = (np.logical_not((s.mode == RESTING) | (s.mode == PROBING) | (s.mode == CATCHING) |
-        (s.mode == RUNNING) | (s.mode == FAULT)))
+    lost = (np.logical_not((s.mode == RESTING) | (s.mode == PROBING) | (s.mode == WAITING) |
+        (s.mode == CATCHING) | (s.mode == RUNNING) | (s.mode == FAULT) | (s.mode == STARTING)))
     # RESTING: attempts failed again and again.
     where = taken == 1
     if np.any(where):
@@ -1442,6 +1691,7 @@ def supervise(s, f, status, phase, reference, math):
     # RESTING: the currents read zero.
     where = taken == 2
     if np.any(where):
+        _await_reading(s, f, phase, where, math)
         _go(s, PROBING, where)
     # PROBING: a current is too large, or no number.
     where = taken == 3
@@ -1449,85 +1699,185 @@ def supervise(s, f, status, phase, reference, math):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
-    # PROBING: a current shows that the rotor turns.
+    # PROBING: a current shows that the rotor turns, not yet which way.
     where = taken == 4
     if np.any(where):
-        _guess_from_probe(s, f, phase, where, math)
-        _start_filter(s, f, phase, where, math)
-        _go(s, CATCHING, where)
-    # PROBING: no current came: the rotor stands, and starts as the drive file says.
+        _take_reading(s, f, phase, where, math)
+        _keep_reading(s, f, phase, where, math)
+        _go(s, WAITING, where)
+    # PROBING: the second current shows which way the rotor turns.
     where = taken == 5
     if np.any(where):
-        _start_at_rest(s, f, phase, where, math)
-        _begin_window(s, f, phase, where, math)
-        _go(s, RUNNING, where)
-    # CATCHING: a current is too large.
+        _take_reading(s, f, phase, where, math)
+        _guess_from_probe(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, f, phase, where, math)
+        _void_voltages(s, f, phase, where, math)
+        _begin_anew(s, f, phase, where, math)
+        _go(s, CATCHING, where)
+    # PROBING: no current came: the rotor stands.
     where = taken == 6
+    if np.any(where):
+        _guess_rest(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, f, phase, where, math)
+        _copy_filter(s, f, phase, where, math)
+        _guess_opposite(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, s.rival, phase, where, math)
+        _void_voltages(s, f, phase, where, math)
+        _begin_anew(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, STARTING, where)
+    # WAITING: the current has died out.
+    where = taken == 7
+    if np.any(where):
+        _go(s, PROBING, where)
+    # WAITING: the current does not die out.
+    where = taken == 8
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # CATCHING: a current is too large.
+    where = taken == 9
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # CATCHING: the angle has jumped where it would.
-    where = taken == 7
+    where = taken == 10
     if np.any(where):
         _begin_window(s, f, phase, where, math)
     # CATCHING: the angle turns the other way than the speed says: half a turn on there is the other guess.
-    where = taken == 8
+    where = taken == 11
     if np.any(where):
         _guess_mirrored(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
         _start_filter(s, f, phase, where, math)
-        _mark_mirrored(s, f, phase, where, math)
+        _begin_anew(s, f, phase, where, math)
         _go(s, CATCHING, where)
     # CATCHING: the filter is content, and its angle turns as its speed says.
-    where = taken == 9
+    where = taken == 12
     if np.any(where):
         _learn(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
-    # CATCHING: the filter did not find the rotor in time.
-    where = taken == 10
+    # CATCHING: the filter has not found the rotor.
+    where = taken == 13
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_CAUGHT, s.reason)[()]
         _go(s, RESTING, where)
+    # STARTING: a current is too large.
+    where = taken == 14
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # STARTING: the filter is blind.
+    where = taken == 15
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_BLIND, s.reason)[()]
+        _go(s, RESTING, where)
+    # STARTING: the filter began anew.
+    where = taken == 16
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
+        _go(s, RESTING, where)
+    # STARTING: neither filter is right.
+    where = taken == 17
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_NOT_STARTED, s.reason)[()]
+        _go(s, RESTING, where)
+    # STARTING: the rival expects the currents better.
+    where = taken == 18
+    if np.any(where):
+        _exchange_filters(s, f, phase, where, math)
+        _count_window(s, f, phase, where, math)
+        _begin_anew(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, STARTING, where)
+    # STARTING: the angle turned as stated in window after window.
+    where = taken == 19
+    if np.any(where):
+        _learn(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, RUNNING, where)
+    # STARTING: the angle turned as stated: half a turn from there nothing must be better.
+    where = taken == 20
+    if np.any(where):
+        _count_good(s, f, phase, where, math)
+        _guess_half_turn(s, f, phase, where, math)
+        _copy_filter(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, s.rival, phase, where, math)
+        _level_scores(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, STARTING, where)
+    # STARTING: the angle turned, not as stated: half a turn from there may be better.
+    where = taken == 21
+    if np.any(where):
+        _count_none(s, f, phase, where, math)
+        _guess_half_turn(s, f, phase, where, math)
+        _copy_filter(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, s.rival, phase, where, math)
+        _level_scores(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, STARTING, where)
+    # STARTING: nothing turned: a quarter of a turn from there may be better.
+    where = taken == 22
+    if np.any(where):
+        _count_none(s, f, phase, where, math)
+        _guess_aside(s, f, phase, where, math)
+        _copy_filter(s, f, phase, where, math)
+        _place(s, f, phase, where, math)
+        _start_filter(s, s.rival, phase, where, math)
+        _level_scores(s, f, phase, where, math)
+        _begin_window(s, f, phase, where, math)
+        _go(s, STARTING, where)
     # RUNNING: a current is too large.
-    where = taken == 11
+    where = taken == 23
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the filter is blind.
-    where = taken == 12
+    where = taken == 24
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: currents, voltages and motor do not fit.
-    where = taken == 13
+    where = taken == 25
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_DIVERGED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the filter began anew.
-    where = taken == 14
+    where = taken == 26
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the angle does not turn as the speed says: the filter may be half a turn off.
-    where = taken == 15
+    where = taken == 27
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_SLIPPED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a window is over, and the next one begins.
-    where = taken == 16
+    where = taken == 28
     if np.any(where):
         _count_steady(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # FAULT: the fault is acknowledged.
-    where = taken == 17
+    where = taken == 29
     if np.any(where):
         _forget(s, f, phase, where, math)
         _go(s, RESTING, where)
@@ -1549,12 +1899,17 @@ def drive_step(d, filter_step, phase, command, math):
     Returns the duty cycles, and 1 where the gates may be enabled with them; 0: all six off. d.status is that of the step.
     """
     c, s = d.control, d.supervisor
+    zero = math.dtype(0)
     if s.fresh != 0:
-        zero = math.dtype(0)
-        c.integrator, c.v_acting, c.v_queued = (zero,) * 4, (zero,) * 2, (zero,) * 2
+        c.v_acting, c.v_queued = (zero, zero), (zero, zero)
+    if s.anew != 0:
+        c.integrator = (zero, zero, zero, zero)
     if s.runs != 0:
         gain = c.gain
-        limit = np.where(s.torque != 0, gain[5], math.dtype(0))[()]
+        limit = np.where(s.torque != 0, gain[5], zero)[()]
+        if s.rivals != 0:
+            filter_step(s.rival, c.v_acting, clarke(phase, math), math)
+            limit = START_SHARE * gain[5]
         c.gain = (*gain[:5], limit, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain

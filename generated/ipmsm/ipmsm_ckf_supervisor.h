@@ -5,7 +5,9 @@
  * controller; with a field-oriented control of your own call it yourself, once an interrupt:
  *
  *   if (s.runs != 0) {
- *       if (s.fresh != 0) { voltages of intervals that are over: 0; integrators: 0 }
+ *       if (s.fresh != 0) { voltages that are under way: 0 }
+ *       if (s.anew != 0) { your integrators: 0 }
+ *       if (s.rivals != 0) { ipmsm_ckf_step(&s.rival, u, y); and a current limited to IPMSM_CKF_START_SHARE }
  *       status = ipmsm_ckf_step(&f, u, y);      then your controller, its current limited to 0 unless s.torque
  *   } else { status = 0; zero voltage: all duty cycles 0.5 }
  *   ipmsm_ckf_supervise(&s, &f, status, phase, reference);
@@ -13,9 +15,11 @@
  *
  *   RESTING   inverter off, until the currents read zero
  *   PROBING   zero voltage, until a current shows where the back-EMF points
- *   CATCHING  zero torque, until the filter has found the rotor
+ *   WAITING   inverter off, between two readings of a rotor that turns
+ *   CATCHING  zero torque, until the filter has found the rotor that turns
  *   RUNNING   speed and torque as commanded
  *   FAULT     inverter off, until the fault is acknowledged
+ *   STARTING  a rotor that stood: torque, and a rival half a turn from the filter
  */
 #ifndef IPMSM_CKF_SUPERVISOR_H
 #define IPMSM_CKF_SUPERVISOR_H
@@ -26,16 +30,23 @@
 extern "C" {
 #endif
 
+/* Of the largest current, in STARTING: more reluctance could take all of a wrong filter's torque, and nothing turns. */
+#define IPMSM_CKF_START_SHARE 0.8f
+
 typedef struct {
     int mode; /* PMSM_RESTING, ... */
     int reason; /* why the drive last gave up its rotor: PMSM_REASON_NONE, ... */
     int inverter; /* 1: gates may be enabled */
     int runs; /* 1: filter and controller take their step at the next interrupt */
     int torque; /* 1: the controller may ask for current */
-    int fresh; /* 1: voltages and regulators of what went before are void */
+    int rivals; /* 1: the rival takes its step too, and START_SHARE of the largest current is allowed */
+    int fresh; /* 1: no voltage is under way */
+    int anew; /* 1: the regulators begin anew */
     int acknowledged; /* set it to 1 to leave FAULT */
-    int since; /* interrupts in this mode, or in a window of RUNNING */
+    int since; /* interrupts in this mode, or in a window of it */
     int quiet; /* samples in a row, RESTING: both currents read zero */
+    int readings; /* 1: a current from zero voltage was read */
+    int gap; /* samples since then */
     int rejected; /* inputs rejected in a row */
     int diverged; /* steps in a row */
     int excess; /* samples in a row beyond the trip current */
@@ -45,7 +56,14 @@ typedef struct {
     int steady; /* windows of RUNNING in a row */
     float32 turning[4]; /* rad: the angle turned, and should have by the speed; the angle before; rad^2: doubt */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
+    float32 reading[4]; /* cosine and sine of the current's angle; its size, A; sine of the angle since the first one */
+    float32 first[2]; /* cosine and sine of the first current's angle */
     float32 guess[4]; /* the filter's first two states, speed and angle to begin with */
+    float32 spread[2]; /* variances of that speed and angle */
+    int side; /* on which side of the filter the rival was last */
+    int windows; /* of STARTING, so far */
+    int good; /* of them in a row in which the angle turned as stated */
+    ipmsm_ckf_t rival; /* the second filter of STARTING */
 } ipmsm_ckf_supervisor_t;
 
 /* Power-up: RESTING. The motor may turn already. */

@@ -5,11 +5,15 @@
  * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
-#pragma CODE_SECTION(begin_anew, ".TI.ramfunc")
+#pragma CODE_SECTION(clarke, ".TI.ramfunc")
+#pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
+#pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
 #pragma CODE_SECTION(ipmsm_ickf_drive_step, ".TI.ramfunc")
 #else
-#pragma CODE_SECTION(begin_anew, "ramfuncs")
+#pragma CODE_SECTION(clarke, "ramfuncs")
+#pragma CODE_SECTION(forget_voltages, "ramfuncs")
+#pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
 #pragma CODE_SECTION(ipmsm_ickf_drive_step, "ramfuncs")
 #endif
@@ -19,25 +23,50 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
-/* What went before is void: regulators that have not regulated yet, and no voltage under way. */
-static void begin_anew(ipmsm_ickf_foc_t *c)
+#define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
+#define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
+
+/* Clarke: i_a, i_b in A -> i_alpha, i_beta in A */
+static void clarke(const float32 phase[2], float32 i_out[2])
 {
-    c->integrator[0] = 0.0f;
-    c->integrator[1] = 0.0f;
-    c->integrator[2] = 0.0f;
-    c->integrator[3] = 0.0f;
+    const float32 i_a = phase[0];
+    const float32 i_b = phase[1];
+
+    i_out[0] = i_a;
+    i_out[1] = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
+}
+
+/* No voltage is under way. */
+static void forget_voltages(ipmsm_ickf_foc_t *c)
+{
     c->v_acting[0] = 0.0f;
     c->v_acting[1] = 0.0f;
     c->v_queued[0] = 0.0f;
     c->v_queued[1] = 0.0f;
 }
 
-/* Filter and controller; without torque their current is limited to zero. */
+/* Regulators that have not regulated yet. */
+static void clear_regulators(ipmsm_ickf_foc_t *c)
+{
+    c->integrator[0] = 0.0f;
+    c->integrator[1] = 0.0f;
+    c->integrator[2] = 0.0f;
+    c->integrator[3] = 0.0f;
+}
+
+/* Filter, its rival where there is one, and controller; without torque their current is limited to zero. */
 static int run(ipmsm_ickf_drive_t *d, const float32 phase[2], const float32 command[2], float32 duty[3])
 {
     const float32 max_current = d->control.gain[MAX_CURRENT];
+    float32 allowed = (d->supervisor.torque != 0) ? max_current : 0.0f;
+    float32 i[2];
     int status;
-    d->control.gain[MAX_CURRENT] = (d->supervisor.torque != 0) ? max_current : 0.0f;
+    if (d->supervisor.rivals != 0) {
+        clarke(phase, i);
+        (void)ipmsm_ickf_step(&d->supervisor.rival, d->control.v_acting, i);
+        allowed = IPMSM_ICKF_START_SHARE * max_current;
+    }
+    d->control.gain[MAX_CURRENT] = allowed;
     status = ipmsm_ickf_foc_step(&d->control, phase, command, duty);
     d->control.gain[MAX_CURRENT] = max_current;
     return status;
@@ -53,7 +82,10 @@ void ipmsm_ickf_drive_init(ipmsm_ickf_drive_t *d, int delay)
 int ipmsm_ickf_drive_step(ipmsm_ickf_drive_t *d, const float32 phase[2], const float32 command[2], float32 duty[3])
 {
     if (d->supervisor.fresh != 0) {
-        begin_anew(&d->control);
+        forget_voltages(&d->control);
+    }
+    if (d->supervisor.anew != 0) {
+        clear_regulators(&d->control);
     }
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);

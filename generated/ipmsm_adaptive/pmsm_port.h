@@ -124,17 +124,20 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 
 #define PMSM_RESTING 0 /* inverter off, until the currents read zero */
 #define PMSM_PROBING 1 /* zero voltage, until a current shows where the back-EMF points */
-#define PMSM_CATCHING 2 /* zero torque, until the filter has found the rotor */
-#define PMSM_RUNNING 3 /* speed and torque as commanded */
-#define PMSM_FAULT 4 /* inverter off, until the fault is acknowledged */
+#define PMSM_WAITING 2 /* inverter off, between two readings of a rotor that turns */
+#define PMSM_CATCHING 3 /* zero torque, until the filter has found the rotor that turns */
+#define PMSM_RUNNING 4 /* speed and torque as commanded */
+#define PMSM_FAULT 5 /* inverter off, until the fault is acknowledged */
+#define PMSM_STARTING 6 /* a rotor that stood: torque, and a rival half a turn from the filter */
 
 #define PMSM_REASON_NONE 0 /* nothing went wrong since power-up or the last acknowledgement */
-#define PMSM_REASON_CURRENT 1 /* a current was beyond TRIP_CURRENT, or no number */
+#define PMSM_REASON_CURRENT 1 /* a current was beyond TRIP_CURRENT, or no number, or did not die out */
 #define PMSM_REASON_BLIND 2 /* the filter rejected its inputs for too long */
 #define PMSM_REASON_DIVERGED 3 /* for too long the currents were not what voltages and motor data say */
 #define PMSM_REASON_RESTARTED 4 /* the filter's state was lost, and it began anew */
 #define PMSM_REASON_SLIPPED 5 /* the angle did not turn as the estimated speed says */
 #define PMSM_REASON_NOT_CAUGHT 6 /* the filter did not find the turning rotor in time */
-#define PMSM_REASON_SELF_TEST 7 /* the self-test failed: no acknowledgement helps */
+#define PMSM_REASON_NOT_STARTED 7 /* the rotor did not turn as either filter says */
+#define PMSM_REASON_SELF_TEST 8 /* the self-test failed: no acknowledgement helps */
 
 #endif

@@ -5,11 +5,13 @@
  * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
-#pragma CODE_SECTION(begin_anew, ".TI.ramfunc")
+#pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
+#pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
 #pragma CODE_SECTION(paper_spmsm_ckf_drive_step, ".TI.ramfunc")
 #else
-#pragma CODE_SECTION(begin_anew, "ramfuncs")
+#pragma CODE_SECTION(forget_voltages, "ramfuncs")
+#pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
 #pragma CODE_SECTION(paper_spmsm_ckf_drive_step, "ramfuncs")
 #endif
@@ -19,25 +21,31 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
-/* What went before is void: regulators that have not regulated yet, and no voltage under way. */
-static void begin_anew(paper_spmsm_ckf_foc_t *c)
+/* No voltage is under way. */
+static void forget_voltages(paper_spmsm_ckf_foc_t *c)
 {
-    c->integrator[0] = 0.0f;
-    c->integrator[1] = 0.0f;
-    c->integrator[2] = 0.0f;
-    c->integrator[3] = 0.0f;
     c->v_acting[0] = 0.0f;
     c->v_acting[1] = 0.0f;
     c->v_queued[0] = 0.0f;
     c->v_queued[1] = 0.0f;
 }
 
+/* Regulators that have not regulated yet. */
+static void clear_regulators(paper_spmsm_ckf_foc_t *c)
+{
+    c->integrator[0] = 0.0f;
+    c->integrator[1] = 0.0f;
+    c->integrator[2] = 0.0f;
+    c->integrator[3] = 0.0f;
+}
+
 /* Filter and controller; without torque their current is limited to zero. */
 static int run(paper_spmsm_ckf_drive_t *d, const float32 phase[2], const float32 command[2], float32 duty[3])
 {
     const float32 max_current = d->control.gain[MAX_CURRENT];
+    float32 allowed = (d->supervisor.torque != 0) ? max_current : 0.0f;
     int status;
-    d->control.gain[MAX_CURRENT] = (d->supervisor.torque != 0) ? max_current : 0.0f;
+    d->control.gain[MAX_CURRENT] = allowed;
     status = paper_spmsm_ckf_foc_step(&d->control, phase, command, duty);
     d->control.gain[MAX_CURRENT] = max_current;
     return status;
@@ -53,7 +61,10 @@ void paper_spmsm_ckf_drive_init(paper_spmsm_ckf_drive_t *d, int delay)
 int paper_spmsm_ckf_drive_step(paper_spmsm_ckf_drive_t *d, const float32 phase[2], const float32 command[2], float32 duty[3])
 {
     if (d->supervisor.fresh != 0) {
-        begin_anew(&d->control);
+        forget_voltages(&d->control);
+    }
+    if (d->supervisor.anew != 0) {
+        clear_regulators(&d->control);
     }
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);

@@ -11,17 +11,33 @@
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(wrap_angle, ".TI.ramfunc")
 #pragma CODE_SECTION(watch_turning, ".TI.ramfunc")
+#pragma CODE_SECTION(read_current, ".TI.ramfunc")
 #pragma CODE_SECTION(read_probe, ".TI.ramfunc")
+#pragma CODE_SECTION(place_state, ".TI.ramfunc")
 #pragma CODE_SECTION(fail, ".TI.ramfunc")
 #pragma CODE_SECTION(forget, ".TI.ramfunc")
+#pragma CODE_SECTION(count_steady, ".TI.ramfunc")
+#pragma CODE_SECTION(begin_anew, ".TI.ramfunc")
+#pragma CODE_SECTION(void_voltages, ".TI.ramfunc")
+#pragma CODE_SECTION(await_reading, ".TI.ramfunc")
+#pragma CODE_SECTION(take_reading, ".TI.ramfunc")
+#pragma CODE_SECTION(keep_reading, ".TI.ramfunc")
 #pragma CODE_SECTION(guess_from_probe, ".TI.ramfunc")
 #pragma CODE_SECTION(guess_mirrored, ".TI.ramfunc")
-#pragma CODE_SECTION(mark_mirrored, ".TI.ramfunc")
+#pragma CODE_SECTION(place, ".TI.ramfunc")
 #pragma CODE_SECTION(start_filter, ".TI.ramfunc")
-#pragma CODE_SECTION(start_at_rest, ".TI.ramfunc")
 #pragma CODE_SECTION(learn, ".TI.ramfunc")
 #pragma CODE_SECTION(begin_window, ".TI.ramfunc")
-#pragma CODE_SECTION(count_steady, ".TI.ramfunc")
+#pragma CODE_SECTION(copy_filter, ".TI.ramfunc")
+#pragma CODE_SECTION(exchange_filters, ".TI.ramfunc")
+#pragma CODE_SECTION(guess_rest, ".TI.ramfunc")
+#pragma CODE_SECTION(guess_opposite, ".TI.ramfunc")
+#pragma CODE_SECTION(guess_half_turn, ".TI.ramfunc")
+#pragma CODE_SECTION(guess_aside, ".TI.ramfunc")
+#pragma CODE_SECTION(count_window, ".TI.ramfunc")
+#pragma CODE_SECTION(level_scores, ".TI.ramfunc")
+#pragma CODE_SECTION(count_good, ".TI.ramfunc")
+#pragma CODE_SECTION(count_none, ".TI.ramfunc")
 #pragma CODE_SECTION(go, ".TI.ramfunc")
 #pragma CODE_SECTION(tell, ".TI.ramfunc")
 #pragma CODE_SECTION(watch, ".TI.ramfunc")
@@ -31,17 +47,33 @@
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(wrap_angle, "ramfuncs")
 #pragma CODE_SECTION(watch_turning, "ramfuncs")
+#pragma CODE_SECTION(read_current, "ramfuncs")
 #pragma CODE_SECTION(read_probe, "ramfuncs")
+#pragma CODE_SECTION(place_state, "ramfuncs")
 #pragma CODE_SECTION(fail, "ramfuncs")
 #pragma CODE_SECTION(forget, "ramfuncs")
+#pragma CODE_SECTION(count_steady, "ramfuncs")
+#pragma CODE_SECTION(begin_anew, "ramfuncs")
+#pragma CODE_SECTION(void_voltages, "ramfuncs")
+#pragma CODE_SECTION(await_reading, "ramfuncs")
+#pragma CODE_SECTION(take_reading, "ramfuncs")
+#pragma CODE_SECTION(keep_reading, "ramfuncs")
 #pragma CODE_SECTION(guess_from_probe, "ramfuncs")
 #pragma CODE_SECTION(guess_mirrored, "ramfuncs")
-#pragma CODE_SECTION(mark_mirrored, "ramfuncs")
+#pragma CODE_SECTION(place, "ramfuncs")
 #pragma CODE_SECTION(start_filter, "ramfuncs")
-#pragma CODE_SECTION(start_at_rest, "ramfuncs")
 #pragma CODE_SECTION(learn, "ramfuncs")
 #pragma CODE_SECTION(begin_window, "ramfuncs")
-#pragma CODE_SECTION(count_steady, "ramfuncs")
+#pragma CODE_SECTION(copy_filter, "ramfuncs")
+#pragma CODE_SECTION(exchange_filters, "ramfuncs")
+#pragma CODE_SECTION(guess_rest, "ramfuncs")
+#pragma CODE_SECTION(guess_opposite, "ramfuncs")
+#pragma CODE_SECTION(guess_half_turn, "ramfuncs")
+#pragma CODE_SECTION(guess_aside, "ramfuncs")
+#pragma CODE_SECTION(count_window, "ramfuncs")
+#pragma CODE_SECTION(level_scores, "ramfuncs")
+#pragma CODE_SECTION(count_good, "ramfuncs")
+#pragma CODE_SECTION(count_none, "ramfuncs")
 #pragma CODE_SECTION(go, "ramfuncs")
 #pragma CODE_SECTION(tell, "ramfuncs")
 #pragma CODE_SECTION(watch, "ramfuncs")
@@ -56,7 +88,9 @@
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
 #define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 20 /* so long both currents must read zero before the inverter is enabled */
-#define PROBE_SAMPLES 20 /* without a current from zero voltage for so long the rotor stands */
+#define PROBE_SAMPLES 50 /* without a current from zero voltage for so long the rotor stands */
+#define GAP_SAMPLES 5 /* at least, from one reading to the next: the rotor turns less than half a turn */
+#define WAIT_SAMPLES 20 /* so long the current of a reading may take to die out */
 #define SETTLE_SAMPLES 10 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 20 /* or the guess is turned round */
 #define CATCH_SAMPLES 100 /* so long the filter may take to lock */
@@ -66,10 +100,22 @@
 #define ZERO_SQUARED 1.0f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */
 #define PROBE_SQUARED 4.0f /* (0.1 of the largest current)^2, A^2: tells where the back-EMF points */
 #define TRIP_SQUARED 900.0f /* (1.5 of the largest current)^2, A^2: no torque needs so much; beside the hardware's trip */
+#define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
-#define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: where the rotor may turn */
+#define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
+#define WINDOW_SAMPLES 200 /* of STARTING at most: the rotor's time for a radian */
+#define WINDOW_TURN_SQUARED 1.0f /* rad^2: a window is over that has turned so far */
+#define LEAST_TURN_SQUARED 0.25f /* rad^2: motion enough to judge by */
+#define GOOD_WINDOWS 1 /* must have gone before the one that ends a start */
+#define MAX_WINDOWS 20 /* of STARTING, before the drive gives up */
+#define PREFERENCE 0.05f /* the rival must expect the currents better by so much */
+#define LOAD_PENALTY 0.0010629252f /* 1/(N m)^2: what a load adds to a filter's score */
+#define REST_SPEED 67.474495f /* (rad/s)^2: of a rotor that made no current */
+#define MIRROR_SPEED 2500.0f /* (rad/s)^2: of half a turn on */
+#define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
+#define HALF_PI 1.5707964f /* a quarter of a turn */
 #define PI 3.1415927f /* half a turn */
 
 #define TURN_PER_SAMPLE 0.0004f /* p T, rad electrical per rad/s */
@@ -123,30 +169,59 @@ static void watch_turning(const float32 x[5], const float32 turning[4], float32 
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
 }
 
-/* Where a current from zero voltage says that the rotor is */
-static void read_probe(const float32 phase[2], const float32 probe[2], float32 guess_out[4],
-    float32 towards_out[2])
+/* Direction and size of the current, and how it turned since the first reading */
+static void read_current(const float32 phase[2], const float32 first[2], float32 reading_out[4])
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
-    const float32 direction_times_i_beta_per_size = direction * i_beta / size;
-    const float32 cosine = -direction_times_i_beta_per_size;
-    const float32 sine = direction * i_a / size;
-    const float32 along = larger(cosine, direction_times_i_beta_per_size);
+    const float32 cosine = i_a / size;
+    const float32 sine = i_beta / size;
+
+    reading_out[0] = cosine;
+    reading_out[1] = sine;
+    reading_out[2] = size;
+    reading_out[3] = first_cosine * sine - first_sine * cosine;
+}
+
+/* Where a current from zero voltage says that the rotor is */
+static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
+{
+    const float32 i_cosine = reading[0];
+    const float32 i_sine = reading[1];
+    const float32 size = reading[2];
+    const float32 direction = probe[0];
+    const float32 intervals = probe[1];
+    const float32 direction_times_i_sine = direction * i_sine;
+    const float32 cosine = -direction_times_i_sine;
+    const float32 sine = direction * i_cosine;
+    const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / (across + along);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
 
-    guess_out[0] = i_a;
-    guess_out[1] = i_beta;
-    guess_out[2] = PROBE_SPEED * direction * size / larger(intervals, 1.0f);
-    guess_out[3] = theta_first;
     towards_out[0] = cosine;
     towards_out[1] = sine;
+    towards_out[2] = PROBE_SPEED * direction * size / larger(intervals, 1.0f);
+    towards_out[3] = theta_first;
+}
+
+/* The states that carry the measured currents, with the rotor where it is guessed */
+static void place_state(const float32 phase[2], const float32 guess[4], float32 guess_out[4])
+{
+    const float32 i_a = phase[0];
+    const float32 i_b = phase[1];
+    const float32 omega = guess[2];
+    const float32 theta = guess[3];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
+
+    guess_out[0] = i_a;
+    guess_out[1] = i_beta;
+    guess_out[2] = omega;
+    guess_out[3] = theta;
 }
 
 /* One more attempt that failed. */
@@ -162,11 +237,65 @@ static void forget(spmsm_load_torque_ckf_supervisor_t *s)
     s->reason = 0;
 }
 
-/* The current says where the back-EMF points, and how fast the rotor turns. */
-static void guess_from_probe(spmsm_load_torque_ckf_supervisor_t *s, const float32 phase[2])
+/* After some windows in a row the attempts that went before are forgotten. */
+static void count_steady(spmsm_load_torque_ckf_supervisor_t *s)
 {
-    float32 towards[2];
-    read_probe(phase, s->probe, s->guess, towards);
+    s->steady += (s->steady < STEADY_WINDOWS) ? 1 : 0;
+    if (s->steady >= STEADY_WINDOWS) {
+        s->failures = 0;
+    }
+}
+
+/* Regulators have not regulated yet, and nothing is counted. */
+static void begin_anew(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->rejected = 0;
+    s->diverged = 0;
+    s->content = 0;
+    s->anew = 1;
+}
+
+/* No voltage is under way: it was zero. */
+static void void_voltages(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->fresh = 1;
+}
+
+/* No current was read yet. */
+static void await_reading(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->readings = 0;
+}
+
+/* The current's direction and size. */
+static void take_reading(spmsm_load_torque_ckf_supervisor_t *s, const float32 phase[2])
+{
+    read_current(phase, s->first, s->reading);
+}
+
+/* The first reading, from which the second one's time and angle count. */
+static void keep_reading(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->first[0] = s->reading[0];
+    s->first[1] = s->reading[1];
+    s->readings = 1;
+    s->gap = 0;
+}
+
+/* Which way the current turned says which way the rotor turns, if it turned far enough; else the reference.
+ * */
+static void guess_from_probe(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    float32 towards[4];
+    if (s->reading[3] > LEAST_SINE) {
+        s->probe[0] = 1.0f;
+    }
+    if (s->reading[3] < 0.0f - LEAST_SINE) {
+        s->probe[0] = -1.0f;
+    }
+    read_probe(s->reading, s->probe, towards);
+    s->guess[2] = towards[2];
+    s->guess[3] = towards[3];
     if (towards[0] < 0.0f) {
         s->guess[3] = PI - s->guess[3];
     }
@@ -174,24 +303,27 @@ static void guess_from_probe(spmsm_load_torque_ckf_supervisor_t *s, const float3
         s->guess[3] = 0.0f - s->guess[3];
     }
     s->mirrored = 0;
+    s->spread[0] = UNKNOWN_SPEED;
+    s->spread[1] = UNKNOWN_ANGLE;
 }
 
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
 static void guess_mirrored(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque_ckf_t *f)
 {
-    s->guess[0] = f->x[SPMSM_LOAD_TORQUE_CKF_I_ALPHA];
-    s->guess[1] = f->x[SPMSM_LOAD_TORQUE_CKF_I_BETA];
     s->guess[2] = 0.0f - f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA];
     s->guess[3] = f->x[SPMSM_LOAD_TORQUE_CKF_THETA] + PI;
-}
-
-/* There are two guesses, and this is the second one. */
-static void mark_mirrored(spmsm_load_torque_ckf_supervisor_t *s)
-{
     s->mirrored = 1;
+    s->spread[0] = UNKNOWN_SPEED;
+    s->spread[1] = UNKNOWN_ANGLE;
 }
 
-/* The filter from anew at the guess, neither speed nor angle known. */
+/* The states that carry the measured currents there. */
+static void place(spmsm_load_torque_ckf_supervisor_t *s, const float32 phase[2])
+{
+    place_state(phase, s->guess, s->guess);
+}
+
+/* The filter from anew at the guess, with the guess's spread. */
 static void start_filter(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torque_ckf_t *f)
 {
     spmsm_load_torque_ckf_reset(f);
@@ -199,23 +331,8 @@ static void start_filter(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torqu
     f->x[SPMSM_LOAD_TORQUE_CKF_I_BETA] = s->guess[1];
     f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA] = s->guess[2];
     f->x[SPMSM_LOAD_TORQUE_CKF_THETA] = s->guess[3];
-    f->LD[SPMSM_LOAD_TORQUE_CKF_LD_OMEGA] = UNKNOWN_SPEED;
-    f->LD[SPMSM_LOAD_TORQUE_CKF_LD_THETA] = UNKNOWN_ANGLE;
-    s->rejected = 0;
-    s->diverged = 0;
-    s->content = 0;
-    s->fresh = 1;
-}
-
-/* The filter as the drive file begins it. */
-static void start_at_rest(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torque_ckf_t *f)
-{
-    spmsm_load_torque_ckf_reset(f);
-    s->rejected = 0;
-    s->diverged = 0;
-    s->content = 0;
-    s->fresh = 1;
-    s->steady = 0;
+    f->LD[SPMSM_LOAD_TORQUE_CKF_LD_OMEGA] = s->spread[0];
+    f->LD[SPMSM_LOAD_TORQUE_CKF_LD_THETA] = s->spread[1];
 }
 
 /* Torque is allowed. */
@@ -232,13 +349,85 @@ static void begin_window(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load
     s->turning[2] = f->x[SPMSM_LOAD_TORQUE_CKF_THETA];
 }
 
-/* After some windows in a row the attempts that went before are forgotten. */
-static void count_steady(spmsm_load_torque_ckf_supervisor_t *s)
+/* The rival is what the filter is, tuned as it is. */
+static void copy_filter(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque_ckf_t *f)
 {
-    s->steady += (s->steady < STEADY_WINDOWS) ? 1 : 0;
-    if (s->steady >= STEADY_WINDOWS) {
-        s->failures = 0;
+    s->rival = *f;
+}
+
+/* The rival is followed from now on. */
+static void exchange_filters(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torque_ckf_t *f)
+{
+    const spmsm_load_torque_ckf_t kept = *f;
+    *f = s->rival;
+    s->rival = kept;
+    s->good = 0;
+}
+
+/* The rotor stands, or nearly, where the drive file says; */
+static void guess_rest(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque_ckf_t *f)
+{
+    s->guess[2] = 0.0f;
+    s->guess[3] = f->x_0[3];
+    s->spread[0] = REST_SPEED;
+    s->spread[1] = START_ANGLE;
+    s->windows = 0;
+    s->good = 0;
+}
+
+/* or half a turn from there. */
+static void guess_opposite(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->guess[3] = s->guess[3] + PI;
+}
+
+/* The rival half a turn from the filter, which turned. */
+static void guess_half_turn(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque_ckf_t *f)
+{
+    s->guess[2] = 0.0f - f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA];
+    s->guess[3] = f->x[SPMSM_LOAD_TORQUE_CKF_THETA] + PI;
+    s->spread[0] = MIRROR_SPEED;
+    s->spread[1] = START_ANGLE;
+}
+
+/* The rival a quarter of a turn from the filter, on either side in turn: nothing turned. */
+static void guess_aside(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque_ckf_t *f)
+{
+    s->guess[2] = 0.0f;
+    if (s->side == 0) {
+        s->guess[3] = f->x[SPMSM_LOAD_TORQUE_CKF_THETA] + HALF_PI;
+        s->side = 1;
+    } else {
+        s->guess[3] = f->x[SPMSM_LOAD_TORQUE_CKF_THETA] - HALF_PI;
+        s->side = 0;
     }
+    s->spread[0] = REST_SPEED;
+    s->spread[1] = START_ANGLE;
+}
+
+/* One more window of STARTING. */
+static void count_window(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->windows += (s->windows < MAX_WINDOWS) ? 1 : 0;
+}
+
+/* Both filters are judged by what they expect from now on. */
+static void level_scores(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torque_ckf_t *f)
+{
+    f->nis = 0.0f;
+    s->windows += (s->windows < MAX_WINDOWS) ? 1 : 0;
+}
+
+/* One more window in which the angle turned as stated. */
+static void count_good(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->good += (s->good < GOOD_WINDOWS) ? 1 : 0;
+}
+
+/* The next good window is the first one. */
+static void count_none(spmsm_load_torque_ckf_supervisor_t *s)
+{
+    s->good = 0;
 }
 
 /* Into a mode, or once more into the same one. */
@@ -252,16 +441,21 @@ static void go(spmsm_load_torque_ckf_supervisor_t *s, int mode)
 static void tell(spmsm_load_torque_ckf_supervisor_t *s)
 {
     s->inverter = 0;
-    if ((s->mode == PMSM_PROBING) || (s->mode == PMSM_CATCHING) || (s->mode == PMSM_RUNNING)) {
+    if ((s->mode == PMSM_PROBING) || (s->mode == PMSM_CATCHING) || (s->mode == PMSM_RUNNING) ||
+            (s->mode == PMSM_STARTING)) {
         s->inverter = 1;
     }
     s->runs = 0;
-    if ((s->mode == PMSM_CATCHING) || (s->mode == PMSM_RUNNING)) {
+    if ((s->mode == PMSM_CATCHING) || (s->mode == PMSM_RUNNING) || (s->mode == PMSM_STARTING)) {
         s->runs = 1;
     }
     s->torque = 0;
-    if (s->mode == PMSM_RUNNING) {
+    if ((s->mode == PMSM_RUNNING) || (s->mode == PMSM_STARTING)) {
         s->torque = 1;
+    }
+    s->rivals = 0;
+    if (s->mode == PMSM_STARTING) {
+        s->rivals = 1;
     }
 }
 
@@ -280,6 +474,7 @@ static void watch(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque
     } else {
         s->probe[1] = 0.0f;
     }
+    s->gap += (s->gap < MOST_SAMPLES) ? 1 : 0;
     if (s->mode == PMSM_RESTING) {
         if ((phase[0] * phase[0] <= ZERO_SQUARED) && (phase[1] * phase[1] <= ZERO_SQUARED)) {
             s->quiet += (s->quiet < REST_SAMPLES) ? 1 : 0;
@@ -324,10 +519,14 @@ void spmsm_load_torque_ckf_supervisor_init(spmsm_load_torque_ckf_supervisor_t *s
     s->inverter = 0;
     s->runs = 0;
     s->torque = 0;
+    s->rivals = 0;
     s->fresh = 0;
+    s->anew = 0;
     s->acknowledged = 0;
     s->since = 0;
     s->quiet = 0;
+    s->readings = 0;
+    s->gap = 0;
     s->rejected = 0;
     s->diverged = 0;
     s->excess = 0;
@@ -341,10 +540,22 @@ void spmsm_load_torque_ckf_supervisor_init(spmsm_load_torque_ckf_supervisor_t *s
     s->turning[3] = 0.0f;
     s->probe[0] = 0.0f;
     s->probe[1] = 0.0f;
+    s->reading[0] = 0.0f;
+    s->reading[1] = 0.0f;
+    s->reading[2] = 0.0f;
+    s->reading[3] = 0.0f;
+    s->first[0] = 0.0f;
+    s->first[1] = 0.0f;
     s->guess[0] = 0.0f;
     s->guess[1] = 0.0f;
     s->guess[2] = 0.0f;
     s->guess[3] = 0.0f;
+    s->spread[0] = 0.0f;
+    s->spread[1] = 0.0f;
+    s->side = 0;
+    s->windows = 0;
+    s->good = 0;
+    spmsm_load_torque_ckf_init(&s->rival);
 }
 
 void spmsm_load_torque_ckf_supervisor_refuse(spmsm_load_torque_ckf_supervisor_t *s)
@@ -361,6 +572,7 @@ int spmsm_load_torque_ckf_supervise(
 
     watch(s, f, status, phase, reference);
     s->fresh = 0;
+    s->anew = 0;
     if (s->mode == PMSM_RESTING) {
         if (s->failures >= MAX_FAILURES) {
             /* attempts failed again and again */
@@ -368,6 +580,7 @@ int spmsm_load_torque_ckf_supervise(
             taken = 1;
         } else if (s->quiet >= REST_SAMPLES) {
             /* the currents read zero */
+            await_reading(s);
             go(s, PMSM_PROBING);
             taken = 2;
         } else {
@@ -380,18 +593,52 @@ int spmsm_load_torque_ckf_supervise(
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
             taken = 3;
-        } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED))) {
-            /* a current shows that the rotor turns */
-            guess_from_probe(s, phase);
-            start_filter(s, f);
-            go(s, PMSM_CATCHING);
+        } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED)) &&
+                (s->readings == 0)) {
+            /* a current shows that the rotor turns, not yet which way */
+            take_reading(s, phase);
+            keep_reading(s);
+            go(s, PMSM_WAITING);
             taken = 4;
-        } else if (s->since >= PROBE_SAMPLES) {
-            /* no current came: the rotor stands, and starts as the drive file says */
-            start_at_rest(s, f);
-            begin_window(s, f);
-            go(s, PMSM_RUNNING);
+        } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED))) {
+            /* the second current shows which way the rotor turns */
+            take_reading(s, phase);
+            guess_from_probe(s);
+            place(s, phase);
+            start_filter(s, f);
+            void_voltages(s);
+            begin_anew(s);
+            go(s, PMSM_CATCHING);
             taken = 5;
+        } else if (s->since >= PROBE_SAMPLES) {
+            /* no current came: the rotor stands */
+            guess_rest(s, f);
+            place(s, phase);
+            start_filter(s, f);
+            copy_filter(s, f);
+            guess_opposite(s);
+            place(s, phase);
+            start_filter(s, &s->rival);
+            void_voltages(s);
+            begin_anew(s);
+            begin_window(s, f);
+            go(s, PMSM_STARTING);
+            taken = 6;
+        } else {
+            /* the drive stays */
+        }
+    } else if (s->mode == PMSM_WAITING) {
+        if ((s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+                (phase[1] * phase[1] <= ZERO_SQUARED))) {
+            /* the current has died out */
+            go(s, PMSM_PROBING);
+            taken = 7;
+        } else if (s->since >= WAIT_SAMPLES) {
+            /* the current does not die out */
+            fail(s);
+            s->reason = PMSM_REASON_CURRENT;
+            go(s, PMSM_RESTING);
+            taken = 8;
         } else {
             /* the drive stays */
         }
@@ -401,32 +648,33 @@ int spmsm_load_torque_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 6;
+            taken = 9;
         } else if (s->since == SETTLE_SAMPLES) {
             /* the angle has jumped where it would */
             begin_window(s, f);
-            taken = 7;
+            taken = 10;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->mirrored == 0) &&
                 !(s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the angle turns the other way than the speed says: half a turn on there is the other guess */
             guess_mirrored(s, f);
+            place(s, phase);
             start_filter(s, f);
-            mark_mirrored(s);
+            begin_anew(s);
             go(s, PMSM_CATCHING);
-            taken = 8;
+            taken = 11;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->content >= LOCKED_SAMPLES) &&
                 (s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the filter is content, and its angle turns as its speed says */
             learn(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 9;
+            taken = 12;
         } else if (s->since >= CATCH_SAMPLES) {
-            /* the filter did not find the rotor in time */
+            /* the filter has not found the rotor */
             fail(s);
             s->reason = PMSM_REASON_NOT_CAUGHT;
             go(s, PMSM_RESTING);
-            taken = 10;
+            taken = 13;
         } else {
             /* the drive stays */
         }
@@ -436,37 +684,37 @@ int spmsm_load_torque_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 11;
+            taken = 23;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 12;
+            taken = 24;
         } else if (s->diverged >= MAX_DIVERGED) {
             /* currents, voltages and motor do not fit */
             fail(s);
             s->reason = PMSM_REASON_DIVERGED;
             go(s, PMSM_RESTING);
-            taken = 13;
+            taken = 25;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 14;
+            taken = 26;
         } else if ((s->since >= LOCKED_SAMPLES) && !(s->turning[3] <= RUN_JOLT_SQUARED)) {
             /* the angle does not turn as the speed says: the filter may be half a turn off */
             fail(s);
             s->reason = PMSM_REASON_SLIPPED;
             go(s, PMSM_RESTING);
-            taken = 15;
+            taken = 27;
         } else if (s->since >= LOCKED_SAMPLES) {
             /* a window is over, and the next one begins */
             count_steady(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 16;
+            taken = 28;
         } else {
             /* the drive stays */
         }
@@ -475,7 +723,89 @@ int spmsm_load_torque_ckf_supervise(
             /* the fault is acknowledged */
             forget(s);
             go(s, PMSM_RESTING);
+            taken = 29;
+        } else {
+            /* the drive stays */
+        }
+    } else if (s->mode == PMSM_STARTING) {
+        if (s->excess >= MAX_EXCESS) {
+            /* a current is too large */
+            fail(s);
+            s->reason = PMSM_REASON_CURRENT;
+            go(s, PMSM_RESTING);
+            taken = 14;
+        } else if (s->rejected >= MAX_REJECTED) {
+            /* the filter is blind */
+            fail(s);
+            s->reason = PMSM_REASON_BLIND;
+            go(s, PMSM_RESTING);
+            taken = 15;
+        } else if ((status & PMSM_RESTARTED) != 0) {
+            /* the filter began anew */
+            fail(s);
+            s->reason = PMSM_REASON_RESTARTED;
+            go(s, PMSM_RESTING);
+            taken = 16;
+        } else if (s->windows >= MAX_WINDOWS) {
+            /* neither filter is right */
+            fail(s);
+            s->reason = PMSM_REASON_NOT_STARTED;
+            go(s, PMSM_RESTING);
             taken = 17;
+        } else if (s->rival.nis +
+                LOAD_PENALTY * (s->rival.x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE] * s->rival.x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE])
+                + PREFERENCE < f->nis +
+                LOAD_PENALTY * (f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE] * f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE]))
+                {
+            /* the rival expects the currents better */
+            exchange_filters(s, f);
+            count_window(s);
+            begin_anew(s);
+            begin_window(s, f);
+            go(s, PMSM_STARTING);
+            taken = 18;
+        } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
+                (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f) &&
+                (s->good >= GOOD_WINDOWS)) {
+            /* the angle turned as stated in window after window */
+            learn(s);
+            begin_window(s, f);
+            go(s, PMSM_RUNNING);
+            taken = 19;
+        } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
+                (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f)) {
+            /* the angle turned as stated: half a turn from there nothing must be better */
+            count_good(s);
+            guess_half_turn(s, f);
+            copy_filter(s, f);
+            place(s, phase);
+            start_filter(s, &s->rival);
+            level_scores(s, f);
+            begin_window(s, f);
+            go(s, PMSM_STARTING);
+            taken = 20;
+        } else if (s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) {
+            /* the angle turned, not as stated: half a turn from there may be better */
+            count_none(s);
+            guess_half_turn(s, f);
+            copy_filter(s, f);
+            place(s, phase);
+            start_filter(s, &s->rival);
+            level_scores(s, f);
+            begin_window(s, f);
+            go(s, PMSM_STARTING);
+            taken = 21;
+        } else if (s->since >= WINDOW_SAMPLES) {
+            /* nothing turned: a quarter of a turn from there may be better */
+            count_none(s);
+            guess_aside(s, f);
+            copy_filter(s, f);
+            place(s, phase);
+            start_filter(s, &s->rival);
+            level_scores(s, f);
+            begin_window(s, f);
+            go(s, PMSM_STARTING);
+            taken = 22;
         } else {
             /* the drive stays */
         }

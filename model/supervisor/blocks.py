@@ -1,4 +1,4 @@
-"""What the supervisor computes: how the angle turned beside the speed, and where the filter is to begin."""
+"""What the supervisor computes: how the angle turned beside the speed, and where a filter is to begin."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ import casadi as ca
 
 from model.filters.program import BlockBuilder
 from model.inverter import SQRT_3, TRANSFORM
+from model.machines import find_machine
+from model.machines.base import Parameters, Rotor
 from model.machines.state_space import StateSpaceModel
-from model.quantities import Block, Constant
+from model.quantities import Block, Constant, Constants
 from model.schema import Drive
 
 #: Share of the stated angle by which the turned one may be off.
 ANGLE_SHARE = 0.5
 #: An arc tangent within 0.004 rad: q (pi / 4 + ARC (1 - |q|)), |q| <= 1.
 ARC = 0.273
-#: A back-EMF that shows less of itself is not divided by, A^2.
+#: A current that is smaller is not divided by, A^2.
 LEAST_SIZE = 1e-12
 
 
@@ -70,7 +72,21 @@ def turning_block(drive: Drive, model: StateSpaceModel) -> Block:
     return b.build()
 
 
-def probe_block(drive: Drive, model: StateSpaceModel) -> Block:
+def reading_block() -> Block:
+    """The current's direction and size, and the sine of the angle by which it turned since the first reading."""
+    b = BlockBuilder("read_current", "Direction and size of the current, and how it turned since the first reading")
+    i_a, i_b = b.input("phase", ["i_a", "i_b"])
+    first = b.input("first", ["first_cosine", "first_sine"])
+    i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
+    size = ca.sqrt(ca.fmax(i_a * i_a + i_beta * i_beta, LEAST_SIZE))
+    cosine, sine = i_a / size, i_beta / size
+    named = {"i_beta": i_beta, "size": size, "cosine": cosine, "sine": sine}
+    b.stage("size", "", "", list(named.values()), list(named), scale="none")
+    b.output("reading", [cosine, sine, size, first[0] * sine - first[1] * cosine])
+    return b.build()
+
+
+def probe_block(drive: Drive) -> Block:
     """Where a current that zero voltage lets flow says the rotor is.
 
     Zero voltage leaves the back-EMF to drive the current: i = -(k T / L) e after k intervals, and
@@ -80,27 +96,34 @@ def probe_block(drive: Drive, model: StateSpaceModel) -> Block:
     Parameters
     ----------
     drive : Drive
-    model : StateSpaceModel
-        Says whether states are currents or flux linkages.
     """
     b = BlockBuilder("read_probe", "Where a current from zero voltage says that the rotor is")
-    phase = b.input("phase", ["i_a", "i_b"])
+    along_i, across_i, size, _ = b.input("reading", ["i_cosine", "i_sine", "size", "turned_sine"])
     direction, intervals = b.input("probe", ["direction", "intervals"])
-    i_alpha, i_beta = phase[0], (1 / SQRT_3) * phase[0] + (2 / SQRT_3) * phase[1]
-    size = ca.sqrt(ca.fmax(i_alpha * i_alpha + i_beta * i_beta, LEAST_SIZE))
-    cosine, sine = -direction * i_beta / size, direction * i_alpha / size
+    cosine, sine = -direction * across_i, direction * along_i
     omega = direction * _probe_speed(drive) * size / ca.fmax(intervals, 1.0)
     along, across = ca.fmax(cosine, -cosine), ca.fmax(sine, -sine)
     slope = (across - along) / (across + along)
     theta = math.pi / 4 + slope * (math.pi / 4 + ARC * (1 - ca.fmax(slope, -slope)))
-    named = {"i_beta": i_beta, "size": size, "cosine": cosine, "sine": sine, "along": along, "across": across}
-    named |= {"slope": slope, "theta_first": theta}
-    b.stage("size", "", "", list(named.values()), list(named), scale="none")
-    if model.states[0].unit == "Wb":
-        x_0 = b.input("x_0", [f"{state.name}_0" for state in model.states])
-        first = [cosine * x_0[0] - sine * x_0[1], sine * x_0[0] + cosine * x_0[1]]
-    else:
-        first = [i_alpha, i_beta]
-    b.output("guess", [*first, omega, theta])
-    b.output("towards", [cosine, sine])
+    named = {"cosine": cosine, "sine": sine, "along": along, "across": across, "slope": slope, "theta_first": theta}
+    b.stage("cosine", "", "", list(named.values()), list(named), scale="none")
+    b.output("towards", [cosine, sine, omega, theta])
+    return b.build()
+
+
+def place_block(drive: Drive) -> Block:
+    """The electrical states that carry the measured currents with the rotor at the guessed angle.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    b = BlockBuilder("place_state", "The states that carry the measured currents, with the rotor where it is guessed")
+    i_a, i_b = b.input("phase", ["i_a", "i_b"])
+    _, _, omega, theta = b.input("guess", ["z_alpha", "z_beta", "omega", "theta"])
+    i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
+    b.stage("i_beta", "", "", [i_beta], ["i_beta"], scale="none")
+    machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
+    z = machine.electrical_state((i_a, i_beta), Rotor.at(theta))
+    b.output("guess", [z[0], z[1], omega, theta])
     return b.build()

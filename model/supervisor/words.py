@@ -20,7 +20,8 @@ class Mode:
     """What the drive is doing, and what is allowed meanwhile.
 
     ``inverter``: gates are enabled; ``runs``: filter and controller take their step; ``torque``: the controller may ask
-    for current. ``lasting``: the drive may stay here for ever; else a transition ends it after a stated time.
+    for current; ``rivals``: the rival filter takes its step too. ``lasting``: the drive may stay here for ever; else a
+    transition ends it after a stated time.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Mode:
     inverter: bool = False
     runs: bool = False
     torque: bool = False
+    rivals: bool = False
     lasting: bool = False
 
 
@@ -41,16 +43,17 @@ class Reason:
 
 @dataclass(frozen=True)
 class Field:
-    """A number that the machine keeps: an integer, or ``size`` float32."""
+    """A number that the machine keeps: an integer, or ``size`` float32; or a ``filter`` of its own."""
 
     name: str
     meaning: str
     size: int = 0
+    filter: bool = False
 
     @property
     def whole(self) -> bool:
         """It is an integer."""
-        return self.size == 0
+        return self.size == 0 and not self.filter
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,29 @@ class Limit:
 
 
 @dataclass(frozen=True)
+class CopyFilter:
+    """The rival becomes a copy of the filter, its tuning included."""
+
+
+@dataclass(frozen=True)
+class ExchangeFilters:
+    """The filter and its rival change places."""
+
+
+@dataclass(frozen=True)
 class Action:
-    """Something to do, under a name that becomes a function's."""
+    """Something to do, under a name that becomes a function's; what it says of the filter it does to the one given."""
 
     name: str
     meaning: str
-    body: tuple[Node, ...]
+    body: tuple[Node | CopyFilter | ExchangeFilters, ...]
+
+
+@dataclass(frozen=True)
+class OnRival:
+    """An action that is done to the rival filter."""
+
+    name: str
 
 
 @dataclass(frozen=True)
@@ -83,7 +103,7 @@ class Transition:
     target: str | None
     guard: Condition
     why: str
-    actions: tuple[str, ...] = ()
+    actions: tuple[str | OnRival, ...] = ()
     reason: str = ""
 
 
@@ -129,10 +149,15 @@ class Supervisor:
         return next(action for action in self.actions if action.name == name)
 
     @property
+    def rivals(self) -> bool:
+        """It has a second filter, for a start from an unknown angle."""
+        return any(field.filter for field in self.fields)
+
+    @property
     def blocks(self) -> list[Block]:
         """The symbolic blocks that it calls, each once."""
         bodies = (self.watch, *(action.body for action in self.actions))
-        calls = (node for body in bodies for node in all_nodes(body) if isinstance(node, Call))
+        calls = (node for body in bodies for node in all_nodes(body) if isinstance(node, Call))  # type: ignore[arg-type]
         return list({call.block.name: call.block for call in calls}.values())
 
 

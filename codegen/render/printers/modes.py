@@ -15,10 +15,17 @@ from codegen.render.printers.targets import F28335
 from model.filters.conditions import Entry
 from model.filters.program import Call, Count, If, Node, Restart, Set, entries_of, nodes
 from model.quantities import Block
-from model.supervisor.words import Action, Supervisor, Transition
+from model.supervisor.words import Action, CopyFilter, ExchangeFilters, OnRival, Supervisor, Transition
+
+#: What an action does, in order.
+Body = tuple[Node | CopyFilter | ExchangeFilters, ...]
 
 #: Columns of the table of modes that the machine tells whoever drives the inverter.
-TOLD = ("inverter", "runs", "torque")
+TOLD = ("inverter", "runs", "torque", "rivals")
+#: Fields of a filter that are one number of its state.
+SCORE = "nis"
+#: Entries of the rival filter begin so.
+RIVAL = "rival_"
 
 
 class Places:
@@ -27,7 +34,7 @@ class Places:
     def __init__(self, machine: Supervisor, layout: CovarianceLayout) -> None:
         self.own = {field.name: field for field in machine.fields}
         self.layout = layout
-        self.filter = {"x", "x_0", "P_0", layout.field}
+        self.filter = {"x", "x_0", "P_0", SCORE, layout.field}
 
     def entry(self, entry: Entry) -> Entry:
         """An entry by the array that holds it: a variance is one of the covariance's words.
@@ -41,7 +48,7 @@ class Places:
         assert entry.place is not None
         return Entry(self.layout.field, self.layout.variances[entry.place])
 
-    def read(self, body: tuple[Node, ...]) -> list[str]:
+    def read(self, body: Body) -> list[str]:
         """Names of all arrays and fields that a body reads or sets.
 
         Parameters
@@ -49,7 +56,10 @@ class Places:
         body : tuple of Node
         """
         found: list[str] = []
-        for node in nodes(body):
+        for node in nodes(body):  # type: ignore[arg-type]
+            if isinstance(node, CopyFilter | ExchangeFilters):
+                found += ["x", "rival"]
+                continue
             if isinstance(node, Call):
                 found += [port.name for port in (*node.block.inputs, *node.block.outputs)]
             elif isinstance(node, Count):
@@ -62,7 +72,7 @@ class Places:
                 found += [self.entry(entry).name for entry in entries_of(node)]
         return list(dict.fromkeys(found))
 
-    def changed(self, body: tuple[Node, ...]) -> list[str]:
+    def changed(self, body: Body) -> list[str]:
         """Names of the arrays and fields that a body sets.
 
         Parameters
@@ -70,8 +80,10 @@ class Places:
         body : tuple of Node
         """
         found: list[str] = []
-        for node in nodes(body):
-            if isinstance(node, Call):
+        for node in nodes(body):  # type: ignore[arg-type]
+            if isinstance(node, ExchangeFilters):
+                found += ["x"]
+            elif isinstance(node, Call):
                 found += [port.name for port in node.block.outputs]
             elif isinstance(node, Count):
                 found.append(node.counter)
@@ -81,14 +93,14 @@ class Places:
                 found += ["x", self.layout.field]
         return list(dict.fromkeys(found))
 
-    def local(self, body: tuple[Node, ...]) -> dict[str, int]:
+    def local(self, body: Body) -> dict[str, int]:
         """Arrays on the stack that a body makes, and their lengths.
 
         Parameters
         ----------
         body : tuple of Node
         """
-        outputs = (port for node in nodes(body) if isinstance(node, Call) for port in node.block.outputs)
+        outputs = (port for node in nodes(body) if isinstance(node, Call) for port in node.block.outputs)  # type: ignore[arg-type]
         return {port.name: len(port.entries) for port in outputs if port.name not in self.own}
 
 
@@ -114,6 +126,9 @@ class ModesC(CPrinter):
         entry : Entry
         """
         names = self.places.layout.states
+        if entry.name.startswith(RIVAL) and entry.name not in self.places.own:
+            own = Entry(entry.name.removeprefix(RIVAL), entry.place)
+            return self.format_entry(own).replace("f->", "s->rival.", 1)
         if entry.place is None:
             return self._array(entry.name)
         if entry.name in {"x", "P_0"}:
@@ -136,9 +151,14 @@ class ModesC(CPrinter):
         ports = [self._array(port.name) for port in (*node.block.inputs, *node.block.outputs)]
         return [wrap_line(f"{node.block.name}({', '.join(ports)});", pad, INDENT)]
 
-    def _format_node(self, node: Node, depth: int) -> list[str]:
+    def _format_node(self, node: Node | CopyFilter | ExchangeFilters, depth: int) -> list[str]:
+        pad = INDENT * depth
         if isinstance(node, Restart):
-            return [f"{INDENT * depth}{self.prefix}_reset(f);"]
+            return [f"{pad}{self.prefix}_reset(f);"]
+        if isinstance(node, CopyFilter):
+            return [f"{pad}s->rival = *f;"]
+        if isinstance(node, ExchangeFilters):
+            return [f"{pad}const {self.prefix}_t kept = *f;", f"{pad}*f = s->rival;", f"{pad}s->rival = kept;"]
         return super()._format_node(node, depth)
 
     # --- functions
@@ -149,7 +169,7 @@ class ModesC(CPrinter):
         given = ", ".join(map(unbroken, (*own, "const float32 phase[2]", "float32 reference")))
         return self._function("Counts, in every mode, and of the step that ran.", f"watch({given})", self.machine.watch)
 
-    def _function(self, note: str, head: str, body: tuple[Node, ...]) -> str:
+    def _function(self, note: str, head: str, body: Body) -> str:
         return "\n".join(
             [
                 wrap_line(f"/* {note} */", "", " * "),
@@ -182,9 +202,15 @@ class ModesC(CPrinter):
         arguments = ", ".join(map(unbroken, self._takes(action).values()))
         return self._function(action.meaning, f"{action.name}({arguments})", action.body)
 
+    def _format_action_call(self, action: str | OnRival) -> str:
+        name = action if isinstance(action, str) else action.name
+        given = self._takes(self.machine.action(name))
+        spelled = [own if own != "f" or isinstance(action, str) else "&s->rival" for own in given]
+        return f"{name}({', '.join(spelled)});"
+
     def _format_taken(self, number: int, transition: Transition) -> list[str]:
         pad = INDENT * 3
-        calls = [f"{name}({', '.join(self._takes(self.machine.action(name)))});" for name in transition.actions]
+        calls = [self._format_action_call(action) for action in transition.actions]
         kept = [f"s->reason = PMSM_REASON_{transition.reason};"] if transition.reason else []
         goes = [f"go(s, PMSM_{transition.target});"] if transition.target else []
         return [pad + line for line in (*calls, *kept, *goes, f"taken = {number};")]
@@ -212,10 +238,13 @@ class ModesC(CPrinter):
             f"{INDENT}}}",
         ]
 
+    def _told(self) -> list[str]:
+        return [column for column in TOLD if column in self.places.own]
+
     def format_told(self) -> list[str]:
         """What a mode allows."""
         lines = []
-        for column in TOLD:
+        for column in self._told():
             *others, last = [f"s->mode == PMSM_{m.name}" for m in self.machine.modes if getattr(m, column)]
             modes = " || ".join(f"({mode})" for mode in (*others, last)) if others else last
             lines += [
@@ -255,6 +284,9 @@ class ModesPython(PythonPrinter):
         ----------
         entry : Entry
         """
+        if entry.name.startswith(RIVAL) and entry.name not in self.places.own:
+            own = Entry(entry.name.removeprefix(RIVAL), entry.place)
+            return self.format_entry(own).replace("f.", "s.rival.", 1)
         entry = self.places.entry(entry)
         return self._array(entry.name) + ("" if entry.place is None else f"[{entry.place}]")
 
@@ -266,7 +298,11 @@ class ModesPython(PythonPrinter):
     def _set(self, target: str, value: str, where: str) -> str:
         return self._assign(target, f"np.where({where}, {value}, {target})[()]" if where else value)
 
-    def _format_node(self, node: Node, where: str) -> list[str]:
+    def _format_node(self, node: Node | CopyFilter | ExchangeFilters, where: str) -> list[str]:
+        if isinstance(node, CopyFilter):
+            return [f"{INDENT}_take(s.rival, f, {where})"]
+        if isinstance(node, ExchangeFilters):
+            return [f"{INDENT}_exchange(f, s.rival, {where})"]
         if isinstance(node, Set):
             return [self._set(self.format_entry(node.target), self.format_value(node.value), where)]
         if isinstance(node, Count):
@@ -309,9 +345,11 @@ class ModesPython(PythonPrinter):
 
     # --- functions
 
-    def _function(self, head: str, note: str, body: tuple[Node, ...], where: str) -> str:
+    def _function(self, head: str, note: str, body: Body, where: str) -> str:
         changed = [name for name in self.places.changed(body) if name not in self.places.local(body)]
-        arrays = [name for name in changed if not (name in self.places.own and self.places.own[name].whole)]
+        numbers = {SCORE, *(name for name, field in self.places.own.items() if field.whole)}
+        exchanged = any(isinstance(node, ExchangeFilters) for node in body)
+        arrays = [] if exchanged else [name for name in changed if name not in numbers]
         homes = {name: self._array(name) for name in arrays}
         self._masks, self._open = 0, frozenset(arrays)
         lines = [f"def {head}:", f'{INDENT}"""{note}"""']
@@ -364,17 +402,22 @@ class ModesPython(PythonPrinter):
             f"{INDENT}where = taken == {number}",
         ]
         lines.append(f"{INDENT}if np.any(where):")
-        lines += [f"{pad}_{name}(s, f, phase, where, math)" for name in transition.actions]
+        for action in transition.actions:
+            name, given = (action, "f") if isinstance(action, str) else (action.name, "s.rival")
+            lines.append(f"{pad}_{name}(s, {given}, phase, where, math)")
         if transition.reason:
             lines.append(f"{pad}s.reason = np.where(where, REASON_{transition.reason}, s.reason)[()]")
         if transition.target:
             lines.append(f"{pad}_go(s, {transition.target}, where)")
         return lines
 
+    def _told(self) -> list[str]:
+        return [column for column in TOLD if column in self.places.own]
+
     def format_told(self) -> list[str]:
         """What a mode allows."""
         lines = []
-        for column in TOLD:
+        for column in self._told():
             modes = " | ".join(f"(s.mode == {m.name})" for m in self.machine.modes if getattr(m, column))
             lines.append(self._assign(f"s.{column}", f"np.where({modes}, 1, 0)[()]"))
         return lines
