@@ -1034,7 +1034,7 @@ def _guess_from_probe(s, f, phase, where, math):
     spread = list(s.spread)
     hit_1 = where & (s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_1, 1.0, probe[0])[()]
-    hit_2 = where & (s.reading[3] < 0.0 - LEAST_SINE)
+    hit_2 = where & (0.0 - s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_2, -1.0, probe[0])[()]
     towards = read_probe(s.reading, probe, math)
     guess[2] = np.where(where, towards[2], guess[2])[()]

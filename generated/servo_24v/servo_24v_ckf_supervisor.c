@@ -291,7 +291,7 @@ static void guess_from_probe(servo_24v_ckf_supervisor_t *s)
     if (s->reading[3] > LEAST_SINE) {
         s->probe[0] = 1.0f;
     }
-    if (s->reading[3] < 0.0f - LEAST_SINE) {
+    if (0.0f - s->reading[3] > LEAST_SINE) {
         s->probe[0] = -1.0f;
     }
     read_probe(s->reading, s->probe, towards);

@@ -120,14 +120,10 @@ def _counting() -> tuple[Action, ...]:
 
 def _reading(drive: Drive) -> tuple[Action, ...]:
     """A current that zero voltage let flow."""
-    reading, first, probe, towards = (
-        [Entry(name, k) for k in range(4)] for name in ("reading", "first", "probe", "towards")
-    )
-    guess = [Entry("guess", k) for k in range(4)]
-    backward, forward = (
-        Compare("<", reading[3], _minus(Name("LEAST_SINE"))),
-        Compare(">", reading[3], Name("LEAST_SINE")),
-    )
+    named = ("reading", "first", "probe", "towards", "guess")
+    reading, first, probe, towards, guess = ([Entry(name, k) for k in range(4)] for name in named)
+    forward = Compare(">", reading[3], Name("LEAST_SINE"))
+    backward = Compare(">", _minus(reading[3]), Name("LEAST_SINE"))
     return (
         Action("await_reading", "No current was read yet.", (_clear("readings"),)),
         Action("take_reading", "The current's direction and size.", (Call(reading_block()),)),

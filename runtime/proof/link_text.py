@@ -19,6 +19,7 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.result import Link, Row
 from runtime.proof.text.c_steps import CText
 from runtime.proof.text.drive_flows import (
+    Changes,
     drive_in_c,
     drive_in_python,
     function_in_c,
@@ -182,12 +183,14 @@ class _Texts:
 
     def _function_rows(self) -> Iterator[Row]:
         """What the supervisor counts, and each action, by itself; then the table that calls them."""
-        changes: dict[str, set[Key]] = {}
+        changes: dict[str, Changes] = {}
         for name in functions_of(self._supervisor(), self.stem):
             before = self._machine()
             found = function_in_c(self._supervisor(), name, self.stem)
             wanted, mask = function_in_python(self._python("supervisor"), name, *self._records())
-            changes[name] = {key for key, value in found.items() if value is not before[key]}
+            changed = {key for key, value in found.items() if value is not before[key]}
+            own = {key for key, _ in record_cells(self.terms, self._fields("supervisor"))}
+            changes[name] = Changes(frozenset(changed & own), frozenset(changed - own))
             masked = {key: self.terms.select(mask, value, before[key]) for key, value in found.items()}
             yield from _flow_rows(f"supervisor's {name}", wanted, masked)
         found = supervisor_in_c(self._supervisor(), self.stem, changes)

@@ -176,7 +176,7 @@ class ModesC(CPrinter):
                 wrap_line(f"static void {head}", "", INDENT),
                 "{",
                 *(f"{INDENT}float32 {name}[{size}];" for name, size in self.places.local(body).items()),
-                *self.format_program(body),
+                *self.format_program(body),  # type: ignore[arg-type]
                 "}",
             ]
         )
@@ -354,7 +354,7 @@ class ModesPython(PythonPrinter):
         self._masks, self._open = 0, frozenset(arrays)
         lines = [f"def {head}:", f'{INDENT}"""{note}"""']
         lines += [f"{INDENT}{name} = list({home})" for name, home in homes.items()]
-        lines += self.format_program(body, where)
+        lines += self.format_program(body, where)  # type: ignore[arg-type]
         lines += [f"{INDENT}{home} = tuple({name})" for name, home in homes.items()]
         self._open = frozenset()
         return "\n".join(lines)

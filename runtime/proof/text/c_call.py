@@ -102,8 +102,30 @@ class Call:
     def _plus(self, value: Any) -> Term:
         return self.terms.operation("+", value, self.terms.one) if isinstance(value, Term) else self.terms.unknown("++")
 
+    def _struct(self, node: Any) -> Any:
+        """The struct that ``*f``, ``s->rival`` or a name stands for; None: it is none."""
+        if isinstance(node, c_ast.UnaryOp) and node.op == "*":
+            node = node.expr
+        if not isinstance(node, c_ast.ID | c_ast.StructRef):
+            return None
+        found = self.value_of_field(node) if isinstance(node, c_ast.StructRef) else self.scope.get(node.name)
+        return found if isinstance(found, dict) else None
+
+    def _copy_struct(self, target: Any, source: Any) -> None:
+        for name, cells in target.items():
+            if isinstance(cells, dict):
+                self._copy_struct(cells, source[name])
+                continue
+            for k in range(cells.size):
+                self.text.memory[cells.id, k] = self.text.read(source[name], k)
+
     def _declare(self, item: Any) -> None:
         kind, size = declared(item.type)
+        source = self._struct(item.init) if item.init is not None else None
+        if source is not None and size is None:
+            self.scope[item.name] = self.text.new_struct(kind, f"{item.name}.")
+            self._copy_struct(self.scope[item.name], source)
+            return
         array = self.text.new_array(item.name, size, kind)
         self.scope[item.name] = array
         if isinstance(item.init, c_ast.InitList):
@@ -193,6 +215,10 @@ class Call:
     # --- assignments
 
     def _assign(self, item: Any) -> None:
+        structs = self._struct(item.lvalue), self._struct(item.rvalue)
+        if all(struct is not None for struct in structs) and item.op == "=":
+            self._copy_struct(*structs)
+            return
         array, place = self.place(item.lvalue)
         value = self.value(item.rvalue)
         if item.op in {"|=", "+="}:

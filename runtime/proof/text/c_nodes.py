@@ -95,6 +95,17 @@ class Unit(Protocol):
             "int", "float32", or "lanes" where a cell has one value a lane.
         """
 
+    def new_struct(self, kind: str, prefix: str = "") -> Struct:
+        """Make the cells of a struct.
+
+        Parameters
+        ----------
+        kind : str
+            Its type.
+        prefix : str, optional
+            Beginning of the names.
+        """
+
 
 def items(statement: Any) -> list[Any]:
     """Return the statements of a block, or the one statement.

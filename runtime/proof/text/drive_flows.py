@@ -6,7 +6,8 @@ itself, then the table, in which such a function is one call that may change wha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
 from typing import Any
 
 from runtime.proof.text.c_steps import CText, Pointer, Value
@@ -86,7 +87,15 @@ def _inputs_in_python(terms: Terms) -> dict[str, Any]:
 # --- the supervisor's table
 
 
-def supervisor_in_c(text: CText, prefix: str, changes: Mapping[str, set[Key]]) -> Cells:
+@dataclass(frozen=True)
+class Changes:
+    """The cells that a function changes: of the supervisor's struct, and of the filter's that it is given."""
+
+    machine: frozenset[Key]
+    filter: frozenset[Key]
+
+
+def supervisor_in_c(text: CText, prefix: str, changes: Mapping[str, Changes]) -> Cells:
     """Every field of the supervisor's and of the filter's struct after an interrupt, and the transition's number.
 
     Parameters
@@ -94,28 +103,32 @@ def supervisor_in_c(text: CText, prefix: str, changes: Mapping[str, set[Key]]) -
     text : CText
     prefix : str
         Beginning of the filter's names, such as "paper_spmsm_ckf".
-    changes : mapping of str to set of Key
-        By function: the cells that it changes.
+    changes : mapping of str to Changes
+        By function.
     """
     s, f = text.new_struct(f"{prefix}_supervisor_t"), text.new_struct(f"{prefix}_t")
 
-    def called(name: str, cells: set[Key]) -> Any:
+    def called(name: str, changed: Changes) -> Any:
+        parameters = [p.name for p in text.functions[name].decl.type.args.params]
+
         def call(t: CText, arguments: list[Value]) -> Value:
+            given = dict(zip(parameters, arguments, strict=True))
+            target = given.get("f", f)
             before = struct_cells(t, s) | struct_cells(t, f)
-            made = t.terms.make("call", name, *(before[key] for key in sorted(before)))
-            for struct in (s, f):
-                _overwrite_struct(t, struct, made, cells)
+            made = t.terms.make("call", name, target is f, *(before[key] for key in sorted(before)))
+            _overwrite_struct(t, s, made, changed.machine)
+            _overwrite_struct(t, target, made, changed.filter)
             return None
 
         return call
 
-    text.elsewhere |= {name: called(name, cells) for name, cells in changes.items()}
+    text.elsewhere |= {name: called(name, changed) for name, changed in changes.items()}
     given = _inputs_in_c(text)
     taken = text.call(f"{prefix}_supervise", [s, f, given["status"], given["phase"], given["reference"]])
     return struct_cells(text, s) | struct_cells(text, f) | {("taken", 0): term_of(text.terms, taken)}
 
 
-def supervisor_in_python(text: PythonText, machine: Record, fields: Record, changes: Mapping[str, set[Key]]) -> Cells:
+def supervisor_in_python(text: PythonText, machine: Record, fields: Record, changes: Mapping[str, Changes]) -> Cells:
     """The same of the module's ``supervise``.
 
     What a function is given is asked for the lanes of its mask alone: transitions of other lanes went before.
@@ -125,24 +138,25 @@ def supervisor_in_python(text: PythonText, machine: Record, fields: Record, chan
     text : PythonText
     machine, fields : Record
         Fields of the C structs, the supervisor's and the filter's, as symbols; the step changes them.
-    changes : mapping of str to set of Key
-        By function: the cells that it changes.
+    changes : mapping of str to Changes
+        By function.
     """
     terms = text.terms
 
-    def called(name: str, cells: set[Key]) -> Any:
+    def called(name: str, changed: Changes) -> Any:
         def call(arguments: list[Any]) -> Any:
-            s, f, *_ = arguments
+            s, target, *_ = arguments
             where = arguments[3] if name != "watch" else terms.one
-            before = dict(record_cells(terms, s)) | dict(record_cells(terms, f))
-            made = terms.make("call", name, *(terms.within(where, before[key]) for key in sorted(before)))
-            for record in (s, f):
-                _overwrite_record(terms, record, made, cells, where)
+            before = dict(record_cells(terms, s)) | dict(record_cells(terms, fields))
+            own = target is not s.get("rival")
+            made = terms.make("call", name, own, *(terms.within(where, before[key]) for key in sorted(before)))
+            _overwrite_record(terms, s, made, changed.machine, where)
+            _overwrite_record(terms, target, made, changed.filter, where)
             return None
 
         return call
 
-    known = {f"_{name}": called(name, cells) for name, cells in changes.items()}
+    known = {f"_{name}": called(name, changed) for name, changed in changes.items()}
     text.functions = {name: d for name, d in text.functions.items() if name not in known}
     text.elsewhere |= known
     given = _inputs_in_python(terms)
@@ -154,7 +168,7 @@ def supervisor_in_python(text: PythonText, machine: Record, fields: Record, chan
 # --- the drive
 
 
-def drive_in_c(text: CText, prefix: str, changes: set[Key]) -> Cells:
+def drive_in_c(text: CText, prefix: str, changes: Set[Key]) -> Cells:
     """Every field of the drive's struct after an interrupt, duty cycles and the inverter.
 
     The controller's step and the supervisor's are a call each; the supervisor's may change all that it is given.
@@ -178,6 +192,12 @@ def drive_in_c(text: CText, prefix: str, changes: set[Key]) -> Cells:
                 t.memory[given.array.id, given.offset + k] = terms.make("out", call, "duty", k)
         return terms.make("out", call, "status", 0, whole=True)
 
+    def rival(t: CText, arguments: list[Value]) -> Value:
+        f, v, i = arguments
+        call = terms.make("call", "rival", _all_of_struct(t, f), t.cells(v), t.cells(i))
+        _overwrite_struct(t, f, call)
+        return terms.make("out", call, "status", 0, whole=True)
+
     def supervise(t: CText, arguments: list[Value]) -> Value:
         s, f, status, phase, reference = arguments
         structs = (_all_of_struct(t, part) for part in (s, f))
@@ -186,14 +206,14 @@ def drive_in_c(text: CText, prefix: str, changes: set[Key]) -> Cells:
         _overwrite_struct(t, f, call)
         return terms.make("out", call, "taken", 0, whole=True)
 
-    text.elsewhere |= {f"{prefix}_foc_step": controller, f"{prefix}_supervise": supervise}
+    text.elsewhere |= {f"{prefix}_foc_step": controller, f"{prefix}_supervise": supervise, f"{prefix}_step": rival}
     inputs = [text.new_input(port, 2, "float32") for port in ("phase", "command")]
     inverter = text.call(f"{prefix}_drive_step", [d, *inputs, Pointer(duty)])
     found = struct_cells(text, d) | {("duty", k): term_of(terms, text.read(duty, k)) for k in range(3)}
     return found | {("inverter", 0): term_of(terms, inverter)}
 
 
-def drive_in_python(text: PythonText, fields: Record, changes: set[Key]) -> Cells:
+def drive_in_python(text: PythonText, fields: Record, changes: Set[Key]) -> Cells:
     """The same of the module's ``drive_step``.
 
     Parameters
@@ -216,6 +236,15 @@ def drive_in_python(text: PythonText, fields: Record, changes: set[Key]) -> Cell
                 return duty, terms.make("out", call, "status", 0, whole=True)
         return terms.unknown("a call of the controller")
 
+    def rival(arguments: list[Any]) -> Any:
+        match arguments:
+            case [Record() as f, tuple() | list() as v, tuple() | list() as i, _]:
+                given = (terms.make("array", *values) for values in (_all_of_record(terms, f), v, i))
+                call = terms.make("call", "rival", *given)
+                _overwrite_record(terms, f, call)
+                return terms.make("out", call, "status", 0, whole=True)
+        return terms.unknown("a call of the rival's step")
+
     def supervise(arguments: list[Any]) -> Any:
         match arguments:
             case [Record() as s, Record() as f, Term() as status, tuple() | list() as phase, Term() as reference, _]:
@@ -227,7 +256,7 @@ def drive_in_python(text: PythonText, fields: Record, changes: set[Key]) -> Cell
         return terms.unknown("a call of the supervisor")
 
     text.functions = {k: v for k, v in text.functions.items() if k not in {"foc_step", "supervise"}}
-    text.elsewhere |= {"foc_step": controller, "supervise": supervise}
+    text.elsewhere |= {"foc_step": controller, "supervise": supervise, "filter_step": rival}
     inputs = [tuple(terms.symbol(port, k) for k in range(2)) for port in ("phase", "command")]
     found = text.call("drive_step", [fields, terms.symbol("filter_step"), *inputs, None])
     duty, inverter = found if isinstance(found, tuple) and len(found) == 2 else ((), None)
@@ -245,7 +274,7 @@ def _all_of_struct(text: CText, struct: Value) -> Term:
     return text.terms.make("array", *(cells[key] for key in sorted(cells)))
 
 
-def _overwrite_struct(text: CText, struct: Value, call: Term, only: set[Key] | None = None, prefix: str = "") -> None:
+def _overwrite_struct(text: CText, struct: Value, call: Term, only: Set[Key] | None = None, prefix: str = "") -> None:
     if not isinstance(struct, dict):
         return
     for name, value in struct.items():
@@ -263,7 +292,7 @@ def _all_of_record(terms: Terms, record: Record) -> list[Term]:
 
 
 def _overwrite_record(
-    terms: Terms, record: Record, call: Term, only: set[Key] | None = None, where: Term | None = None, prefix: str = ""
+    terms: Terms, record: Record, call: Term, only: Set[Key] | None = None, where: Term | None = None, prefix: str = ""
 ) -> None:
     for name, value in record.items():
         if isinstance(value, Record):
@@ -276,7 +305,7 @@ def _overwrite_record(
         record[name] = tuple(made) if isinstance(value, tuple | list) else made[0]
 
 
-def _overwritten(terms: Terms, cell: Any, call: Term, key: Key, only: set[Key] | None, where: Term | None) -> Any:
+def _overwritten(terms: Terms, cell: Any, call: Term, key: Key, only: Set[Key] | None, where: Term | None) -> Any:
     if only is not None and key not in only:
         return cell
     made = terms.make("out", call, *key, whole=isinstance(cell, Term) and cell.whole)
