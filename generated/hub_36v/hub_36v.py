@@ -1071,13 +1071,13 @@ MAX_DIVERGED = 1600  # steps in a row with PMSM_DIVERGED: less is ridden through
 MAX_EXCESS = 3  # samples in a row beyond the trip current
 MAX_FAILURES = 10  # attempts in a row that fail end in FAULT
 REST_SAMPLES = 32  # so long both currents must read zero before the inverter is enabled
-PROBE_SAMPLES = 80  # without a current from zero voltage for so long the rotor stands
+PROBE_SAMPLES = 32  # without a current from zero voltage for so long the rotor stands
 GAP_SAMPLES = 8  # at least, from one reading to the next: the rotor turns less than half a turn
 WAIT_SAMPLES = 32  # so long the current of a reading may take to die out
 SETTLE_SAMPLES = 16  # so long the angle may jump; then it must turn as the speed says
 TWICE_SETTLE_SAMPLES = 32  # or the guess is turned round
 CATCH_SAMPLES = 160  # so long the filter may take to lock
-LOCKED_SAMPLES = 48  # so long it must be content; and the length of a window of RUNNING
+LOCKED_SAMPLES = 48  # so long it must be content, and a rival the better one; a window of RUNNING
 STEADY_WINDOWS = 33  # of RUNNING, after which failures are forgotten
 MOST_SAMPLES = 32000  # an int of 16 bits counts no further
 ZERO_SQUARED = 1.5625  # (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors
@@ -1095,7 +1095,7 @@ GOOD_WINDOWS = 1  # must have gone before the one that ends a start
 MAX_WINDOWS = 20  # of STARTING, before the drive gives up
 PREFERENCE = 0.05  # the rival must expect the currents better by so much
 LOAD_PENALTY = 0.0011857914341565213  # 1/(N m)^2: what a load adds to a filter's score
-REST_SPEED = 0.5540516160065033  # (rad/s)^2: of a rotor that made no current
+REST_SPEED = 1.0244225079585916  # (rad/s)^2: of a rotor that made no current
 MIRROR_SPEED = 185.640625  # (rad/s)^2: of half a turn on
 START_ANGLE = 0.09  # rad^2: about each of the filters' guesses
 HALF_PI = 1.5707963267948966  # a quarter of a turn
@@ -1553,8 +1553,9 @@ def supervise(s, f, status, phase, reference, math):
     found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
         (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0) &
         (s.good >= GOOD_WINDOWS), 19, found))
-    found = (np.where(s.rival.nis + LOAD_PENALTY * (s.rival.x[4] * s.rival.x[4]) + PREFERENCE < f.nis +
-        LOAD_PENALTY * (f.x[4] * f.x[4]), 18, found))
+    found = (np.where((s.since >= LOCKED_SAMPLES) & (s.rival.nis +
+        LOAD_PENALTY * (s.rival.x[4] * s.rival.x[4]) + PREFERENCE < f.nis + LOAD_PENALTY * (f.x[4] * f.x[4])),
+        18, found))
     found = np.where(s.windows >= MAX_WINDOWS, 17, found)
     found = np.where((status & RESTARTED) != 0, 16, found)
     found = np.where(s.rejected >= MAX_REJECTED, 15, found)
@@ -1710,7 +1711,7 @@ def supervise(s, f, status, phase, reference, math):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_STARTED, s.reason)[()]
         _go(s, RESTING, where)
-    # STARTING: the rival expects the currents better.
+    # STARTING: the rival has expected the currents better for a while.
     where = taken == 18
     if np.any(where):
         _exchange_filters(s, f, phase, where, math)

@@ -70,13 +70,13 @@
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
 #define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 100 /* so long both currents must read zero before the inverter is enabled */
-#define PROBE_SAMPLES 250 /* without a current from zero voltage for so long the rotor stands */
+#define PROBE_SAMPLES 100 /* without a current from zero voltage for so long the rotor stands */
 #define GAP_SAMPLES 25 /* at least, from one reading to the next: the rotor turns less than half a turn */
 #define WAIT_SAMPLES 100 /* so long the current of a reading may take to die out */
 #define SETTLE_SAMPLES 50 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 100 /* or the guess is turned round */
 #define CATCH_SAMPLES 500 /* so long the filter may take to lock */
-#define LOCKED_SAMPLES 150 /* so long it must be content; and the length of a window of RUNNING */
+#define LOCKED_SAMPLES 150 /* so long it must be content, and a rival the better one; a window of RUNNING */
 #define STEADY_WINDOWS 33 /* of RUNNING, after which failures are forgotten */
 #define MOST_SAMPLES 32000 /* an int of 16 bits counts no further */
 #define ZERO_SQUARED 1.0f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */

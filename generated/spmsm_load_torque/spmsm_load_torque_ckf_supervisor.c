@@ -88,13 +88,13 @@
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
 #define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 20 /* so long both currents must read zero before the inverter is enabled */
-#define PROBE_SAMPLES 50 /* without a current from zero voltage for so long the rotor stands */
+#define PROBE_SAMPLES 20 /* without a current from zero voltage for so long the rotor stands */
 #define GAP_SAMPLES 5 /* at least, from one reading to the next: the rotor turns less than half a turn */
 #define WAIT_SAMPLES 20 /* so long the current of a reading may take to die out */
 #define SETTLE_SAMPLES 10 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 20 /* or the guess is turned round */
 #define CATCH_SAMPLES 100 /* so long the filter may take to lock */
-#define LOCKED_SAMPLES 30 /* so long it must be content; and the length of a window of RUNNING */
+#define LOCKED_SAMPLES 30 /* so long it must be content, and a rival the better one; a window of RUNNING */
 #define STEADY_WINDOWS 33 /* of RUNNING, after which failures are forgotten */
 #define MOST_SAMPLES 32000 /* an int of 16 bits counts no further */
 #define ZERO_SQUARED 1.0f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */
@@ -112,7 +112,7 @@
 #define MAX_WINDOWS 20 /* of STARTING, before the drive gives up */
 #define PREFERENCE 0.05f /* the rival must expect the currents better by so much */
 #define LOAD_PENALTY 0.0010629252f /* 1/(N m)^2: what a load adds to a filter's score */
-#define REST_SPEED 67.474495f /* (rad/s)^2: of a rotor that made no current */
+#define REST_SPEED 67.61259f /* (rad/s)^2: of a rotor that made no current */
 #define MIRROR_SPEED 2500.0f /* (rad/s)^2: of half a turn on */
 #define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
 #define HALF_PI 1.5707964f /* a quarter of a turn */
@@ -752,12 +752,12 @@ int spmsm_load_torque_ckf_supervise(
             s->reason = PMSM_REASON_NOT_STARTED;
             go(s, PMSM_RESTING);
             taken = 17;
-        } else if (s->rival.nis +
+        } else if ((s->since >= LOCKED_SAMPLES) && (s->rival.nis +
                 LOAD_PENALTY * (s->rival.x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE] * s->rival.x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE])
                 + PREFERENCE < f->nis +
-                LOAD_PENALTY * (f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE] * f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE]))
+                LOAD_PENALTY * (f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE] * f->x[SPMSM_LOAD_TORQUE_CKF_LOAD_TORQUE])))
                 {
-            /* the rival expects the currents better */
+            /* the rival has expected the currents better for a while */
             exchange_filters(s, f);
             count_window(s);
             begin_anew(s);

@@ -15,7 +15,7 @@ BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
 #: s. Currents must read zero for REST; zero voltage is tried for PROBE; the current of a first reading has WAIT to die
 #: out; the filter has CATCH to lock, of which its angle may jump for SETTLE, and must be content for LOCKED. Attempts
 #: are forgotten after STEADY of running.
-REST_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 5e-3, 2e-3, 10e-3, 1e-3
+REST_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3
 LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
 #: s, rad electrical at the operating box's speed: two readings are so far apart, at most. Less than half a turn, so
 #: that the way that the current turned is the rotor's.
@@ -149,7 +149,9 @@ def _times(drive: Drive) -> tuple[Limit, ...]:
         samples("SETTLE_SAMPLES", SETTLE_TIME, "so long the angle may jump; then it must turn as the speed says"),
         samples("TWICE_SETTLE_SAMPLES", SETTLE_TIME, "or the guess is turned round", times=2),
         samples("CATCH_SAMPLES", CATCH_TIME, "so long the filter may take to lock"),
-        samples("LOCKED_SAMPLES", LOCKED_TIME, "so long it must be content; and the length of a window of RUNNING"),
+        samples(
+            "LOCKED_SAMPLES", LOCKED_TIME, "so long it must be content, and a rival the better one; a window of RUNNING"
+        ),
         Limit("STEADY_WINDOWS", round(STEADY_TIME / LOCKED_TIME), "of RUNNING, after which failures are forgotten"),
         Limit("MOST_SAMPLES", MOST_SAMPLES, "an int of 16 bits counts no further"),
     )

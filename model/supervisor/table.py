@@ -277,8 +277,8 @@ def _starting(states: list[str]) -> tuple[Transition, ...]:
         Transition(
             "STARTING",
             "STARTING",
-            Compare("<", Operation("+", other, Name("PREFERENCE")), own),
-            "the rival expects the currents better",
+            All((at_least("since", "LOCKED_SAMPLES"), Compare("<", Operation("+", other, Name("PREFERENCE")), own))),
+            "the rival has expected the currents better for a while",
             ("exchange_filters", "count_window", "begin_anew", "begin_window"),
         ),
         Transition(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from runtime.drive.figures import COLOURS, DASHES
-from runtime.faults.loop import RUNNING, FaultyRun
+from runtime.faults.loop import FaultyRun
 from runtime.faults.survey import ANGLE_BAND, Outcome
 from runtime.recorded.units import RPM
 from runtime.style.figures import pyplot, svg_text
@@ -50,7 +50,7 @@ def _draw(row: Any, run: FaultyRun, kind: str) -> None:
     part = slice(max(0, run.first - round(BEFORE / T)), run.first + round(BEHIND / T))
     time = (run.t[part] - run.t[run.first]) * 1e3
     style: dict[str, Any] = {"color": COLOURS.get(kind), "ls": DASHES.get(kind), "lw": 0.9, "label": kind}
-    used = (run.mode[part] == RUNNING) & run.powered[part]
+    used = run.running[part] & run.powered[part]
     row[0].plot(time, run.omega[part] * RPM, **style)
     row[1].plot(time, np.where(used, run.speed_error[part], np.nan), **style)
     row[2].plot(time, np.where(used, run.angle_error[part], np.nan), **style)

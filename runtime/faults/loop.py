@@ -40,16 +40,13 @@ FAULT = np.dtype(
     ]
 )
 
-#: Modes of the drive.
-RESTING, PROBING, CATCHING, RUNNING, FAULT_MODE = 0, 1, 2, 3, 4
-
 
 @dataclass(frozen=True)
 class FaultyRun(AgainstTruth):
     """A run with a fault; arrays of N samples.
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
-    told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's. Samples
+    told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode RUNNING. Samples
     ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
     estimate of the speed no further off is right.
     """
@@ -70,6 +67,7 @@ class FaultyRun(AgainstTruth):
     status: Array
     mode: Array
     reason: Array
+    running: Array
     powered: Array
     band: float
 
@@ -142,7 +140,16 @@ class FaultyLoop:
         powered = np.ones(steps, dtype=bool)
         powered[first:after] = (rows["what"] & POWER_OFF) == 0
         return FaultyRun(
-            self.kind, first, after, t, given["speed"], **truth, **found, powered=powered, band=scenario.least_band
+            self.kind,
+            first,
+            after,
+            t,
+            given["speed"],
+            **truth,
+            **found,
+            running=found["mode"] == self.module.RUNNING,
+            powered=powered,
+            band=scenario.least_band,
         )
 
     def _motor(self) -> Any:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.estimator.folder import GeneratedFolder
 from runtime.faults.catalogue import FAULTS, Circumstances, Fault
-from runtime.faults.loop import RUNNING, FaultyLoop, FaultyRun
+from runtime.faults.loop import FaultyLoop, FaultyRun
 from runtime.folders.stated import stated_drive
 from runtime.recorded.units import RPM
 from runtime.system.files import write_text
@@ -97,14 +97,14 @@ def judge(run: FaultyRun, T: float) -> Recovery:
         Sample time, s.
     """
     since = slice(run.first, None)
-    good = (run.mode == RUNNING) & (np.abs(run.speed_error) < run.band) & (np.abs(run.angle_error) < ANGLE_BAND)
+    good = run.running & (np.abs(run.speed_error) < run.band) & (np.abs(run.angle_error) < ANGLE_BAND)
     bad = np.flatnonzero(~good)
     back = int(bad[-1]) + 1 if len(bad) else 0
     recovered = len(good) - back >= round(LEAST_REST / T)
     during = slice(run.first, run.after + round(AFTERMATH / T))
     status = run.status[during] & ~NOT_CONVERGED
-    said = np.flatnonzero((status != 0) | (run.mode[during] != RUNNING))
-    used = (run.mode == RUNNING) & run.powered
+    said = np.flatnonzero((status != 0) | ~run.running[during])
+    used = run.running & run.powered
     used[: run.first] = False
     return Recovery(
         time=max(0, back - run.after) * T if recovered else float("nan"),
@@ -114,7 +114,7 @@ def judge(run: FaultyRun, T: float) -> Recovery:
         angle_error=_largest(run.angle_error[used]),
         deviation=_largest((run.omega - run.reference)[since] * RPM),
         current=_largest(run.current[since]),
-        idle=float(np.count_nonzero(run.mode[since] != RUNNING) * T),
+        idle=float(np.count_nonzero(~run.running[since]) * T),
     )
 
 
