@@ -96,7 +96,7 @@
 #define SETTLE_SAMPLES 10 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 20 /* or the guess is turned round */
 #define CATCH_SAMPLES 100 /* so long the filter may take to lock */
-#define LOCKED_SAMPLES 30 /* so long it must be content, and a rival the better one; a window of RUNNING */
+#define LOCKED_SAMPLES 30 /* so long content, or a rival the better one; a window of RUNNING */
 #define STEADY_WINDOWS 33 /* of RUNNING, after which failures are forgotten */
 #define MOST_SAMPLES 32000 /* an int of 16 bits counts no further */
 #define ZERO_SQUARED 0.25f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */

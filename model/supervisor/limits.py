@@ -149,9 +149,7 @@ def _times(drive: Drive) -> tuple[Limit, ...]:
         samples("SETTLE_SAMPLES", SETTLE_TIME, "so long the angle may jump; then it must turn as the speed says"),
         samples("TWICE_SETTLE_SAMPLES", SETTLE_TIME, "or the guess is turned round", times=2),
         samples("CATCH_SAMPLES", CATCH_TIME, "so long the filter may take to lock"),
-        samples(
-            "LOCKED_SAMPLES", LOCKED_TIME, "so long it must be content, and a rival the better one; a window of RUNNING"
-        ),
+        samples("LOCKED_SAMPLES", LOCKED_TIME, "so long content, or a rival the better one; a window of RUNNING"),
         Limit("STEADY_WINDOWS", round(STEADY_TIME / LOCKED_TIME), "of RUNNING, after which failures are forgotten"),
         Limit("MOST_SAMPLES", MOST_SAMPLES, "an int of 16 bits counts no further"),
     )

@@ -46,8 +46,8 @@ class FaultyRun(AgainstTruth):
     """A run with a fault; arrays of N samples.
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
-    told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode RUNNING. Samples
-    ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
+    told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode
+    RUNNING. Samples ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
     estimate of the speed no further off is right.
     """
 
