@@ -47,8 +47,8 @@ class FaultyRun(AgainstTruth):
 
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
     told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode
-    RUNNING. Samples ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on; ``band`` r/min: an
-    estimate of the speed no further off is right.
+    RUNNING. Samples ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on;
+    ``band`` r/min: an estimate of the speed no further off is right.
     """
 
     kind: str
