@@ -63,7 +63,7 @@ def render_module(
                 c[0]: c
                 for c in (
                     *named_constants(about, [*listings.values(), *around["control_listings"]], staged=True),
-                    *named_constants(about, around["supervisor_listings"], staged=True),
+                    *named_constants(about, [*around["supervisor_listings"], *around["drive_listings"]], staged=True),
                     *((c.name, c.value, c.formula) for c in around["control_constants"]),
                 )
             }.values()

@@ -8,10 +8,12 @@ from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.filter import (
+    ANGLE,
     Description,
     named_constants,
     render,
     sin_cos_text,
+    state_place,
     trig_note,
     tuning,
     with_ramfuncs,
@@ -23,6 +25,8 @@ from model.filters import FilterStep
 from model.filters.program import Restart
 from model.inverter import TRANSFORM
 from model.loop.controller import Gains, clarke_block
+from model.loop.injection import faded, injected_voltage, injection_block
+from model.quantities import Constant
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
 from model.supervisor.limits import start_share
@@ -38,6 +42,19 @@ def machine_of(about: Description, step: FilterStep) -> Supervisor:
         The filter's: the literal form does not tell how well it expects the currents.
     """
     return supervisor(about.drive, about.model, step.has(Restart))
+
+
+def drive_listings(about: Description) -> list[Listing]:
+    """The block that the drive adds to the controller's voltages, laid out; a round rotor has none.
+
+    Parameters
+    ----------
+    about : Description
+    """
+    if not injected_voltage(about.drive):
+        return []
+    named = (*TRANSFORM, Constant("PER_FADED_SPEED", faded(about.drive), "1 / (0.2 of rated speed), s/rad", None))
+    return [lay_out(injection_block(about.drive), named)]
 
 
 def _listings(about: Description, machine: Supervisor) -> list[Listing]:
@@ -83,6 +100,9 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     listings = _listings(about, machine)
     return {
         "machine": machine,
+        "injected": repr(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
+        "inject": [printer.format_block(listing) for listing in drive_listings(about)],
+        "drive_listings": drive_listings(about),
         "rivals": machine.rivals,
         "filter_fields": filter_fields(about, step),
         "start_share": printer.format_literal(start_share(about.drive)),
@@ -113,6 +133,7 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
+        "injected": printer.format_literal(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
         "machine": machine,
         "rivals": machine.rivals,
         "start_share": printer.format_literal(start_share(about.drive)),
@@ -137,13 +158,23 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
         table="\n".join(printer.format_table()),
         told="\n".join(printer.format_told()),
     )
-    clarke = lay_out(clarke_block(), TRANSFORM)
+    clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about)
     drive = render(
         "drive.c.j2",
         **common,
         max_current=Gains.names().index("max_current"),
         clarke=printer.format_block(clarke),
-        constants=[(name, printer.format_literal(v), formula) for name, v, formula in named_constants(about, [clarke])],
+        constants=[
+            (name, printer.format_literal(v), formula)
+            for name, v, formula in named_constants(about, [*([clarke] if machine.rivals else []), *around])
+        ],
+        inject=[printer.format_block(listing) for listing in around],
+        omega=state_place(prefix, "omega"),
+        theta=state_place(prefix, ANGLE),
+        sin_cos=sin_cos_text(printer),
+        trig_note=trig_note(printer.target),
+        round=printer.format_literal(SINGLE.rounding),
+        below_pi=printer.format_literal(SINGLE.below_pi),
     )
     return {
         "supervisor.h": render("supervisor.h.j2", **common),

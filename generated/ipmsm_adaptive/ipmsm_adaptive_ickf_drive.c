@@ -5,16 +5,26 @@
  * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
 #if __TI_COMPILER_VERSION__ >= 15009000
+#pragma CODE_SECTION(sin_cos, ".TI.ramfunc")
+#pragma CODE_SECTION(smaller, ".TI.ramfunc")
+#pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(clarke, ".TI.ramfunc")
+#pragma CODE_SECTION(inject, ".TI.ramfunc")
 #pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
 #pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
+#pragma CODE_SECTION(add_injection, ".TI.ramfunc")
 #pragma CODE_SECTION(ipmsm_adaptive_ickf_drive_step, ".TI.ramfunc")
 #else
+#pragma CODE_SECTION(sin_cos, "ramfuncs")
+#pragma CODE_SECTION(smaller, "ramfuncs")
+#pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(clarke, "ramfuncs")
+#pragma CODE_SECTION(inject, "ramfuncs")
 #pragma CODE_SECTION(forget_voltages, "ramfuncs")
 #pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
+#pragma CODE_SECTION(add_injection, "ramfuncs")
 #pragma CODE_SECTION(ipmsm_adaptive_ickf_drive_step, "ramfuncs")
 #endif
 #endif
@@ -25,6 +35,42 @@
 
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
+#define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+
+/* Adding and subtracting it rounds to the nearest integer. */
+#define ROUND 1.2582912e+07f
+
+/* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
+ * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
+#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+static pmsm_pair sin_cos(float32 x)
+{
+    pmsm_pair result;
+    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
+    const float32 k = x * 0.31830987f + ROUND - ROUND;
+    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
+    /* --- the sign is -1 for odd k */
+    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
+    const float32 sign = 1.0f - 2.0f * (odd * odd);
+    /* --- minimax polynomials in z = r^2 */
+    const float32 z = r * r;
+    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
+        -0.16666657f));
+    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
+        -0.0013888568f) * z + 0.041666657f));
+    return result;
+}
+
+static float32 smaller(float32 a, float32 b)
+{
+    return (a < b) ? a : b;
+}
+
+static float32 larger(float32 a, float32 b)
+{
+    return (a > b) ? a : b;
+}
 
 /* Clarke: i_a, i_b in A -> i_alpha, i_beta in A */
 static void clarke(const float32 phase[2], float32 i_out[2])
@@ -34,6 +80,42 @@ static void clarke(const float32 phase[2], float32 i_out[2])
 
     i_out[0] = i_a;
     i_out[1] = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
+}
+
+/* A square wave on the estimated d axis */
+static void inject(const float32 rotor[2], const float32 duty[3], const float32 v[2], const float32 link[1],
+    const float32 injection[2], float32 duty_out[3], float32 v_out[2], float32 injection_out[2])
+{
+    const float32 omega = rotor[0];
+    const float32 theta = rotor[1];
+    const float32 duty_a = duty[0];
+    const float32 duty_b = duty[1];
+    const float32 duty_c = duty[2];
+    const float32 v_alpha = v[0];
+    const float32 v_beta = v[1];
+    const float32 v_dc = link[0];
+    const float32 amplitude = injection[0];
+    const float32 sign = injection[1];
+    const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 v_link = larger(v_dc, 1.0f);
+    const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
+        larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+    const float32 size = sign * smaller(amplitude * left, room);
+    const pmsm_pair sincos_theta = sin_cos(theta);
+    const float32 sin_theta = sincos_theta.sine;
+    const float32 cos_theta = sincos_theta.cosine;
+    const float32 added_alpha = cos_theta * size;
+    const float32 added_beta = sin_theta * size;
+    const float32 half = -0.5f * added_alpha;
+    const float32 cross = SQRT_3_BY_2 * added_beta;
+
+    duty_out[0] = duty_a + added_alpha / v_link;
+    duty_out[1] = duty_b + (half + cross) / v_link;
+    duty_out[2] = duty_c + (half - cross) / v_link;
+    v_out[0] = v_alpha + added_alpha;
+    v_out[1] = v_beta + added_beta;
+    injection_out[0] = amplitude;
+    injection_out[1] = -sign;
 }
 
 /* No voltage is under way. */
@@ -72,10 +154,27 @@ static int run(ipmsm_adaptive_ickf_drive_t *d, const float32 phase[2], const flo
     return status;
 }
 
+/* The square wave, in the interval for which the controller has just made its voltage. */
+static void add_injection(ipmsm_adaptive_ickf_drive_t *d, float32 duty[3])
+{
+    float32 rotor[2];
+    float32 link[1];
+    rotor[0] = d->control.filter.x[IPMSM_ADAPTIVE_ICKF_OMEGA];
+    rotor[1] = d->control.filter.x[IPMSM_ADAPTIVE_ICKF_THETA];
+    link[0] = d->control.command_held[1];
+    if (d->control.delay != 0) {
+        inject(rotor, duty, d->control.v_queued, link, d->injection, duty, d->control.v_queued, d->injection);
+    } else {
+        inject(rotor, duty, d->control.v_acting, link, d->injection, duty, d->control.v_acting, d->injection);
+    }
+}
+
 void ipmsm_adaptive_ickf_drive_init(ipmsm_adaptive_ickf_drive_t *d, int delay)
 {
     ipmsm_adaptive_ickf_foc_init(&d->control, delay);
     ipmsm_adaptive_ickf_supervisor_init(&d->supervisor);
+    d->injection[0] = 216.0f;
+    d->injection[1] = 1.0f;
     d->status = 0;
 }
 
@@ -89,6 +188,9 @@ int ipmsm_adaptive_ickf_drive_step(ipmsm_adaptive_ickf_drive_t *d, const float32
     }
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);
+        if (d->supervisor.torque != 0) {
+            add_injection(d, duty);
+        }
     } else {
         d->status = 0;
         duty[0] = 0.5f;

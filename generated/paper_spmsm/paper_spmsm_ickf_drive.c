@@ -21,6 +21,7 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
+
 /* No voltage is under way. */
 static void forget_voltages(paper_spmsm_ickf_foc_t *c)
 {

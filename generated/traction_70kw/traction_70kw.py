@@ -134,6 +134,7 @@ LEAST_SIZE = 1e-12  # A^2: no less is divided by
 QUARTER_PI = 0.7853981633974483  # pi / 4
 ARC_BEND = 0.273  # of the arc tangent, within 0.004 rad
 PROBE_SPEED = 15.624999999999998  # L_q / (psi_m p T), rad/s per A, of one interval
+PER_FADED_SPEED = 0.011936621315463415  # 1 / (0.2 of rated speed), s/rad
 INV_L_D = 5000.0  # 1 / L_d, A/Wb
 HALF_T = 5e-05  # T / 2, s
 MAGNET_TURN = 1.0780580978414631e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
@@ -1963,11 +1964,36 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
+def inject(rotor, duty, v, link, injection, math, stages=None):
+    """A square wave on the estimated d axis."""
+    (omega, theta) = rotor
+    (duty_a, duty_b, duty_c) = duty
+    (v_alpha, v_beta) = v
+    v_dc = link[0]
+    (amplitude, sign) = injection
+    left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
+    v_link = _larger(v_dc, 1.0)
+    room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
+        _larger(duty_b, duty_c))), 0.0))
+    size = sign * _smaller(amplitude * left, room)
+    sin_theta, cos_theta = math.sin_cos(theta)
+    added_alpha = cos_theta * size
+    added_beta = sin_theta * size
+    half = -0.5 * added_alpha
+    cross = SQRT_3_BY_2 * added_beta
+
+    return (
+        (duty_a + added_alpha / v_link, duty_b + (half + cross) / v_link, duty_c + (half - cross) / v_link,),
+        (v_alpha + added_alpha, v_beta + added_beta,),
+        (amplitude, -sign,),
+    )
+
+
 def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0)
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(48.0), dtype(1)))
 
 
 def drive_step(d, filter_step, phase, command, math):
@@ -1990,6 +2016,12 @@ def drive_step(d, filter_step, phase, command, math):
         c.gain = (*gain[:5], limit, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
+        if s.torque != 0:
+            rotor, link = (c.filter.x[2], c.filter.x[3]), (c.command_held[1],)
+            if c.delay != 0:
+                duty, c.v_queued, d.injection = inject(rotor, duty, c.v_queued, link, d.injection, math)
+            else:
+                duty, c.v_acting, d.injection = inject(rotor, duty, c.v_acting, link, d.injection, math)
     else:
         half = math.dtype(0.5)
         duty, d.status = (half, half, half), 0

@@ -1,0 +1,88 @@
+"""A known square wave on the rotor's estimated d axis, by which a salient machine shows its angle at standstill.
+
+At rest there is no back-EMF, and what is left of the voltage says as much of a wrong resistance as of a wrong angle. A
+voltage that changes its sign every sample makes a ripple i_d = V T / (2 L_d) on its axis and, where the true axis is
+delta from there, one of V T / 4 (1/L_d - 1/L_q) sin(2 delta) across it (square wave at half the sampling frequency:
+Yoon, Sul, Morimoto and Ide, IEEE Trans. Ind. Appl. 47, 2011). Resistance has no part in it, and no second observer is
+needed: the filter knows the voltage and expects the ripple, through its own equations.
+
+The voltage fades with speed, where the back-EMF tells more, and is never more than the duty cycles have room for, so
+that what the filter is told is what arrives.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from model.filters.program import BlockBuilder
+from model.inverter import SQRT_3
+from model.loop.controller import LEAST_LINK
+from model.machines.base import Rotor
+from model.quantities import Block
+from model.rating import rating
+from model.schema import Drive
+
+#: Amplitude of the ripple, of the largest current; speed beyond which there is none, of the rated one.
+RIPPLE, FADED = 0.03, 0.2
+
+
+def injected_voltage(drive: Drive) -> float:
+    """Amplitude of the square wave, V; 0 for a round rotor, which shows nothing.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its largest current, d inductance and sample time.
+    """
+    m = drive.motor
+    if m.inductance_d == m.inductance_q:
+        return 0.0
+    return 2.0 * RIPPLE * drive.control.max_current * min(m.inductance_d, m.inductance_q) / drive.model.sample_time
+
+
+def faded(drive: Drive) -> float:
+    """One over the speed beyond which no voltage is injected, s/rad.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    return 1.0 / (FADED * rating(drive).speed)
+
+
+def injection_block(drive: Drive) -> Block:
+    """Duty cycles and voltage with the square wave added, and the sign that it has next.
+
+    Inputs: ``rotor`` estimated speed (rad/s, mechanical) and angle (rad); ``duty`` of phases a, b, c; ``v`` (V) as the
+    controller told it; ``link`` (V); ``injection`` amplitude (V) and sign. Outputs: ``duty``, ``v``, ``injection``.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its rated speed.
+    """
+    b = BlockBuilder("inject", "A square wave on the estimated d axis")
+    omega, theta = b.input("rotor", ["omega", "theta"])
+    duty = b.input("duty", ["duty_a", "duty_b", "duty_c"])
+    v = b.input("v", ["v_alpha", "v_beta"])
+    (v_dc,) = b.input("link", ["v_dc"])
+    amplitude, sign = b.input("injection", ["amplitude", "sign"])
+    speed = ca.fmax(omega, -omega)
+    left = ca.fmax(1.0 - speed * faded(drive), 0.0)
+    v_link = ca.fmax(v_dc, LEAST_LINK)
+    lowest = ca.fmin(duty[0], ca.fmin(duty[1], duty[2]))
+    highest = ca.fmax(duty[0], ca.fmax(duty[1], duty[2]))
+    room = v_link * ca.fmax(ca.fmin(lowest, 1.0 - highest), 0.0)
+    size = sign * ca.fmin(amplitude * left, room)
+    added = Rotor.at(theta).to_stator((size, 0.0))
+    half, cross = -0.5 * added[0], (SQRT_3 / 2) * added[1]
+    named: dict[str, Any] = {"left": left, "v_link": v_link, "room": room, "size": size}
+    named |= {"added_alpha": added[0], "added_beta": added[1], "half": half, "cross": cross}
+    b.stage("left", "", "", list(named.values()), list(named), scale="none")
+    legs = [added[0], half + cross, half - cross]
+    b.output("duty", [d + leg / v_link for d, leg in zip(duty, legs, strict=True)])
+    b.output("v", [v[0] + added[0], v[1] + added[1]])
+    b.output("injection", [amplitude, -sign])
+    return b.build()
