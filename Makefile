@@ -8,6 +8,10 @@ BIN := $(VENV)/bin
 # What is never imported need not be compiled: half of the time that setting up takes.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
+# Every process of a test loads the same modules: their bytecode is kept, whatever the environment says. Without it
+# each compiles SymPy, NumPy and the project anew, which takes longer than most of what it then does.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: run all test thorough unit firmware mutants lint types check bench clean
 
 # The paper's drive generated, proved and simulated, and build/report/index.html. From nothing, the environment
