@@ -60,12 +60,16 @@ def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:
     )
 
 
+def shipped_c(name: str) -> dict[str, str]:
+    """The C of a shipped drive for the chip, by file: what is generated and, generate --check says, current."""
+    folder = GENERATED / name
+    return {f"{path.relative_to(folder)}": path.read_text(encoding="utf-8") for path in folder.glob("*.[ch]")}
+
+
 @lru_cache(maxsize=8)
 def shipped_accounts(name: str) -> dict[str, Account]:
     """The cost of a shipped drive's filters, read from its generated folder; once a process."""
-    folder = GENERATED / name
-    files = {f"{path.relative_to(folder)}": path.read_text(encoding="utf-8") for path in folder.glob("*.[ch]")}
-    return count(load_drive(name), files)
+    return count(load_drive(name), shipped_c(name))
 
 
 @lru_cache(maxsize=8)
