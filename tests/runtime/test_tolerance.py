@@ -149,7 +149,7 @@ def test_an_adaptive_drive_survives_an_inverter_it_does_not_know(tmp_path: Path)
     for k, tried in enumerate((tolerant(drive, None), bounded(drive))):
         write_folder(tmp_path / str(k), generate_bare(variant(tried, filter={"kinds": ["ckf"]})).files)
         simulator = Simulator(GeneratedFolder(tmp_path / str(k), checked=False), "ckf")
-        behind = [Conditions("pwm", dead_time=2e-6, delay=1, bits=12, seed=seed) for seed in (1, 2)]
+        behind = [Conditions("pwm", dead_time=2e-6, delay=1, bits=12, seed=seed) for seed in range(1, 5)]
         scenario = find_scenario("load_step", drive, speed=100.0)
         locked.append([simulator.run(scenario, conditions).locked for conditions in behind])
     assert not all(locked[0])
