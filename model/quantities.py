@@ -118,9 +118,9 @@ class Constants:
             A CasADi expression.
         """
         known = list(self.items.values())
-        if not known:
+        if not known or expression.is_constant():
             return expression
-        return ca.substitute(expression, ca.vertcat(*(c.symbol for c in known)), ca.vertcat(*(c.value for c in known)))
+        return ca.substitute(expression, ca.vertcat(*(c.symbol for c in known)), ca.DM([c.value for c in known]))
 
 
 class Formulas(Constants):

@@ -9,7 +9,6 @@ from codegen.evidence.certificate import Figures
 from codegen.evidence.ledger import OPERATIONS, Ledger
 from codegen.evidence.measure import FLAGS, Record
 from codegen.ir.trig import sin_cos_bound
-from codegen.render.equations import readable, sparsity
 from codegen.render.filter import FILTER_TITLES, Description, render
 from codegen.render.selftest import SelfTest
 from model.filters import FilterStep
@@ -37,6 +36,8 @@ def render_report(
     tests : dict of str to SelfTest
         By the C name's end, such as "ickf_foc".
     """
+    from codegen.render.equations import readable, sparsity  # SymPy takes longer to load than all else together
+
     drive, model = about.drive, about.model
     eq = readable(drive)
     return render(

@@ -6,9 +6,9 @@ import difflib
 import hashlib
 import json
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from runtime.system.errors import UserError
@@ -120,8 +120,14 @@ class GeneratedFolder:
         """The generated Python module, executed from the checked text."""
         name = f"{self.drive}.py"
         module = ModuleType(f"generated_{self.drive}")
-        exec(compile(self.text(name), str(self.path / name), "exec"), module.__dict__)
+        exec(_compiled(self.text(name), str(self.path / name)), module.__dict__)
         return module
+
+
+@lru_cache(maxsize=16)
+def _compiled(text: str, path: str) -> CodeType:
+    """The code of a generated module, compiled once a process however often its folder is looked for."""
+    return compile(text, path, "exec")
 
 
 def find_folder(name: str | Path, checked: bool = True) -> GeneratedFolder:

@@ -21,7 +21,6 @@ from model.machines.own import MachineError, load_module, read_word, running
 from model.machines.state_space import StateSpaceModel, build
 from model.machines.tolerance import DATA, deviations
 from model.schema import Drive
-from runtime.proof.derivation import compare_derivations
 from runtime.proof.motors import Plant, make_motor
 from runtime.proof.reference import jacobian
 from runtime.proof.result import Link, Row
@@ -71,6 +70,8 @@ def compare_statements(drive: Drive) -> Link | None:
         As :func:`second_motor`.
     """
     if drive.model.machine in MACHINES:
+        from runtime.proof.derivation import compare_derivations  # SymPy, which no other link needs
+
         return compare_derivations(drive)
     motor = second_motor(drive)
     return compare_numbers(drive, build(drive), motor) if isinstance(motor, StatedMotor) else None

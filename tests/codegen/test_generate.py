@@ -56,7 +56,7 @@ def _c_files(drive: Drive) -> list[Path]:
     return sorted((GENERATED / drive.name).rglob("*.c"))
 
 
-@pytest.mark.parametrize("optimisation", ["-O0", "-O2"])
+@pytest.mark.parametrize("optimisation", ["-O2", *thoroughly("-O0")])
 def test_generated_c_is_clean_under_strict_warnings(drive: Drive, optimisation: str, tmp_path: Path) -> None:
     folder = GENERATED / drive.name
     assert len(_c_files(drive)) == 22

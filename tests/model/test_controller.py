@@ -18,6 +18,7 @@ from model.loop.references import current_reference, within_reach
 from model.quantities import Constants
 from model.schema import DriveError
 from runtime.proof.control import best_currents, of_current, torque_of
+from tests.conftest import thoroughly
 
 MOTORS, SHARES = 10_000, 24
 
@@ -165,12 +166,12 @@ def evaluate(block: Any, listing: Listing, order: list[int], inputs: dict[str, n
     return {name: np.array([values[n] for n in nodes]) for name, nodes in listing.outputs.items()}
 
 
-@pytest.mark.slow
-def test_integrators_and_duties_stay_finite_in_float32() -> None:
-    """300 motors, 20 samples each from standstill without current on, torque asked for to the limit and beyond."""
+@pytest.mark.parametrize("motors", [100, *thoroughly(300)])
+def test_integrators_and_duties_stay_finite_in_float32(motors: int) -> None:
+    """20 samples each from standstill without current on, torque asked for to the limit and beyond."""
     rng = np.random.default_rng(7)
-    base, drawn = load_drive("ipmsm"), draw(rng, 300)
-    for k in range(300):
+    base, drawn = load_drive("ipmsm"), draw(rng, motors)
+    for k in range(motors):
         m = motor_of(drawn, k)
         motor = base.motor.model_copy(
             update={name: getattr(m, name) for name in ("inductance_d", "inductance_q", "magnet_flux")}

@@ -48,10 +48,11 @@ def whole(folder: Path, marks: str) -> bool:
 
 
 @pytest.mark.slow
-def test_a_folder_is_the_old_or_the_new_one_whenever_its_writer_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kills", [15, *thoroughly(40)])
+def test_a_folder_is_the_old_or_the_new_one_whenever_its_writer_is_killed(kills: int, tmp_path: Path) -> None:
     chance = random.Random(1)
     seen = set()
-    for _ in range(40):
+    for _ in range(kills):
         process = start("-c", WRITER, "ab", cwd=tmp_path)
         assert process.stdout is not None
         process.stdout.readline()

@@ -26,7 +26,7 @@ STEPS = 60
 
 
 def _build(folder: GeneratedFolder, kind: str, change: tuple[str, str] | None = None) -> tuple[Any, Any, str]:
-    """The driver around both forms; ``change`` replaces a text of the lane forms."""
+    """The driver around both forms; ``change`` replaces a text of the lane forms, which no optimisation makes right."""
     prefix, sources = c_sources(folder, kind, "float32")
     foc, plant = f"{prefix}_foc", f"{folder.drive}_plant"
     sources |= {f"{foc}{end}": folder.text(f"{foc}{end}") for end in (".h", ".c")}
@@ -51,7 +51,8 @@ def _build(folder: GeneratedFolder, kind: str, change: tuple[str, str] | None = 
                            int n);
         """
     )
-    library = build_library({**sources, "driver.c": DRIVER.read_text()}, defines, OPTIMISATION)
+    optimisation = ("-O0",) if change else OPTIMISATION
+    library = build_library({**sources, "driver.c": DRIVER.read_text()}, defines, optimisation)
     return ffi, ffi.dlopen(str(library)), foc
 
 

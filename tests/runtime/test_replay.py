@@ -28,7 +28,7 @@ from runtime.replay.statistics import (
     mean_band,
 )
 from runtime.system.errors import UserError
-from tests.conftest import DRIVES, TASKS
+from tests.conftest import DRIVES, TASKS, thoroughly
 from tests.runtime.test_cli import call
 
 
@@ -234,7 +234,7 @@ def test_figures_can_be_drawn(replayed: Replay) -> None:
     assert innovation_figure(replayed).count('id="axes_') == 4
 
 
-@pytest.mark.parametrize("rows", [1, 2, 60, 3000])
+@pytest.mark.parametrize("rows", [1, 60, 3000, *thoroughly(2)])
 def test_absurd_data_make_figures_and_no_warning(rows: int, tmp_path: Path) -> None:
     """Noise over the whole range, numbers beyond float32, no numbers at all, next to nothing."""
     pytest.importorskip("matplotlib")
@@ -303,6 +303,7 @@ def test_a_toml_file_means_its_generated_folder(run: Run, tmp_path: Path) -> Non
 
     run.save(tmp_path / "run.npz")
     text = (FILES / "spmsm_load_torque.toml").read_text().replace('"spmsm_load_torque"', '"mine"')
+    text = text.replace('["ckf", "ickf"]', '["ckf"]')  # one filter is enough to generate here
     (tmp_path / "mine.toml").write_text(text)
     assert call("generate", "mine.toml", cwd=tmp_path).returncode == 0
     done = call("replay", "mine.toml", "run.npz", "--backend", "numpy", "--json", "f.json", cwd=tmp_path)

@@ -20,6 +20,7 @@ from runtime.firmware.gates import Gated
 from runtime.firmware.static.check import Check
 from runtime.proof.result import Proof
 from runtime.proof.verify import Evidence
+from runtime.report import page as page_module
 from runtime.report import run as run_module
 from runtime.report.run import Simulations
 from tests.judges import made
@@ -59,6 +60,25 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[..., Any]]:
     monkeypatch.setattr(run_module, "workers", here)
     monkeypatch.setattr(run_module, "generate_drives", lambda *arguments, **more: [])
     return pieces
+
+
+#: The figures of what is proved: the same evidence in every test here, drawn for the first.
+OF_EVIDENCE = ("trajectory_figure", "drift_figure", "effect_figure")
+DRAWN: dict[str, str] = {}
+
+
+@pytest.fixture(autouse=True)
+def _drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def once(name: str, draw: Callable[..., str]) -> Callable[..., str]:
+        def drawn(*arguments: Any) -> str:
+            if name not in DRAWN:
+                DRAWN[name] = draw(*arguments)
+            return DRAWN[name]
+
+        return drawn
+
+    for name in OF_EVIDENCE:
+        monkeypatch.setattr(page_module, name, once(name, getattr(page_module, name)))
 
 
 def ran(tmp_path: Path, *arguments: str) -> tuple[int, str]:

@@ -52,7 +52,11 @@ def simulators() -> dict[str, Simulator]:
 
 
 @pytest.mark.parametrize(
-    "factors", [{}, {"R": 1.2, "L_d": 0.8, "L_q": 0.8, "psi_m": 0.9, "J": 1.7}], ids=["", "varied"]
+    "factors",
+    [
+        pytest.param({"R": 1.2, "L_d": 0.8, "L_q": 0.8, "psi_m": 0.9, "J": 1.7}, id="varied"),
+        pytest.param({}, id="", marks=pytest.mark.thorough),
+    ],
 )
 def test_plant_against_dop853(drive: Drive, factors: dict[str, float], simulators: dict[str, Simulator]) -> None:
     """0.1 s with a voltage that changes every sample and a load: 1e-7 of each state's range, against rtol 1e-10."""

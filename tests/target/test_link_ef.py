@@ -65,7 +65,7 @@ def run(name: str, processor: Processor, steps: int, target: Subject | None = No
 
 
 @BOTH
-@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "paper_spmsm_ickf_foc"])
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", *thoroughly("paper_spmsm_ickf_foc")])  # which runs longer below
 def test_same_bits(name: str, processor: Processor) -> None:
     found = run(name, processor, QUICK)
     assert found.divergence is None, str(found.divergence)
