@@ -8,10 +8,11 @@
 #define TELEMETRY_EVERY 1 /* the status of every step */
 #include "example_isr.h"
 
-enum { REPLACE_A = 1, REPLACE_B = 2, HOLD_A = 4, HOLD_B = 8, CLIP = 16, POWER_OFF = 32 };
+enum { REPLACE_A = 1, REPLACE_B = 2, HOLD_A = 4, HOLD_B = 8, CLIP = 16, POWER_OFF = 32, SWAP = 64, OPEN_A = 128, STALL = 256 };
 
 /* The faults of one sample. Sensors: reading = gain * current + offset, then clipped at +-range, then held or
- * replaced. The inverter has `link` volts, the controller is told `told`. */
+ * replaced; both swapped. The inverter has `link` volts, the controller is told `told`. Phase a may be open, the rotor
+ * held, and a load added. */
 typedef struct {
     int what;
     int reserved;
@@ -21,6 +22,7 @@ typedef struct {
     double range;     /* A */
     double link;      /* V */
     double told;      /* V */
+    double load;      /* N m, beside that of the run */
 } fault;
 
 /* A run: arrays of one row a sample. */
@@ -75,6 +77,11 @@ void read_phase_currents(float32 phase[2])
             if (f->what & (REPLACE_A << k)) {
                 read[k] = f->phase[k];
             }
+        }
+        if (f->what & SWAP) {
+            const float kept = read[0];
+            read[0] = read[1];
+            read[1] = kept;
         }
     }
     for (k = 0; k < 2; k++) {
@@ -158,20 +165,52 @@ static void freewheel(simulator *m, double load)
     }
 }
 
+/* Gates on, phase a open: its current is held at zero by what its terminal floats to, beta has its voltage. */
+static void one_phase_open(simulator *m, double load)
+{
+    const int n = (int)ceil(m->T / 1e-6);
+    const double h = m->T / n, per_amp = 0.2 / (h * m->motor[1]); /* V/A: a large resistance */
+    const double v_beta = m->v_dc * ((double)m->duty_next[1] - (double)m->duty_next[2]) / ROOT_3;
+    int k;
+    for (k = 0; k < n; k++) {
+        const double middle = m->s[3] + 0.5 * h * (double)POLE_PAIRS * m->s[2];
+        double v[2], i[2], torque[1];
+        JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
+        v[0] = -m->motor[3] * (double)POLE_PAIRS * m->s[2] * sin(middle) - per_amp * i[0];
+        v[1] = v_beta;
+        JOIN(PLANT, _advance)(m->s, m->motor, v, load, h, 1);
+    }
+    for (k = 0; k < 3; k++) {
+        m->duty_next[k] = (double)board.duty[k];
+    }
+}
+
 /* The interval until the next sample. */
 static void act(simulator *m, double load)
 {
+    const int what = board.fault ? board.fault->what : 0;
     int k;
     m->v_dc = board.fault ? board.fault->link : board.v_dc;
+    load += board.fault ? board.fault->load : 0.0;
     if (board.gates) {
         board.open = 0;
-        simulator_actuate(m, board.duty, load);
+        if (what & OPEN_A) {
+            one_phase_open(m, load);
+        } else {
+            simulator_actuate(m, board.duty, load);
+        }
+        if (what & STALL) {
+            m->s[2] = 0.0;
+        }
         return;
     }
     for (k = 0; k < 3; k++) {
         m->duty_next[k] = (double)board.duty[k];
     }
     freewheel(m, load);
+    if (what & STALL) {
+        m->s[2] = 0.0;
+    }
 }
 
 static void record(const faulty_run *r, int k)
