@@ -32,6 +32,7 @@ from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.link_foc import link_control
 from runtime.proof.link_guard import link_data, link_guard
+from runtime.proof.link_injection import link_injection
 from runtime.proof.link_text import link_text
 from runtime.proof.motors import Plant
 from runtime.proof.own_trajectory import trajectory_of
@@ -221,6 +222,9 @@ class Prover:
         found += [*(bits.link(optimisation) for optimisation in self.effort.optimisations), bits.lane_link()]
         self.progress(f"{label}: the controller around it")
         found += link_control(self.folder, kind, step.gain, self._parameters, self._motor)
+        if hasattr(self.folder.module, "inject"):
+            dc_link = self._parameters["control"]["dc_link"]
+            found.append(link_injection(self.folder.module, self.folder.drive, kind, step.gain, dc_link))
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
