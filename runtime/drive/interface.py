@@ -65,8 +65,8 @@ def open_simulator(library: Path, sources: dict[str, str], prefix: str, foc: str
         int simulator_drive_size(void);
         {foc}_t *simulator_switch_on(void *drive, int delay);
         void simulator_run(simulator *m, {foc}_t *c, void *drive, int steps, int n, const double *noise,
-                           const double *speed, const double *load, double *out, float *x, const float *covariance, int words,
-                           float *words_out, float *duty_out, int *status);
+                           const double *speed, const double *load, double *out, float *x,
+                           const float *covariance, int words, float *words_out, float *duty_out, int *status);
         """
     )
     return ffi, open_library(ffi, library)
