@@ -19,14 +19,17 @@ from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, find_compiler, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.control import clarke
+from runtime.proof.link_injection import injected
 from runtime.proof.mode_walk import Walk, lane_of
-from runtime.proof.modes import Modes
+from runtime.proof.modes import OFF, TORQUE, Modes
 from runtime.proof.result import Link, Row
 
 Array = NDArray[Any]
 
 #: Lanes and interrupts of the supervisor; lanes that run as scalars too; interrupts of the drive, each delay.
 LANES, INTERRUPTS, SCALARS, SAMPLES = 60, 45, 4, 90
+#: Interrupts from memory of arbitrary bits.
+ANY_MEMORY = 3000
 #: By hand, a product in another order, on the scale of the number or of 1.
 ALLOWED = 1e-12
 #: Place of the largest current among the controller's gains.
@@ -34,7 +37,11 @@ MOST = 5
 
 
 def link_drive(
-    folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str, Any], effort: tuple[int, int] | None = None
+    folder: GeneratedFolder,
+    kind: str,
+    gain: str,
+    parameters: Mapping[str, Any],
+    effort: tuple[int, int] = (INTERRUPTS, SAMPLES),
 ) -> list[Link]:
     """What the drive does for its modes by hand; supervisor and drive, NumPy float32 against C.
 
@@ -51,12 +58,13 @@ def link_drive(
     effort : tuple of int, optional
         Interrupts of the supervisor's lanes, and of the drive.
     """
-    interrupts, samples = effort or (INTERRUPTS, SAMPLES)
+    interrupts, samples = effort
     hand = Modes(parameters, flux=folder.manifest["states"][0]["unit"] == "Wb")
     compiled = Compiled(folder, kind)
     rows = (
         *_begins(compiled, folder.module),
         *_supervisor_bits(compiled, folder.module, hand, interrupts),
+        any_memory(compiled, folder.module, ANY_MEMORY),
         _drive_bits(compiled, folder.module, kind, hand, samples),
     )
     data = f"{LANES * interrupts} interrupts, {2 * samples} of the drive, {find_compiler()[0]} -O0"
@@ -122,6 +130,13 @@ def _interrupt(
         c.gain = tuple(allowed if k == MOST else value for k, value in enumerate(c.gain))
         duty, d.status = module.foc_step(c, step, phase, command, math)
         c.gain = tuple(most if k == MOST else value for k, value in enumerate(c.gain))
+        if hasattr(d, "injection") and mode in TORQUE:
+            told, (amplitude, sign) = "v_queued" if c.delay else "v_acting", d.injection
+            v, rotor = complex(*getattr(c, told)), np.array(c.filter.x[2:4])
+            faded = 1.0 / module.PER_FADED_SPEED
+            duty, v = injected(rotor, np.array(duty), v, c.command_held[1], amplitude, sign, faded)
+            d.injection = amplitude, -sign
+            setattr(c, told, (v.real, v.imag))
     else:
         duty, d.status = (0.5, 0.5, 0.5), 0
     module.supervise(s, c.filter, d.status, phase, command[0], math)
@@ -141,7 +156,7 @@ def _deviation(found: list[float], wanted: list[float]) -> float:
         return float("inf")
     with np.errstate(all="ignore"):
         error = np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(a - b) / np.maximum(1.0, np.abs(b)))
-    return float(np.max(error)) if np.isfinite(error).all() else float("inf")
+    return float(np.max(error, initial=0.0)) if np.isfinite(error).all() else float("inf")
 
 
 def _inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any]:
@@ -289,8 +304,8 @@ def _supervisor_bits(compiled: Compiled, module: ModuleType, hand: Modes, interr
         _store(f_view, walk.f)
         taken = walk.step(status, phase, reference)
         for lane in range(LANES):
-            given = (float(phase[0][lane]), float(phase[1][lane])), float(reference[lane])
-            code = supervise(s + lane, f + lane, int(status[lane]), *given)
+            i = float(phase[0][lane]), float(phase[1][lane])
+            code = supervise(s + lane, f + lane, int(status[lane]), i, float(reference[lane]))
             different += int(code != taken[lane])
         different += int((_differ(s_view, walk.s) | _differ(f_view, walk.f)).sum())
         for lane, own_s, own_f in alone[:SCALARS]:
@@ -303,6 +318,37 @@ def _supervisor_bits(compiled: Compiled, module: ModuleType, hand: Modes, interr
         Row("-", "supervisor, every field", "interrupts that differ", float(different), 0.0, LANES * interrupts),
         Row("-", "lanes = scalars", "interrupts that differ", float(apart), 0.0, SCALARS * interrupts),
     ]
+
+
+def any_memory(compiled: Compiled, module: ModuleType, count: int, seed: int = 2) -> Row:
+    """One interrupt from memory and inputs of arbitrary bits: a mode comes out, and what that mode allows.
+
+    Half of the memories have a mode to begin with: of all numbers hardly any is one.
+
+    Parameters
+    ----------
+    compiled : Compiled
+    module : ModuleType
+        Names the modes.
+    count : int
+        Interrupts.
+    seed : int, optional
+        Seed of what is random.
+    """
+    rng, supervise = np.random.default_rng(seed), compiled.function("supervise")
+    (s, s_view), (f, _) = compiled.structs("supervisor", count), compiled.structs("", count)
+    for memory in (s, f):
+        compiled.ffi.buffer(memory)[:] = rng.bytes(compiled.ffi.sizeof(memory))
+    s_view["mode"][::2] = rng.integers(0, len(module.MODES), s_view["mode"][::2].shape)
+    given = np.frombuffer(rng.bytes(12 * count), np.float32).reshape(count, 3)
+    for k, status in enumerate(rng.integers(-(2**31), 2**31, count).tolist()):
+        phase = given[k, :2] if k % 3 else np.float32(0)
+        i = tuple(float(v) for v in np.broadcast_to(phase, 2))
+        supervise(s + k, f + k, status, i, float(given[k, 2]))
+    valid = np.isin(s_view["mode"], range(len(module.MODES)))
+    on = [k for k, mode in enumerate(module.MODES) if mode not in OFF]
+    wrong = ~valid | (s_view["inverter"] != np.isin(s_view["mode"], on))
+    return Row("-", "arbitrary memory", "no mode, or an inverter on that is off in it", float(wrong.sum()), 0.0, count)
 
 
 def _drive_bits(compiled: Compiled, module: ModuleType, kind: str, hand: Modes, samples: int) -> Row:

@@ -95,13 +95,13 @@ class Reader:
         """
         plain = {name: _plain(value) for name, value in vars(one).items()}
         for lane in range(len(plain["x"][0])):
-            values = {
+            values: dict[str, Any] = {
                 name: [row[lane] for row in value] if isinstance(value[0], list) else value[lane]
                 for name, value in plain.items()
             }
             words = values.pop(self.words)
             variances, beside = ([words[k] for k in places] for places in (self.variances, self.beside))
-            known = {name: values.pop(name, 0.0) for name in KNOWN}
+            known: dict[str, Any] = {name: values.pop(name, 0.0) for name in KNOWN}
             yield Filter(known["x"], variances, beside, known["nis"], known["x_0"], known["P_0"], values)
 
     def memories(self, s: SimpleNamespace) -> Iterator[Memory]:

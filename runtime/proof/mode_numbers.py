@@ -12,13 +12,14 @@ from typing import Any
 from runtime.proof.control import best_currents, of_current, torque_of
 
 #: s: currents must read zero; zero voltage is tried; a first current dies out; the filter locks; its angle settles; it
-#: is content, or a window lasts; blind; beside the motor's data; steady.
-REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 5e-3, 2e-3, 10e-3, 1e-3, 3e-3
+#: is content, a rival the better one, or a window lasts; blind; beside the motor's data; steady.
+REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
 BLIND, ADRIFT, STEADY = 2e-3, 100e-3, 100e-3
 #: Shares of the largest current: reads as zero, shows a rotor that turns, is too much.
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
-#: Samples beyond the trip; attempts; windows of a start, and those that must have been good before the last.
-EXCESS, ATTEMPTS, WINDOWS, GOOD = 3, 10, 20, 1
+#: Samples beyond the trip; attempts, and those of a drive that finds its angle by nothing else; windows of a start, and
+#: those that must have been good before the last.
+EXCESS, ATTEMPTS, ATTEMPTS_ALONE, WINDOWS, GOOD = 3, 10, 20, 20, 1
 #: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction.
 GAP, GAP_TURN, TELLS = 0.5e-3, 1.2, 0.1
 #: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
@@ -54,6 +55,7 @@ class Numbers:
         first = 4 + self.loaded
         self.slow = range(first, first + len(model.get("adaptive") or ()))
         self.two = _two_filters(parameters)
+        self.attempts = ATTEMPTS if self.two else ATTEMPTS_ALONE
         ratio = abs(self.motor["inductance_q"] - self.motor["inductance_d"])
         #: Share of the largest current: where reluctance could take all of the magnet's torque it may take half.
         self.share = min(SHARE, self.motor["magnet_flux"] / ratio / self.most) if ratio else SHARE
@@ -94,7 +96,8 @@ class Numbers:
         """The speed, rad/s, whose current is not seen within PROBE: i = e / R (1 - exp(-t R / L))."""
         R, L = self.motor["stator_resistance"], self.motor["inductance_q"]
         impedance = R / -math.expm1(-PROBE * R / L)  # V/A
-        return SHOWS * self.most * impedance / (self.motor["magnet_flux"] * self.p)
+        flux: float = self.motor["magnet_flux"]
+        return float(SHOWS * self.most * impedance / (flux * self.p))
 
 
 def _two_filters(parameters: Mapping[str, Any]) -> bool:

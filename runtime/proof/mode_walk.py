@@ -8,7 +8,6 @@ thousands of interrupts before.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import deepcopy
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -172,7 +171,7 @@ class Walk:
             "diverged": [n.samples(numbers.ADRIFT)],
             "content": [n.samples(numbers.LOCKED)],
             "excess": [numbers.EXCESS],
-            "failures": [numbers.ATTEMPTS],
+            "failures": [n.attempts],
             "steady": [round(numbers.STEADY / numbers.LOCKED)],
             "windows": [numbers.WINDOWS],
             **{name: [1] for name in ("good", "side", "mirrored", "readings", "fresh", "anew")},
@@ -252,12 +251,8 @@ class Walk:
         with np.errstate(all="ignore"):
             return np.broadcast_to(self.module.supervise(self.s, self.f, status, phase, reference, math), (self.lanes,))
 
-    def before(self) -> tuple[SimpleNamespace, SimpleNamespace]:
-        """Copies of the supervisor and the filter."""
-        return deepcopy(self.s), deepcopy(self.f)
-
 
 def _odds(names: tuple[str, ...]) -> Array:
     """Odds of the modes, more for those that may end in many ways, and of three numbers that are none."""
     odds = np.array([*(WEIGHTS.get(name, 1.0) for name in names), 0.1, 0.1, 0.1])
-    return odds / odds.sum()
+    return np.asarray(odds / odds.sum())

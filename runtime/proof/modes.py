@@ -16,7 +16,6 @@ from typing import Any
 from runtime.proof.control import clarke
 from runtime.proof.mode_numbers import (
     ADRIFT,
-    ATTEMPTS,
     BETTER,
     BLIND,
     CATCH,
@@ -60,10 +59,7 @@ EVENTS = {
         *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
         *("rival is better", "found", "as stated", "not as stated", "nothing turned"),
     ),
-    "RUNNING": (
-        *("lost, CURRENT", "lost, BLIND", "lost, DIVERGED", "lost, RESTARTED", "lost, SLIPPED"),
-        "steady",
-    ),
+    "RUNNING": ("lost, CURRENT", "lost, BLIND", "lost, DIVERGED", "lost, RESTARTED", "lost, SLIPPED", "steady"),
     "FAULT": ("acknowledged",),
 }
 
@@ -161,7 +157,7 @@ class Modes(Numbers):
 
     def _inside(self, phase: Sequence[float], share: float) -> bool:
         """Both currents are numbers within a share of the largest."""
-        return all(bool(abs(i) <= share * self.most) for i in phase)
+        return bool(all(abs(i) <= share * self.most for i in phase))
 
     @staticmethod
     def _row(m: Memory, name: str, another: bool, most: int) -> None:
@@ -195,19 +191,18 @@ class Modes(Numbers):
     def _as_stated(m: Memory, jolt: float) -> bool:
         """The angle turned as the speed says, but for half of that and a jolt."""
         turned, stated = m.arrays["turning"][:2]
-        return abs(turned - stated) <= math.hypot(stated / 2, jolt)
+        return bool(abs(turned - stated) <= math.hypot(stated / 2, jolt))
 
     @staticmethod
     def _go(m: Memory, mode: str) -> str:
         m.mode, m.whole["since"] = mode, 0
         return ""
 
-    @staticmethod
-    def _lost(m: Memory, reason: str) -> str:
+    def _lost(self, m: Memory, reason: str) -> str:
         """The rotor is given up: the inverter goes off, and one more attempt has failed."""
-        m.whole["failures"] = min(m.whole["failures"] + 1, ATTEMPTS)
+        m.whole["failures"] = min(m.whole["failures"] + 1, self.attempts)
         m.reason = reason
-        Modes._go(m, "RESTING")
+        self._go(m, "RESTING")
         return f"lost, {reason}"
 
     @staticmethod
@@ -223,7 +218,7 @@ class Modes(Numbers):
     # --- the modes
 
     def _resting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
-        if m.whole["failures"] >= ATTEMPTS:
+        if m.whole["failures"] >= self.attempts:
             self._go(m, "FAULT")
             return "gave up"
         if m.whole["quiet"] < self.samples(REST):
@@ -337,7 +332,7 @@ class Modes(Numbers):
         ):
             if lost:
                 return self._lost(m, blame)
-        if self._score(f) > self._score(rival) + BETTER:
+        if self._score(f) > self._score(rival) + BETTER and n["since"] >= self.samples(LOCKED):
             own, theirs = deepcopy(f), deepcopy(rival)
             f.__dict__.update(theirs.__dict__)
             rival.__dict__.update(own.__dict__)
