@@ -68,7 +68,7 @@
 #define MAX_REJECTED 100 /* inputs rejected in a row: no estimate is left */
 #define MAX_DIVERGED 5000 /* steps in a row with PMSM_DIVERGED: less is ridden through */
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
-#define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
+#define MAX_FAILURES 20 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 100 /* so long both currents must read zero before the inverter is enabled */
 #define PROBE_SAMPLES 100 /* without a current from zero voltage for so long the rotor stands */
 #define GAP_SAMPLES 25 /* at least, from one reading to the next: the rotor turns less than half a turn */

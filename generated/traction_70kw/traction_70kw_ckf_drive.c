@@ -173,7 +173,7 @@ void traction_70kw_ckf_drive_init(traction_70kw_ckf_drive_t *d, int delay)
 {
     traction_70kw_ckf_foc_init(&d->control, delay);
     traction_70kw_ckf_supervisor_init(&d->supervisor);
-    d->injection[0] = 48.0f;
+    d->injection[0] = 51.811295f;
     d->injection[1] = 1.0f;
     d->status = 0;
 }

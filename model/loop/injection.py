@@ -24,8 +24,9 @@ from model.quantities import Block
 from model.rating import rating
 from model.schema import Drive
 
-#: Amplitude of the ripple, of the largest current; speed beyond which there is none, of the rated one.
-RIPPLE, FADED = 0.03, 0.2
+#: Amplitude of the ripple, of the current that rated torque takes, or of the largest where none is stated; speed beyond
+#: which there is none, of the rated one.
+RIPPLE, FADED = 0.05, 0.2
 
 
 def injected_voltage(drive: Drive) -> float:
@@ -34,12 +35,13 @@ def injected_voltage(drive: Drive) -> float:
     Parameters
     ----------
     drive : Drive
-        Its largest current, d inductance and sample time.
+        Its rated or largest current, d inductance and sample time.
     """
     m = drive.motor
     if m.inductance_d == m.inductance_q:
         return 0.0
-    return 2.0 * RIPPLE * drive.control.max_current * min(m.inductance_d, m.inductance_q) / drive.model.sample_time
+    current = rating(drive).current if drive.rated else drive.control.max_current
+    return 2.0 * RIPPLE * current * m.inductance_d / drive.model.sample_time
 
 
 def faded(drive: Drive) -> float:

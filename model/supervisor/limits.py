@@ -22,8 +22,9 @@ LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
 GAP_TIME, GAP_TURN = 0.5e-3, 1.2
 #: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise.
 LEAST_SINE = 0.1
-#: Samples in a row beyond the trip current; attempts in a row that failed.
-MAX_EXCESS, MAX_FAILURES = 3, 10
+#: Samples in a row beyond the trip current; attempts in a row that failed, and such of a drive without a rival: it
+#: finds its angle by attempts.
+MAX_EXCESS, MAX_FAILURES, MAX_FAILURES_ALONE = 3, 10, 20
 #: Shares of the maximum current: what reads as zero, what shows where the back-EMF points, what is too much. Of the
 #: operating box's speed: what may be unknown, and what half a turn leaves open.
 ZERO_CURRENT, PROBE_CURRENT, TRIP_CURRENT, UNKNOWN_SPEED, MIRROR_SPEED = 0.05, 0.1, 1.5, 0.5, 0.25
@@ -122,7 +123,7 @@ def limits(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Limit, .
     flux = Limit("FLUX_SQUARED", drive.motor.magnet_flux**2, "Wb^2: psi_m^2")
     held = Limit("HELD", HELD, "of P_0: motor data that are states are not learnt while the rotor is looked for")
     return (
-        *_times(drive),
+        *_times(drive, rivals),
         *_currents(drive),
         *(_starts(drive, "load_torque" in names) if rivals else ()),
         *((flux,) if model.states[0].unit == "Wb" else ()),
@@ -131,7 +132,7 @@ def limits(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Limit, .
     )
 
 
-def _times(drive: Drive) -> tuple[Limit, ...]:
+def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
     gap = min(GAP_TIME, GAP_TURN / (drive.motor.pole_pairs * drive.operating_box.speed))
 
     def samples(name: str, time: float, meaning: str, times: int = 1) -> Limit:
@@ -141,7 +142,9 @@ def _times(drive: Drive) -> tuple[Limit, ...]:
         samples("MAX_REJECTED", BLIND_TIME, "inputs rejected in a row: no estimate is left"),
         samples("MAX_DIVERGED", DIVERGED_TIME, "steps in a row with PMSM_DIVERGED: less is ridden through"),
         Limit("MAX_EXCESS", MAX_EXCESS, "samples in a row beyond the trip current"),
-        Limit("MAX_FAILURES", MAX_FAILURES, "attempts in a row that fail end in FAULT"),
+        Limit(
+            "MAX_FAILURES", MAX_FAILURES if rivals else MAX_FAILURES_ALONE, "attempts in a row that fail end in FAULT"
+        ),
         samples("REST_SAMPLES", REST_TIME, "so long both currents must read zero before the inverter is enabled"),
         samples("PROBE_SAMPLES", PROBE_TIME, "without a current from zero voltage for so long the rotor stands"),
         samples("GAP_SAMPLES", gap, "at least, from one reading to the next: the rotor turns less than half a turn"),

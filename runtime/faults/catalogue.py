@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.faults.loop import CLIP, FAULT, HOLD_A, POWER_OFF, REPLACE_A, REPLACE_B
+from runtime.faults.loop import CLIP, FAULT, HOLD_A, OPEN_A, POWER_OFF, REPLACE_A, REPLACE_B, STALL, SWAP
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -17,21 +17,31 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Circumstances:
-    """The scales of a fault: sample time s, DC link V, amplitude of the phase currents A, converter's range A."""
+    """The scales of a fault.
+
+    Sample time s, DC link V, amplitude of the phase currents A, converter's range A, largest torque N m.
+    """
 
     T: float
     link: float
     amplitude: float
     range: float
+    torque: float
 
 
 @dataclass(frozen=True)
 class Fault:
-    """``rows`` makes a fault's samples, drawing what is random from a generator of its own."""
+    """``rows`` makes a fault's samples, drawing what is random from a generator of its own.
+
+    One that is ``lasting`` (s: the run goes on so long) may end in FAULT, inverter off; ``at_start``: it is there from
+    power-up.
+    """
 
     name: str
     title: str
     rows: Callable[[Circumstances, np.random.Generator], Array]
+    lasting: float = 0.0
+    at_start: bool = False
 
 
 def healthy(c: Circumstances, samples: int) -> Array:
@@ -200,8 +210,69 @@ def offset(c: Circumstances, rng: np.random.Generator, time: float, share: float
     return rows
 
 
-def _fault(name: str, title: str, make: Callable[..., Array], *numbers: Any) -> Fault:
-    return Fault(name, title, lambda c, rng: make(c, rng, *numbers))
+def drifting_offset(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
+    """Phase a's sensor reads more and more too much, up to a share of the amplitude.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    share : float
+        A share, 0 .. 1.
+    """
+    rows = healthy(c, round(time / c.T))
+    rows["offset"][:, 0] = share * c.amplitude * np.linspace(0.0, 1.0, len(rows))
+    return rows
+
+
+def marked(c: Circumstances, rng: np.random.Generator, time: float, what: int) -> Array:
+    """What the loop knows by a bit: swapped sensors, an open phase, a rotor that is held.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    what : int
+        The bit.
+    """
+    rows = healthy(c, round(time / c.T))
+    rows["what"] = what
+    return rows
+
+
+def overload(c: Circumstances, rng: np.random.Generator, time: float, share: float) -> Array:
+    """A load of so many times the largest torque, against the rotation.
+
+    Parameters
+    ----------
+    c : Circumstances
+        Circumstances of the drive: its speed, current and sample time.
+    rng : np.random.Generator
+        Source of what is random.
+    time : float
+        Duration, s.
+    share : float
+        Of the largest torque.
+    """
+    rows = healthy(c, round(time / c.T))
+    rows["load"] = share * c.torque
+    return rows
+
+
+#: s: how long a run with a fault that stays is watched; ten attempts that fail end in FAULT.
+LASTING = 6.0
+
+
+def _fault(name: str, title: str, make: Callable[..., Array], *numbers: Any, **more: Any) -> Fault:
+    return Fault(name, title, lambda c, rng: make(c, rng, *numbers), **more)
 
 
 FAULTS = (
@@ -216,6 +287,11 @@ FAULTS = (
     _fault("power_cycle", "power cycle 5 ms", power_cycle, 5e-3),
     _fault("gain_jump", "sensor gain 1.5, 50 ms", wrong_gain, 50e-3, 1.5),
     _fault("offset_jump", "sensor offset 50 ms", offset, 50e-3, 0.5),
+    _fault("offset_drift", "offset drifts 200 ms", drifting_offset, 200e-3, 0.5),
+    _fault("stalled", "rotor held 100 ms", marked, 100e-3, STALL),
+    _fault("overload", "load 1.2 of most 50 ms", overload, 50e-3, 1.2),
+    _fault("phase_lost", "phase a open", marked, LASTING, OPEN_A, lasting=LASTING),
+    _fault("swapped", "sensors swapped", marked, LASTING, SWAP, lasting=LASTING, at_start=True),
 )
 
 

@@ -24,7 +24,7 @@ Array = NDArray[Any]
 LOOP = Path(__file__).with_name("loop.c")
 
 #: Bits of a fault's ``what``, as in loop.c.
-REPLACE_A, REPLACE_B, HOLD_A, HOLD_B, CLIP, POWER_OFF = 1, 2, 4, 8, 16, 32
+REPLACE_A, REPLACE_B, HOLD_A, HOLD_B, CLIP, POWER_OFF, SWAP, OPEN_A, STALL = 1, 2, 4, 8, 16, 32, 64, 128, 256
 
 #: One sample of a fault, as loop.c reads it.
 FAULT = np.dtype(
@@ -37,6 +37,7 @@ FAULT = np.dtype(
         ("range", float),
         ("link", float),
         ("told", float),
+        ("load", float),
     ]
 )
 
@@ -48,7 +49,7 @@ class FaultyRun(AgainstTruth):
     t s; omega rad/s, theta rad unwrapped, torque N m, current A (amplitude): the motor's; phase (N, 2) A as read;
     told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode
     RUNNING. Samples ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on;
-    ``band`` r/min: an estimate of the speed no further off is right.
+    ``band`` r/min: an estimate of the speed no further off is right. ``gave_up``: the reason, where it ended in FAULT.
     """
 
     kind: str
@@ -70,6 +71,7 @@ class FaultyRun(AgainstTruth):
     running: Array
     powered: Array
     band: float
+    gave_up: str = ""
 
 
 class FaultyLoop:
@@ -117,7 +119,7 @@ class FaultyLoop:
         t = T * np.arange(steps)
         first = round(fault_at / T)
         sigma = sensor_noise(self.module.DEFAULTS["R"]) if noise is None else noise
-        rows: Array = np.ascontiguousarray(faults, dtype=FAULT)
+        rows: Array = np.ascontiguousarray(faults[: steps - first], dtype=FAULT)
         given: dict[str, Array] = {
             "noise": np.random.default_rng(seed).normal(0.0, sigma, (steps, 2)),
             "speed": scenario.speed_reference(t),
@@ -129,14 +131,14 @@ class FaultyLoop:
         found |= {name: np.empty(steps, np.int32) for name in ("status", "mode", "reason")}
         task = self._ffi.new("faulty_run *")
         task.reacting = int(reacting)
-        task.steps, task.states, task.fault_from, task.fault_count = steps, n, first, len(faults)
+        task.steps, task.states, task.fault_from, task.fault_count = steps, n, first, len(rows)
         for name, array in (given | found).items():
             setattr(task, name, self._ffi.cast("void *", array.ctypes.data))
         failed = self._library.faulty_loop(self._motor(), task)
         if failed:
             raise UserError(f"drive '{self.folder.drive}': the self-test says {failed}; regenerate, or see its header.")
         truth = dict(zip(("omega", "theta", "torque", "current", "told"), found.pop("out").T, strict=True))
-        after = first + len(faults)
+        after = first + len(rows)
         powered = np.ones(steps, dtype=bool)
         powered[first:after] = (rows["what"] & POWER_OFF) == 0
         return FaultyRun(
@@ -150,6 +152,7 @@ class FaultyLoop:
             running=found["mode"] == self.module.RUNNING,
             powered=powered,
             band=scenario.least_band,
+            gave_up=self.module.REASONS[found["reason"][-1]] if found["mode"][-1] == self.module.FAULT else "",
         )
 
     def _motor(self) -> Any:
@@ -163,7 +166,8 @@ class FaultyLoop:
         m.v_dc = parameters["control"]["dc_link"]
         m.dead_time, m.drop = inverter_of(parameters)
         m.h_max = longest_step(self.folder)
-        m.delay = 1
+        m.delay, m.open = 1, 1
+        m.pole_pairs = parameters["motor"]["pole_pairs"]
         return m
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.rating import rating
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.estimator.folder import GeneratedFolder
 from runtime.faults.catalogue import FAULTS, Circumstances, Fault
@@ -43,7 +44,8 @@ class Recovery:
     if never; ``told`` samples from the fault's begin until a status bit or a reaction, -1 if none; ``status`` bits in
     and shortly after the fault, but for "not converged". Largest since the fault's begin: errors of the estimate while
     the drive ran (r/min, degrees electrical), ``deviation`` of the true speed from its reference (r/min), ``current``
-    (A, amplitude). ``idle`` s without torque.
+    (A, amplitude). ``idle`` s without torque. ``gave_up``: the reason of the FAULT in which the run ended, inverter
+    off; empty: it did not.
     """
 
     time: float
@@ -54,11 +56,17 @@ class Recovery:
     deviation: float
     current: float
     idle: float
+    gave_up: str = ""
 
     @property
     def recovered(self) -> bool:
         """Whether the drive came back."""
         return bool(np.isfinite(self.time))
+
+    @property
+    def safe(self) -> bool:
+        """Whether it came back, or ended in FAULT and said why."""
+        return self.recovered or bool(self.gave_up)
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,9 @@ class Outcome:
 
     @property
     def recovered(self) -> bool:
-        """Whether every run did."""
+        """Whether every run did; where the fault lasts, or ended in FAULT, inverter off, and said why."""
+        if self.fault.lasting:
+            return all_hold(recovery.safe for recovery in self.recoveries)
         return all_hold(recovery.recovered for recovery in self.recoveries)
 
 
@@ -115,6 +125,7 @@ def judge(run: FaultyRun, T: float) -> Recovery:
         deviation=_largest((run.omega - run.reference)[since] * RPM),
         current=_largest(run.current[since]),
         idle=float(np.count_nonzero(~run.running[since]) * T),
+        gave_up=run.gave_up,
     )
 
 
@@ -140,13 +151,15 @@ def circumstances(folder: GeneratedFolder, scenario: Scenario) -> Circumstances:
         link=parameters["control"]["dc_link"],
         amplitude=scenario.load / (1.5 * motor["pole_pairs"] * motor["magnet_flux"]),
         range=folder.module.DEFAULTS["y_max"],
+        torque=rating(stated_drive(folder)).largest_torque,
     )
 
 
 def run_fault(loop: FaultyLoop, fault: Fault, scenario: Scenario, seed: int, reacting: bool = True) -> FaultyRun:
     """One run; the seed makes the noise, the instant of the fault and what is random about it."""
     rng = np.random.default_rng([seed, 1])
-    at = scenario.load_at + FAULT_AFTER + rng.uniform(0.0, FAULT_SPREAD)
+    at = 0.0 if fault.at_start else scenario.load_at + FAULT_AFTER + rng.uniform(0.0, FAULT_SPREAD)
+    scenario = replace(scenario, duration=max(scenario.duration, fault.lasting))
     rows = fault.rows(circumstances(loop.folder, scenario), rng)
     return loop.run(scenario, rows, at, seed=seed, reacting=reacting)
 
