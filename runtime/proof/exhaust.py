@@ -238,7 +238,9 @@ def _off(found: Explored) -> Iterator[Row]:
 def _out(found: Explored) -> Iterator[Row]:
     """Some way leads to RUNNING from everywhere, but after a self-test that failed: there none leads anywhere."""
     running = {state for state in found.edges if state[0] == "RUNNING"}
-    refused = {state for state in found.edges if state[0] == "FAULT" and dict(state[1]).get("reason") == "REASON_SELF_TEST"}
+    refused = {
+        state for state in found.edges if state[0] == "FAULT" and dict(state[1]).get("reason") == "REASON_SELF_TEST"
+    }
     stuck = set(found.edges) - found.reaching(running) - refused
     yield _row("a way to RUNNING from every state", "states without", len(stuck), len(found.edges))
     leaving = sum(one.after not in refused or one.number != 0 for state in refused for one in found.edges[state])
@@ -270,6 +272,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     count = sum(map(len, found.edges.values()))
     yield _row("every attempt that fails is counted", "that are not", uncounted, count)
     yield _row("only success or an acknowledgement forgets", "interrupts that do else", forgotten, count)
+    missed += entered == 0
     yield _row("so many failures in a row, and no fewer, end in FAULT", "interrupts that do else", missed, entered)
 
 
@@ -279,7 +282,7 @@ def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int])
     for mode in must_end:
         stay = longest_stay(machine, (mode,))
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
-        yield Row("-", f"{mode} ends: {took}", "samples", stay, float(promised.get(mode, 0)), 1)
+        yield Row("-", f"{mode} ends: {took}", "samples beside the promise", abs(stay - promised.get(mode, 0)), 0.0, 1)
     first = "PROBING"
     if first in must_end:
         stay, allowed = longest_stay(machine, (first, *must_end)), sum(promised.values()) + promised[first]

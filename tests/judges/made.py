@@ -23,7 +23,7 @@ from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Run
 from runtime.endurance.soak import Decade, Soak
 from runtime.faults.catalogue import Fault
-from runtime.faults.loop import RUNNING, FaultyRun
+from runtime.faults.loop import FaultyRun
 from runtime.faults.survey import Outcome, Recovery
 from runtime.firmware.static.check import Check
 from runtime.proof.link_cd import Drift
@@ -37,6 +37,8 @@ from runtime.study.run import Group
 from runtime.style.figures import pyplot
 from tests.conftest import TASKS
 
+#: The mode's number.
+RUNNING = 4
 #: r/min in a rad/s, said once more.
 RPM = 60.0 / (2.0 * np.pi)
 
@@ -194,10 +196,12 @@ def faulty_run(N: int = 400, T: float = 1e-3, first: int = 100, after: int = 110
         "duty": np.full((N, 3), 0.5),
         "status": np.zeros(N, int),
         "mode": np.full(N, RUNNING),
+        "reason": np.zeros(N, int),
         "powered": np.ones(N, bool),
         "band": 20.0,
     }
-    return FaultyRun(**(usual | changes))
+    usual |= changes
+    return FaultyRun(**({"running": usual["mode"] == RUNNING} | usual))
 
 
 def outcome(*recoveries: Recovery, name: str = "lost", kind: str = "ckf", drive: str = "d", **more: Any) -> Outcome:

@@ -122,7 +122,7 @@ _ACTIONS: Rows = (
     ("rest at angle zero", 'Set(guess[3], Entry("x_0", theta)), *rest', "Set(guess[3], Number(0.0)), *rest", LOADED),
     ("opposite is a quarter", '(Set(guess[3], Operation("+", guess[3], Name("PI"))),)', '(Set(guess[3], Operation("+", guess[3], Name("HALF_PI"))),)', LOADED),
     ("half a turn with the spread of rest", '*_spread("MIRROR_SPEED", "START_ANGLE")', '*_spread("REST_SPEED", "START_ANGLE")', LOADED),
-    ("score kept", '(Set(Entry("nis"), Number(0.0)), Count("windows"', '(Count("windows"', LOADED),
+    ("score kept", '(Set(Entry("nis"), Number(0.0)), Count("windows", "MAX_WINDOWS"))', '(Count("windows", "MAX_WINDOWS"),)', LOADED),
 )  # fmt: skip
 
 _LIMITS: Rows = (
