@@ -20,7 +20,7 @@ FLOORS = (
     ("model",),
     ("model.machines",),
     ("model.drives", "model.filters"),
-    ("model.loop",),
+    ("model.loop", "model.supervisor"),
     ("codegen.ir", "codegen.output"),
     ("codegen.passes",),
     ("codegen.fast",),

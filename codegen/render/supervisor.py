@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout
@@ -116,7 +117,7 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     }
 
 
-def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
+def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]) -> dict[str, str]:
     """Header and source of supervisor and drive around one filter, by the ends of their names.
 
     Parameters
@@ -124,6 +125,8 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
     about : Description
     step : FilterStep
         The filter's.
+    notes : sequence of str
+        Lines of the drive's head: what a whole interrupt costs.
     """
     machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
     printer = ModesC(machine, CovarianceLayout.of(step), prefix)
@@ -162,6 +165,7 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
     drive = render(
         "drive.c.j2",
         **common,
+        notes=notes,
         max_current=Gains.names().index("max_current"),
         clarke=printer.format_block(clarke),
         constants=[
