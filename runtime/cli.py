@@ -32,6 +32,7 @@ from runtime.commands.replay import replay
 from runtime.commands.run import run
 from runtime.commands.simulate import simulate
 from runtime.commands.soak import soak
+from runtime.commands.starts import starts
 from runtime.commands.study import app as study
 from runtime.commands.terminal import console
 from runtime.commands.verify import verify
@@ -71,6 +72,7 @@ for command in (
     record,
     replay,
     compare,
+    starts,
     faults,
     fuzz,
     soak,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from codegen.ir.constants import is_round
+from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
 from codegen.render.filter import (
@@ -15,7 +16,6 @@ from codegen.render.filter import (
     render,
     sin_cos_arithmetic,
     sin_cos_text,
-    state_place,
     trig_note,
     with_ramfuncs,
 )

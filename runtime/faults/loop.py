@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,19 @@ class FaultyRun(AgainstTruth):
     gave_up: str = ""
 
 
+@dataclass(frozen=True)
+class FoundMotor:
+    """The true motor at power-up: electrical ``angle`` rad, ``speed`` rad/s, and its data as factors on the drive's."""
+
+    angle: float = 0.0
+    speed: float = 0.0
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+
+#: At rest, at angle 0, and as the drive file says.
+AS_STATED = FoundMotor()
+
+
 class FaultyLoop:
     """One drive's compiled loop; make it once, run it often. It has one board: runs follow one another."""
 
@@ -99,8 +113,9 @@ class FaultyLoop:
         noise: float | None = None,
         seed: int = 1,
         reacting: bool = True,
+        motor: FoundMotor = AS_STATED,
     ) -> FaultyRun:
-        """A scenario from power-up, at electrical angle 0, with a fault.
+        """A scenario from power-up, with a fault.
 
         Parameters
         ----------
@@ -113,6 +128,8 @@ class FaultyLoop:
             Of the noise.
         reacting : bool
             Whether there is an application that reacts to the status; else the generated controller is alone.
+        motor : FoundMotor, optional
+            How it stands or turns at power-up, and its data.
         """
         T, n = self.module.SAMPLE_TIME, len(self.module.STATES)
         steps = round(scenario.duration / T)
@@ -129,18 +146,12 @@ class FaultyLoop:
         found = {"out": np.empty((steps, 5)), "phase": np.empty((steps, 2), np.float32)}
         found |= {"x": np.empty((steps, n), np.float32), "duty": np.empty((steps, 3), np.float32)}
         found |= {name: np.empty(steps, np.int32) for name in ("status", "mode", "reason")}
-        task = self._ffi.new("faulty_run *")
-        task.reacting = int(reacting)
-        task.steps, task.states, task.fault_from, task.fault_count = steps, n, first, len(rows)
-        for name, array in (given | found).items():
-            setattr(task, name, self._ffi.cast("void *", array.ctypes.data))
-        failed = self._library.faulty_loop(self._motor(), task)
-        if failed:
-            raise UserError(f"drive '{self.folder.drive}': the self-test says {failed}; regenerate, or see its header.")
+        self._play(motor, given, found, first, reacting)
         truth = dict(zip(("omega", "theta", "torque", "current", "told"), found.pop("out").T, strict=True))
         after = first + len(rows)
         powered = np.ones(steps, dtype=bool)
         powered[first:after] = (rows["what"] & POWER_OFF) == 0
+        gave_up = found["mode"][-1] == self.module.FAULT
         return FaultyRun(
             self.kind,
             first,
@@ -152,14 +163,29 @@ class FaultyLoop:
             running=found["mode"] == self.module.RUNNING,
             powered=powered,
             band=scenario.least_band,
-            gave_up=self.module.REASONS[found["reason"][-1]] if found["mode"][-1] == self.module.FAULT else "",
+            gave_up=self.module.REASONS[found["reason"][-1]] if gave_up else "",
         )
 
-    def _motor(self) -> Any:
-        """The motor at rest, an averaged inverter, a sample of delay as the example interrupt has it."""
+    def _play(
+        self, motor: FoundMotor, given: dict[str, Array], found: dict[str, Array], first: int, reacting: bool
+    ) -> None:
+        """Run the loop: arrays of what is ``given`` and what is ``found``, by their names in loop.c."""
+        task = self._ffi.new("faulty_run *")
+        task.reacting = int(reacting)
+        task.steps, task.states = found["x"].shape
+        task.fault_from, task.fault_count = first, len(given["faults"])
+        for name, array in (given | found).items():
+            setattr(task, name, self._ffi.cast("void *", array.ctypes.data))
+        failed = self._library.faulty_loop(self._motor(motor), task)
+        if failed:
+            raise UserError(f"drive '{self.folder.drive}': the self-test says {failed}; regenerate, or see its header.")
+
+    def _motor(self, found: FoundMotor) -> Any:
+        """The motor without current, an averaged inverter, a sample of delay as the example interrupt has it."""
         m = self._ffi.new("simulator *")
-        m.motor[0:6] = true_motor(self.folder, {}).tolist()
-        getattr(self._library, f"{self.folder.drive}_plant_rest")(m.motor, 0.0, m.s)
+        m.motor[0:6] = true_motor(self.folder, found.factors).tolist()
+        getattr(self._library, f"{self.folder.drive}_plant_rest")(m.motor, found.angle, m.s)
+        m.s[2] = found.speed
         m.duty_next[0:3] = [0.5, 0.5, 0.5]
         m.T = self.module.SAMPLE_TIME
         parameters = self.folder.manifest["parameters"]

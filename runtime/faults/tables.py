@@ -8,7 +8,8 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from runtime.drive.scenario import REACHED_OF_RATED
+from runtime.drive.scenario import LATE, REACHED_OF_RATED
+from runtime.faults.starts import Starts, times
 from runtime.faults.survey import ANGLE_BAND, Outcome, Recovery, column
 from runtime.style.tables import columns_table
 
@@ -81,3 +82,33 @@ def told_text(runs: Sequence[Recovery]) -> str:
     """The latest first sample at which something was said."""
     told = int(np.max(column(runs, "told")))
     return f"{told}" if told >= 0 else "-"
+
+
+STARTS_LEGEND = (
+    f"locked: in the last {LATE * 1e3:g} ms the drive runs, the estimated angle stays within {ANGLE_BAND:g} degrees "
+    "electrical of the truth, and the rotor turns as it should. ms: from power-up (of a reversal: from its end) until "
+    "that holds for good, median (worst). kept: runs that never left RUNNING again. Worst of all runs: deg, angle "
+    "error while running; wrong way, speed against the reference, r/min; current, share of the largest."
+)
+
+STARTS_COLUMNS = ("drive", "filter", "task", "runs", "locked", "ms", "kept", "deg", "wrong way", "current")
+
+
+def starts_table(starts: Sequence[Starts]) -> Table:
+    """A row a drive, filter and task."""
+    table = columns_table(*STARTS_COLUMNS, left=(0, 1, 2), whole=range(len(STARTS_COLUMNS)))
+    for item in starts:
+        runs, until = item.runs, times(item.runs)
+        table.add_row(
+            item.drive,
+            item.kind,
+            item.task.title,
+            str(len(runs)),
+            Text(str(sum(run.locked for run in runs)), style="green" if item.locked else "bold red"),
+            f"{until[0] * 1e3:.0f} ({until[1] * 1e3:.0f})" if until else "-",
+            str(sum(run.kept for run in runs)),
+            f"{max(run.angle for run in runs):.0f}",
+            f"{max(run.wrong_way for run in runs):.0f}" if item.task.told else "-",
+            f"{max(run.current for run in runs):.2f}",
+        )
+    return table

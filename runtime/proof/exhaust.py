@@ -19,8 +19,11 @@ from runtime.proof.result import Link, Row
 
 #: Where no gate may be on, whatever else is declared.
 OFF = ("RESTING", "WAITING", "FAULT")
-#: What a count's limit becomes: so large that a count can be none, some and enough.
+#: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
+#: and the one that ends it.
 ENOUGH = 2
+#: Where every count ends, beyond all limits.
+LAST = "MOST_SAMPLES"
 #: States after which the search gives up: the machine has some thousands.
 MOST_STATES = 200_000
 #: Integers that tell how long a mode lasts; the longest stay is found with these as they are.
@@ -81,25 +84,19 @@ class Explored:
 def small_limits(machine: Supervisor) -> dict[str, float]:
     """The limits with small numbers in the place of those that integers are compared with, in the same order.
 
-    Times keep their order among each other: by how many of them are smaller. Other counts end at two.
+    Times, which may run side by side, keep their order among each other: by how many of them are smaller. Other counts
+    end at :data:`ENOUGH`.
 
     Parameters
     ----------
     machine : Supervisor
     """
     limits = {limit.name: limit.value for limit in machine.limits}
-    compared = _compared(machine)
-    timed = {"since"}
-    while True:  # counts that share a limit with the time in a mode
-        shared = {limit for name in timed for limit in compared.get(name, ())}
-        more = timed | {name for name, own in compared.items() if own & shared}
-        if more == timed:
-            break
-        timed = more
-    times = sorted({limits[name] for name in shared})
+    timed = {name for name in limits if name.endswith("_SAMPLES")} - {LAST}
+    times = sorted({limits[name] for name in timed})
     small = {name: min(value, ENOUGH) for name, value in limits.items() if isinstance(value, int)}
-    small |= {name: 1 + times.index(limits[name]) for name in shared}
-    return limits | small | {"MOST_SAMPLES": len(times) + ENOUGH}
+    small |= {name: 1 + times.index(limits[name]) for name in timed}
+    return limits | small | {LAST: len(times) + ENOUGH}
 
 
 def _compared(machine: Supervisor) -> dict[str, set[str]]:
@@ -241,7 +238,7 @@ def _off(found: Explored) -> Iterator[Row]:
 def _out(found: Explored) -> Iterator[Row]:
     """Some way leads to RUNNING from everywhere, but after a self-test that failed: there none leads anywhere."""
     running = {state for state in found.edges if state[0] == "RUNNING"}
-    refused = {state for state in found.edges if state[0] == "FAULT" and dict(state[1])["reason"] == "REASON_SELF_TEST"}
+    refused = {state for state in found.edges if state[0] == "FAULT" and dict(state[1]).get("reason") == "REASON_SELF_TEST"}
     stuck = set(found.edges) - found.reaching(running) - refused
     yield _row("a way to RUNNING from every state", "states without", len(stuck), len(found.edges))
     leaving = sum(one.after not in refused or one.number != 0 for state in refused for one in found.edges[state])

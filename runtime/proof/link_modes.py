@@ -57,7 +57,7 @@ class Findings:
         self.compared[name] += 1
         if found == wanted or (found != found and wanted != wanted):
             return
-        error = abs(found - wanted) / max(scale, abs(wanted))
+        error = abs(float(found) - float(wanted)) / max(float(scale), abs(float(wanted)))
         self.worst[name] = max(self.worst.get(name, 0.0), error if error == error else np.inf)
 
     def row(self, name: str, meaning: str, allowed: float) -> Row:

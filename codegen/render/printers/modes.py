@@ -6,8 +6,7 @@ arrays of lanes, first finds the number of the transition that each lane takes, 
 
 from __future__ import annotations
 
-from codegen.ir.covariance import CovarianceLayout
-from codegen.render.filter import state_place, variance_place
+from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.render.printers.c import INDENT, CPrinter
 from codegen.render.printers.expression import WIDTH, unbroken, wrap_line
 from codegen.render.printers.places import SCORE, Body, Places

@@ -1,0 +1,159 @@
+"""Starts of the generated drives: from rest at an unknown angle, from a rotor that turns, and through zero speed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from codegen.output.folder import digest
+from model.drives.load import load_drive
+from model.rating import rating
+from runtime.cli import app
+from runtime.estimator.folder import GENERATED, find_folder
+from runtime.faults.loop import FaultyLoop
+from runtime.faults.starts import (
+    FROM_REST,
+    REVERSAL,
+    TURNING,
+    Starts,
+    Task,
+    draw_factors,
+    run_attempt,
+    survey_starts,
+)
+from tests.conftest import EVERY_DRIVE, thoroughly
+
+
+def invoke(*arguments: str) -> Any:
+    return CliRunner().invoke(app, ["starts", *arguments])
+
+
+def outcome(name: str, task: Task, runs: int) -> list[Starts]:
+    return survey_starts([find_folder(name)], None, [task], runs)
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+@pytest.mark.parametrize("runs", [6, *thoroughly(40)])
+def test_starts_from_rest_at_any_angle(name: str, runs: int) -> None:
+    for item in outcome(name, FROM_REST, runs):
+        assert item.locked, [k for k, run in enumerate(item.runs, start=1) if not run.locked]
+        assert all(run.current < 1.5 for run in item.runs), "beyond the trip current there is none"
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+@pytest.mark.parametrize("runs", [4, *thoroughly(40)])
+def test_catches_a_rotor_that_turns(name: str, runs: int) -> None:
+    for item in outcome(name, TURNING, runs):
+        assert item.locked, [k for k, run in enumerate(item.runs, start=1) if not run.locked]
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+@pytest.mark.parametrize("runs", [2, *thoroughly(12)])
+def test_reverses_under_load(name: str, runs: int) -> None:
+    for item in outcome(name, REVERSAL, runs):
+        assert item.locked, [k for k, run in enumerate(item.runs, start=1) if not run.locked]
+
+
+def test_a_run_is_made_by_its_number() -> None:
+    loop = FaultyLoop(find_folder("spmsm_load_torque"), "ickf")
+    (attempt, first), (_, again), (other, _) = (run_attempt(loop, FROM_REST, k) for k in (3, 3, 4))
+    assert first.x.tobytes() == again.x.tobytes()
+    assert (attempt.motor.angle, attempt.scenario.load) != (other.motor.angle, other.scenario.load)
+    assert first.theta[0] == pytest.approx(attempt.motor.angle, abs=1e-3)
+
+
+def test_what_is_drawn() -> None:
+    drive, rng = load_drive("servo_24v"), np.random.default_rng(1)
+    task = rating(drive)
+    rests, turns, reversals = (
+        [kind.attempt(drive, rng) for _ in range(400)] for kind in (FROM_REST, TURNING, REVERSAL)
+    )
+    assert {np.sign(a.scenario.speed) for a in rests} == {1.0, -1.0}
+    assert all(0.0 <= a.scenario.load * np.sign(a.scenario.speed) <= 0.5 * task.torque for a in rests)
+    assert max(abs(a.motor.angle) for a in rests) > 3.0
+    assert all(a.motor.speed == 0.0 and a.least == 0.0 for a in rests)
+    assert 1.4 < max(abs(a.motor.speed) for a in turns) / task.speed <= 1.5
+    assert {a.scenario.load for a in turns} == {0.0}
+    assert 0.6 < np.mean([a.motor.speed * a.scenario.speed > 0 for a in turns]) < 0.8
+    t = np.linspace(0.0, reversals[0].scenario.duration, 1001)
+    speed = reversals[0].scenario.speed_reference(t) / task.speed
+    assert sorted({speed.min(), speed.max()}) == pytest.approx([-1.0, 1.0])
+    assert {tuple(np.sign([a.scenario.speed, a.scenario.load])) for a in reversals} == {
+        (1, 1),
+        (1, -1),
+        (-1, 1),
+        (-1, -1),
+    }
+    assert max(abs(a.scenario.load_torque(t)).max() for a in reversals) == pytest.approx(0.5 * task.torque)
+
+
+def test_motors_are_drawn_within_the_tolerance_and_a_round_rotor_stays_round() -> None:
+    rng = np.random.default_rng(1)
+    for name in ("servo_24v", "traction_70kw", "ipmsm_adaptive"):
+        drive = load_drive(name)
+        about = drive.tolerance
+        assert about is not None
+        drawn = {key: np.array(values) for key, values in _columns([draw_factors(drive, rng) for _ in range(400)])}
+        widths = {key: np.max(np.abs(values - 1)) for key, values in drawn.items()}
+        assert 0.95 * about.stator_resistance < widths["R"] <= about.stator_resistance
+        assert 0.95 * min(about.magnet_flux, 0.05) < widths["psi_m"] <= min(about.magnet_flux, 0.05)
+        assert widths["L_d"] <= about.inductance
+        alike = drive.motor.inductance_d == drive.motor.inductance_q or about.inductance == 0.0
+        assert np.array_equal(drawn["L_d"], drawn["L_q"]) == alike
+    assert set(draw_factors(load_drive("ipmsm"), rng).values()) == {1.0}
+
+
+def _columns(rows: list[dict[str, float]]) -> list[tuple[str, list[float]]]:
+    return [(key, [row[key] for row in rows]) for key in rows[0]]
+
+
+def test_the_command(tmp_path: Path) -> None:
+    path = tmp_path / "starts.json"
+    words = "servo_24v", "--runs", "3", "--turning", "--reverse"
+    result = invoke(*words, "--json", str(path))
+    assert result.exit_code == 0, result.output
+    facts = json.loads(path.read_text())["drives"]["servo_24v"]["ckf"]
+    assert (facts["runs"], facts["locked"], facts["lost"]) == (3, 3, [])
+    assert (facts["turning"]["locked"], facts["reverse"]["locked"]) == (3, 3)
+    assert 0.0 < facts["time"]["median"] <= facts["time"]["worst"] < 0.25
+    for title in ("from rest", "turning", "reversal"):
+        assert title in result.output
+
+
+def test_bad_input_is_refused_before_the_work() -> None:
+    for words in (("no_such_drive",), ("paper_spmsm", "--filters", "ukf")):
+        assert isinstance(invoke(*words).exception, Exception), words
+    assert invoke("paper_spmsm", "--runs", "0").exit_code == 2
+
+
+#: In the supervisor's C, and what the planted machine has instead: starts that it must lose.
+PLANTED = {
+    "the filters change places whichever is better": ("PREFERENCE 0.05f", "PREFERENCE -1e9f"),
+    "the first attempt is the last": ("#define MAX_FAILURES 10", "#define MAX_FAILURES 0"),
+    "no torque": ("    s->torque = 0;\n", "    s->torque = 0;\n    return;\n"),
+}
+
+
+@pytest.mark.parametrize("fault", PLANTED)
+def test_a_machine_that_does_not_start_ends_with_1(fault: str, tmp_path: Path) -> None:
+    folder = tmp_path / "spmsm_load_torque"
+    shutil.copytree(GENERATED / folder.name, folder)
+    source = folder / f"{folder.name}_ickf_supervisor.c"
+    before, after = PLANTED[fault]
+    text = source.read_text()
+    assert before in text
+    source.write_text(text.replace(before, after))
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["files"][source.name]["sha256"] = digest(source.read_text())
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    path = tmp_path / "starts.json"
+    result = invoke(str(folder), "--filters", "ickf", "--runs", "12", "--json", str(path))
+    assert result.exit_code == 1, result.output
+    facts = json.loads(path.read_text())["drives"][folder.name]["ickf"]
+    assert facts["locked"] == 12 - len(facts["lost"]) < 12
