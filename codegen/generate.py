@@ -42,7 +42,7 @@ from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
-from codegen.render.supervisor import module_context, render_supervisor
+from codegen.render.supervisor import draw_supervisor, module_context, render_supervisor
 from model.filters import FilterStep, build_filter
 from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
@@ -97,6 +97,7 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
         | about.machine_file
     )
     measured = measure(accounts, files, measurer or Measurer())
+    files["supervisor.svg"] = draw_supervisor(about, next(iter(steps.values())))
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
     facts = _facts(drive, model, steps, accounts, measured, figures, tests)
     return Package(drive, model, steps, with_manifest(files, facts), accounts)
