@@ -277,8 +277,7 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
         files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
         foc = f"{name}_{kind}_foc"
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, [OPEN_HEAD])
-        own = render_supervisor(about, step).items()
-        files |= {f"{name}_{kind}_{end}": text for end, text in own}
+        files |= {f"{name}_{kind}_{end}": text for end, text in render_supervisor(about, step).items()}
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
     kind = default_kind(steps)
     files["example_isr.c"] = render_example(about, steps[kind])
@@ -305,8 +304,7 @@ def with_heads(
             notes = filter_notes(step, target, about.model.states, account, certificate, chip)
             files[source] = _with_notes(files[source], notes)
         foc = f"{name}_{kind}_foc.c"
-        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter")
-        files[foc] = _with_notes(files[foc], notes)
+        files[foc] = _with_notes(files[foc], cost_notes(accounts[kind].controller, "Cost at most, with the filter"))
     return files | render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
 
 

@@ -50,7 +50,9 @@ def thoroughly(*cases: Any) -> list[Any]:
 #: All of them, where that takes long: those with every feature in ``make test``, the others thoroughly.
 EVERY_DRIVE = [*DRIVES, *thoroughly(*(name for name in ALL_DRIVES if name not in DRIVES))]
 #: The parts of a proof.
-LINKS = {"model", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "D-chip"}
+LINKS = {
+    *("model", "modes", "A-B", "B-C", "guard", "data", "text", "C-D", "D-E", "controller", "supervisor", "D-chip"),
+}
 
 
 def variant(drive: Drive, **changes: dict[str, Any]) -> Drive:

@@ -120,3 +120,28 @@ def place(row: int, column: int) -> int:
         ``column`` <= ``row``.
     """
     return row * (row + 1) // 2 + column
+
+
+def state_place(p: str, state: str) -> str:
+    """Return the name by which a header tells a state's place in x.
+
+    Parameters
+    ----------
+    p : str
+        The filter's C prefix.
+    state : str
+    """
+    return f"{p}_{state}".upper()
+
+
+def variance_place(p: str, layout: CovarianceLayout, state: str) -> str:
+    """Return the name by which a header tells the place of a state's variance among the covariance words.
+
+    Parameters
+    ----------
+    p : str
+        The filter's C prefix.
+    layout : CovarianceLayout
+    state : str
+    """
+    return f"{p}_{layout.field}_{state}".upper()

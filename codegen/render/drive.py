@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from codegen.ir.constants import is_round
+from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
 from codegen.render.filter import (
@@ -15,13 +16,13 @@ from codegen.render.filter import (
     render,
     sin_cos_arithmetic,
     sin_cos_text,
-    state_place,
     trig_note,
     with_ramfuncs,
 )
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
+from codegen.render.supervisor import machine_of
 from model.filters import FilterStep
 from model.inverter import OF_LEGS, STATE, TRANSFORM
 from model.loop.controller import (
@@ -196,6 +197,7 @@ def render_example(about: Description, step: FilterStep) -> str:
         pole_pairs=CPrinter(F28335).format_literal(float(drive.motor.pole_pairs)),
         omega=state_place(p, "omega"),
         theta=state_place(p, ANGLE),
+        rivals=machine_of(about, step).rivals,
     )
     return with_ramfuncs(source, cold={"motor_setup"})
 

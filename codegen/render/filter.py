@@ -13,7 +13,7 @@ from typing import Any
 import jinja2
 
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
-from codegen.ir.covariance import CovarianceLayout
+from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
@@ -103,31 +103,6 @@ def render(template: str, **context: Any) -> str:
 def render_port() -> str:
     """Render the port header, which is the same for every drive."""
     return render("port.h.j2", modes=MODES, reasons=REASONS)
-
-
-def state_place(p: str, state: str) -> str:
-    """Return the name by which a header tells a state's place in x.
-
-    Parameters
-    ----------
-    p : str
-        The filter's C prefix.
-    state : str
-    """
-    return f"{p}_{state}".upper()
-
-
-def variance_place(p: str, layout: CovarianceLayout, state: str) -> str:
-    """Return the name by which a header tells the place of a state's variance among the covariance words.
-
-    Parameters
-    ----------
-    p : str
-        The filter's C prefix.
-    layout : CovarianceLayout
-    state : str
-    """
-    return f"{p}_{layout.field}_{state}".upper()
 
 
 def covariance_comment(step: FilterStep) -> str:

@@ -57,17 +57,7 @@ def render_module(
         gain=drive.filter.gain,
         sample_time=repr(drive.model.sample_time),
         defaults={key: repr(value) for key, value in tuning(about, guarded).items()},
-        constants=[
-            {"name": name, "value": repr(value), "formula": formula}
-            for name, value, formula in {
-                c[0]: c
-                for c in (
-                    *named_constants(about, [*listings.values(), *around["control_listings"]], staged=True),
-                    *named_constants(about, [*around["supervisor_listings"], *around["drive_listings"]], staged=True),
-                    *((c.name, c.value, c.formula) for c in around["control_constants"]),
-                )
-            }.values()
-        ],
+        constants=_constants(about, listings, around),
         helpers=helpers,
         spreads=[f"{n:g}" for n in spreads],
         unknown={f"{n:g}": repr(UNKNOWN / n) for n in spreads},
@@ -83,6 +73,18 @@ def render_module(
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[{"kind": kind, "program": "\n".join(printer.format_step(step))} for kind, step in steps.items()],
     )
+
+
+def _constants(about: Description, listings: dict[str, Listing], around: dict[str, Any]) -> list[dict[str, str]]:
+    """The named constants of all blocks, each once."""
+    inner, outer = [*listings.values(), *around["control_listings"]], around["supervisor_listings"]
+    found = [
+        *named_constants(about, inner, staged=True),
+        *named_constants(about, [*outer, *around["drive_listings"]], staged=True),
+        *((c.name, c.value, c.formula) for c in around["control_constants"]),
+    ]
+    once = {name: (name, value, formula) for name, value, formula in found}
+    return [{"name": name, "value": repr(value), "formula": formula} for name, value, formula in once.values()]
 
 
 def _python_small_angle(printer: PythonPrinter, n: float) -> str:

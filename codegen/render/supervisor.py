@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.ir.covariance import CovarianceLayout
+from codegen.ir.covariance import CovarianceLayout, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
@@ -14,7 +14,6 @@ from codegen.render.filter import (
     named_constants,
     render,
     sin_cos_text,
-    state_place,
     trig_note,
     tuning,
     with_ramfuncs,
@@ -142,58 +141,60 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
     """
     machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
     printer = ModesC(machine, CovarianceLayout.of(step), prefix)
-    listings = _listings(about, machine)
+    amplitude = injected_voltage(about.drive)
     common = {
         "p": prefix,
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
-        "injected": printer.format_literal(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
+        "injected": printer.format_literal(amplitude) if amplitude else "",
         "machine": machine,
         "rivals": machine.rivals,
         "start_share": printer.format_literal(start_share(about.drive)),
+        "sin_cos": sin_cos_text(printer),
+        "trig_note": trig_note(printer.target),
+        "round": printer.format_literal(SINGLE.rounding),
+        "below_pi": printer.format_literal(SINGLE.below_pi),
     }
-    source = render(
-        "supervisor.c.j2",
-        **common,
-        limits=_limits(machine, printer),
-        constants=[
-            {"name": name, "text": printer.format_literal(value), "formula": formula}
-            for name, value, formula in named_constants(about, listings)
-        ],
-        pair=any(listing.operations()["sincos"] for listing in listings),
-        sin_cos=sin_cos_text(printer),
-        trig_note=trig_note(printer.target),
-        round=printer.format_literal(SINGLE.rounding),
-        below_pi=printer.format_literal(SINGLE.below_pi),
-        wrap_angle=printer.format_helper(wrap_listing(SINGLE)),
-        blocks=[printer.format_block(listing) for listing in listings],
-        actions=[printer.format_action(action) for action in machine.actions],
-        watch=printer.format_watch(),
-        table="\n".join(printer.format_table()),
-        told="\n".join(printer.format_told()),
-    )
-    clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about)
-    drive = render(
-        "drive.c.j2",
-        **common,
-        max_current=Gains.names().index("max_current"),
-        clarke=printer.format_block(clarke),
-        constants=[
-            (name, printer.format_literal(v), formula)
-            for name, v, formula in named_constants(about, [*([clarke] if machine.rivals else []), *around])
-        ],
-        inject=[printer.format_block(listing) for listing in around],
-        omega=state_place(prefix, "omega"),
-        theta=state_place(prefix, ANGLE),
-        sin_cos=sin_cos_text(printer),
-        trig_note=trig_note(printer.target),
-        round=printer.format_literal(SINGLE.rounding),
-        below_pi=printer.format_literal(SINGLE.below_pi),
-    )
+    source = render("supervisor.c.j2", **common, **_machine_text(about, printer))
+    drive = render("drive.c.j2", **common, **_drive_text(about, printer))
     return {
         "supervisor.h": render("supervisor.h.j2", **common),
         "supervisor.c": with_ramfuncs(source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}),
         "drive.h": render("drive.h.j2", **common),
         "drive.c": with_ramfuncs(drive, cold={f"{prefix}_drive_init"}),
+    }
+
+
+def _constants(about: Description, listings: list[Listing], printer: ModesC) -> list[tuple[str, str, str]]:
+    named = named_constants(about, listings)
+    return [(name, printer.format_literal(value), formula) for name, value, formula in named]
+
+
+def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
+    """What the supervisor's source says of its machine."""
+    machine, listings = printer.machine, _listings(about, printer.machine)
+    return {
+        "limits": _limits(machine, printer),
+        "constants": _constants(about, listings, printer),
+        "pair": any(listing.operations()["sincos"] for listing in listings),
+        "wrap_angle": printer.format_helper(wrap_listing(SINGLE)),
+        "blocks": [printer.format_block(listing) for listing in listings],
+        "actions": [printer.format_action(action) for action in machine.actions],
+        "watch": printer.format_watch(),
+        "table": "\n".join(printer.format_table()),
+        "told": "\n".join(printer.format_told()),
+    }
+
+
+def _drive_text(about: Description, printer: ModesC) -> dict[str, Any]:
+    """What the drive's source says of controller, rival and square wave."""
+    clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about)
+    return {
+        "max_current": Gains.names().index("max_current"),
+        "clarke": printer.format_block(clarke),
+        "constants": _constants(about, [*([clarke] if printer.machine.rivals else []), *around], printer),
+        "inject": [printer.format_block(listing) for listing in around],
+        "omega": state_place(printer.prefix, "omega"),
+        "theta": state_place(printer.prefix, ANGLE),
     }

@@ -201,7 +201,7 @@ static void read_probe(const float32 reading[4], const float32 probe[2], float32
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
-    const float32 slope = (across - along) / (across + along);
+    const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
 
     towards_out[0] = cosine;
@@ -283,8 +283,7 @@ static void keep_reading(hub_36v_ckf_supervisor_t *s)
     s->gap = 0;
 }
 
-/* Which way the current turned says which way the rotor turns, if it turned far enough; else the reference.
- * */
+/* The rotor turns as the current turned, if that was far enough; else as the reference says. */
 static void guess_from_probe(hub_36v_ckf_supervisor_t *s)
 {
     float32 towards[4];
@@ -361,7 +360,8 @@ static void copy_filter(hub_36v_ckf_supervisor_t *s, const hub_36v_ckf_t *f)
 /* The rival is followed from now on. */
 static void exchange_filters(hub_36v_ckf_supervisor_t *s, hub_36v_ckf_t *f)
 {
-    const hub_36v_ckf_t kept = *f;
+    hub_36v_ckf_t kept;
+    kept = *f;
     *f = s->rival;
     s->rival = kept;
     s->good = 0;

@@ -957,7 +957,7 @@ def read_probe(reading, probe, math, stages=None):
     sine = direction * i_cosine
     along = _larger(cosine, direction_times_i_sine)
     across = _larger(sine, -sine)
-    slope = (across - along) / (across + along)
+    slope = (across - along) / _larger(across + along, 0.5)
     theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0 - _larger(slope, -slope)))
 
     return (cosine, sine, PROBE_SPEED * direction * size / _larger(intervals, 1.0), theta_first,)
@@ -1028,7 +1028,7 @@ def _keep_reading(s, f, phase, where, math):
 
 
 def _guess_from_probe(s, f, phase, where, math):
-    """Which way the current turned says which way the rotor turns, if it turned far enough; else the reference."""
+    """The rotor turns as the current turned, if that was far enough; else as the reference says."""
     probe = list(s.probe)
     guess = list(s.guess)
     spread = list(s.spread)

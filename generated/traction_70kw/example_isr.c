@@ -48,7 +48,6 @@
 #endif
 
 #define INV_TWO_PI 0.15915494f
-#define INV_SQRT_3 0.57735027f
 #define POLE_PAIRS 4.0f
 #define OMEGA TRACTION_70KW_CKF_OMEGA
 #define THETA TRACTION_70KW_CKF_THETA
@@ -80,8 +79,9 @@ void inverter_on(void);
 void telemetry(const float32 *words, int count);
 
 /* Park, current and speed PI, inverse Park of the drive you have. Currents A and v V in alpha-beta, speed rad/s
- * mechanical, angle per unit; torque 0: current references 0, speed PI held at 0. Then space vectors to duty cycles. */
-void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, int torque, float32 v[2]);
+ * mechanical, angle per unit; share: so much of the largest current is allowed, 0: current references 0, speed PI held
+ * at 0; anew 1: integrators begin with 0. Then space vectors to duty cycles. */
+void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, float32 share, int anew, float32 v[2]);
 void your_svgen(const float32 v[2], float32 dc_link, float32 duty[3]);
 
 INTERRUPT void adc_isr(void);
@@ -182,6 +182,8 @@ INTERRUPT void adc_isr(void)
     acknowledge_interrupt();
 }
 #else
+#define INV_SQRT_3 0.57735027f
+
 /* Zero voltage, and none under way. */
 static void forget_voltages(void)
 {
@@ -191,9 +193,10 @@ static void forget_voltages(void)
     v_queued[1] = 0.0f;
 }
 
-/* The filter, and the control around it. Returns the filter's status. */
+/* The filter, its rival where there is one, and the control around it. Returns the filter's status. */
 static int estimate_and_control(const float32 phase[2], float32 duty[3])
 {
+    float32 share = (supervisor.torque != 0) ? 1.0f : 0.0f;
     float32 i[2];
     float32 v[2];
     int status;
@@ -202,9 +205,13 @@ static int estimate_and_control(const float32 phase[2], float32 duty[3])
 
     /* u is the mean voltage over the interval that ends NOW, not the one computed now: with the delay of shadowed
      * compare registers it was computed two interrupts ago. One interval off costs an angle error of omega_e T. */
+    if (supervisor.rivals != 0) {
+        (void)traction_70kw_ckf_step(&supervisor.rival, v_acting, i);
+        share = TRACTION_70KW_CKF_START_SHARE;
+    }
     status = traction_70kw_ckf_step(&filter, v_acting, i);
 
-    your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), supervisor.torque, v);
+    your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), share, supervisor.anew, v);
     your_svgen(v, read_dc_link(), duty);
 
     v_acting[0] = v_queued[0];

@@ -134,7 +134,7 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
         ),
         Action(
             "guess_from_probe",
-            "Which way the current turned says which way the rotor turns, if it turned far enough; else the reference.",
+            "The rotor turns as the current turned, if that was far enough; else as the reference says.",
             (
                 If(forward, (Set(probe[0], Number(1.0)),)),
                 If(backward, (Set(probe[0], Number(-1.0)),)),

@@ -20,6 +20,8 @@ ANGLE_SHARE = 0.5
 ARC = 0.273
 #: A current that is smaller is not divided by, A^2.
 LEAST_SIZE = 1e-12
+#: Absolute cosine and sine of an angle are 1 or more together; so a divisor is seen not to be zero.
+LEAST_SUM = 0.5
 
 
 def constants(drive: Drive) -> tuple[Constant, ...]:
@@ -103,7 +105,7 @@ def probe_block(drive: Drive) -> Block:
     cosine, sine = -direction * across_i, direction * along_i
     omega = direction * _probe_speed(drive) * size / ca.fmax(intervals, 1.0)
     along, across = ca.fmax(cosine, -cosine), ca.fmax(sine, -sine)
-    slope = (across - along) / (across + along)
+    slope = (across - along) / ca.fmax(across + along, LEAST_SUM)
     theta = math.pi / 4 + slope * (math.pi / 4 + ARC * (1 - ca.fmax(slope, -slope)))
     named = {"cosine": cosine, "sine": sine, "along": along, "across": across, "slope": slope, "theta_first": theta}
     b.stage("cosine", "", "", list(named.values()), list(named), scale="none")

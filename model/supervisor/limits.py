@@ -22,8 +22,8 @@ LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
 GAP_TIME, GAP_TURN = 0.5e-3, 1.2
 #: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise.
 LEAST_SINE = 0.1
-#: Samples in a row beyond the trip current; attempts in a row that failed, and such of a drive without a rival: it finds
-#: its angle by attempts.
+#: Samples in a row beyond the trip current; attempts in a row that failed, and such of a drive without a rival: it
+#: finds its angle by attempts.
 MAX_EXCESS, MAX_FAILURES, MAX_FAILURES_ALONE = 3, 10, 20
 #: Shares of the maximum current: what reads as zero, what shows where the back-EMF points, what is too much. Of the
 #: operating box's speed: what may be unknown, and what half a turn leaves open.

@@ -12,6 +12,14 @@ from runtime.commands.words import DRIVE, Json, caution
 from runtime.drive.simulate import simulate_drive
 from runtime.system.verdicts import all_hold
 
+Theta = Annotated[
+    float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start; other than 0: --supervised.")
+]
+Supervised = Annotated[
+    bool | None,
+    typer.Option("--supervised/--alone", help="From power-up, with the supervisor; or the controller alone."),
+]
+
 
 def simulate(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)] = "paper_spmsm",
@@ -32,7 +40,8 @@ def simulate(
     bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
     offset: Annotated[float, typer.Option(metavar="A", help="Offset of phase a's current sensor.")] = 0.0,
     sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
-    theta: Annotated[float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start.")] = 0.0,
+    theta: Theta = 0.0,
+    supervised: Supervised = None,
     speed: Annotated[float | None, typer.Option(metavar="R/MIN", help="Default: rated speed.")] = None,
     load: Annotated[float | None, typer.Option(metavar="N_M", help="Of the load step; default: rated torque.")] = None,
     ramp: Annotated[float | None, typer.Option(metavar="S", help="From standstill to speed.")] = None,
@@ -53,7 +62,7 @@ def simulate(
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
     conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse}
-    others = {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed}
+    others = {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed, "supervised": supervised}
     setting = {**conditions, **others, "factors": parse_factors(factors)}
     task, kinds = {"speed": speed, "load": load, "ramp": ramp}, filters.split(",")
     caution([drive])

@@ -61,9 +61,12 @@ def open_simulator(library: Path, sources: dict[str, str], prefix: str, foc: str
         void {drive}_plant_advance(double s[6], const double motor[6], const double v[2], double load, double h, int n);
         void simulator_sense(const simulator *m, const double noise[2], float phase[2]);
         void simulator_actuate(simulator *m, const float duty[3], double load);
-        void simulator_run(simulator *m, {foc}_t *c, int steps, int n, const double *noise, const double *speed,
-                           const double *load, double *out, float *x, const float *covariance, int words,
-                           float *words_out, float *duty_out, int *status);
+        void simulator_freewheel(simulator *m, double load);
+        int simulator_drive_size(void);
+        {foc}_t *simulator_switch_on(void *drive, int delay);
+        void simulator_run(simulator *m, {foc}_t *c, void *drive, int steps, int n, const double *noise,
+                           const double *speed, const double *load, double *out, float *x,
+                           const float *covariance, int words, float *words_out, float *duty_out, int *status);
         """
     )
     return ffi, open_library(ffi, library)

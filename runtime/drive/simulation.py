@@ -43,6 +43,9 @@ STATUS_BITS = ("INPUT_REJECTED", "NOT_CONVERGED", "COMMAND_REJECTED", "COVARIANC
 class Conditions:
     """Inverter and sensors. Times in s, currents in A; ``theta`` is the rotor's electrical angle at the start, rad.
 
+    ``supervised``: the drive with its supervisor, from power-up, which may start at any angle; None: where ``theta`` is
+    not 0. Else the controller alone, which starts at once where the drive file says.
+
     ``noise`` and ``range``: None for what suits the drive (:func:`model.rating.sensor_noise`; 2.5 times its current).
     """
 
@@ -60,6 +63,12 @@ class Conditions:
     factors: Mapping[str, float] = field(default_factory=dict)  # on the true motor: R, L_d, L_q, psi_m, J
     switch_drop: float | None = None  # V; None: as the drive file has it
     min_pulse: float = 0.0  # s, pwm alone
+    supervised: bool | None = None
+
+    @property
+    def from_power_up(self) -> bool:
+        """The supervisor is in charge."""
+        return (self.theta != 0.0 and not self.sensored) if self.supervised is None else self.supervised
 
     def __post_init__(self) -> None:
         for name in ("dead_time", "noise", "range", "theta"):
@@ -173,9 +182,11 @@ class Simulator:
         self.module = folder.module
         self._prefix, sources = c_sources(folder, kind, "float32")
         foc, plant = f"{self._prefix}_foc", f"{folder.drive}_plant"
-        for name, place in ((foc, ""), (plant, "host/")):
+        supervisor, drive = f"{self._prefix}_supervisor", f"{self._prefix}_drive"
+        for name, place in ((foc, ""), (supervisor, ""), (drive, ""), (plant, "host/")):
             sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
-        defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
+        parts = {"PLANT": plant, "FOC": foc, "DRIVE": drive}
+        defines = parts | {f"HEADER_{part}": f'"{name}.h"' for part, name in parts.items()}
         library = build_library({**sources, "simulator.c": SIMULATOR.read_text(encoding="utf-8")}, defines, ("-O2",))
         self._foc = foc
         self._ffi, self._library = open_simulator(library, sources, self._prefix, foc)
@@ -249,6 +260,7 @@ class Simulator:
         m.h_max = longest_step(self.folder)
         m.delay = conditions.delay
         m.switching = INVERTERS.index(conditions.inverter)
+        m.pole_pairs, m.open = parameters["motor"]["pole_pairs"], int(conditions.from_power_up)
         return m
 
     def _gain(self, conditions: Conditions) -> tuple[float, ...]:
@@ -273,8 +285,9 @@ class Simulator:
         progress: Progress,
     ) -> tuple[Array, ...]:
         """Software in the loop: the generated C, a tenth of a second of drive time at a call."""
-        controller = self._ffi.new(f"{self._foc}_t *")
-        getattr(self._library, f"{self._foc}_init")(controller, conditions.delay)
+        drive = self._ffi.new("char[]", self._library.simulator_drive_size())
+        controller = self._library.simulator_switch_on(drive, conditions.delay)
+        supervised = drive if conditions.from_power_up else self._ffi.NULL
         controller.sensored = int(conditions.sensored)
         controller.gain[0 : len(gain)] = list(gain)
         for name, values in tuning.items():
@@ -300,7 +313,7 @@ class Simulator:
             pointers = [self._ffi.cast(c, a.ctypes.data) for c, a in zip(types, arrays, strict=True)]
             given, found = pointers[:5], pointers[5:]
             self._library.simulator_run(
-                machine, controller, part.stop - first, n, *given, covariance, words.shape[1], *found
+                machine, controller, supervised, part.stop - first, n, *given, covariance, words.shape[1], *found
             )
             progress(part.stop / steps)
         return rows, x, words, duty, status
@@ -317,7 +330,8 @@ class Simulator:
         """The NumPy twin in the same loop, around the same motor, inverter and sensors."""
         module, ffi, library = self.module, self._ffi, self._library
         math = module.MATH["float32"]
-        controller = numpy_controller(module, tuning, gain, conditions)
+        drive = module.new_drive(np.float32, conditions.delay)
+        controller = drive.control = numpy_controller(module, tuning, gain, conditions)
         steps = len(inputs.speed)
         rows, x, words, duty, status = _columns(steps, module)
         phase, i, torque = ffi.new("float[2]"), ffi.new("double[2]"), ffi.new("double[1]")
@@ -330,9 +344,19 @@ class Simulator:
             controller.sensed = (np.float32(machine.s[2]), np.float32(turned))
             measured = (np.float32(phase[0]), np.float32(phase[1]))
             command = (np.float32(inputs.speed[k]), np.float32(machine.v_dc))
-            duties, status[k] = module.foc_step(controller, module.STEPS[self.kind], measured, command, math)
+            gates = 1
+            if conditions.from_power_up:
+                duties, gates = module.drive_step(drive, module.STEPS[self.kind], measured, command, math)
+                status[k] = drive.status
+            else:
+                duties, status[k] = module.foc_step(controller, module.STEPS[self.kind], measured, command, math)
             x[k], words[k], duty[k] = controller.filter.x, getattr(controller.filter, module.COVARIANCE), duties
-            library.simulator_actuate(machine, [float(d) for d in duties], inputs.load[k])
+            if gates:
+                machine.open = 0
+                library.simulator_actuate(machine, [float(d) for d in duties], inputs.load[k])
+            else:
+                machine.duty_next[0:3] = [float(d) for d in duties]
+                library.simulator_freewheel(machine, inputs.load[k])
             if k % 1000 == 999:
                 progress((k + 1) / steps)
         return rows, x, words, duty, status

@@ -1,10 +1,13 @@
 /* simulator.c: a sensorless drive on the host. Hand-written; the motor and the controller it calls are generated.
  *
  * PLANT names the motor (PLANT_advance, PLANT_outputs), FOC the controller (FOC_t, FOC_step), and HEADERS_PLANT,
- * HEADER_FOC their headers. Once a sample: sense (noise, offset, quantisation), control, then the inverter and the
+ * HEADER_FOC their headers; DRIVE and HEADER_DRIVE the drive with its supervisor, where it is wanted. Once a sample: sense (noise, offset, quantisation), control, then the inverter and the
  * motor until the next sample. The pieces are exported too, so that another controller can take the loop's place. */
 #include HEADER_PLANT
 #include HEADER_FOC
+#ifdef DRIVE
+#include HEADER_DRIVE
+#endif
 #include <math.h>
 
 #define JOIN_(a, b) a##b
@@ -26,6 +29,8 @@ typedef struct {
     double h_max;        /* s, longest Runge-Kutta step */
     int delay;           /* samples: 0 or 1 */
     int switching;       /* 0: averaged inverter, 1: carrier comparison */
+    double pole_pairs;
+    int open;            /* gates off, and the currents have died out */
 } simulator;
 
 static const double ROOT_3 = 1.7320508075688772;
@@ -175,14 +180,83 @@ void simulator_actuate(simulator *m, const float duty[3], double load)
     half_period(m, edge, 1.0, load);
 }
 
+/* Gates off: a current goes on through the diodes against the DC link and dies out; then the phases are open. Holds
+ * while the back-EMF between two phases is below the link. */
+void simulator_freewheel(simulator *m, double load)
+{
+    const int n = (int)ceil(m->T / 1e-6);
+    const double h = m->T / n;
+    int k, j;
+    for (k = 0; k < n; k++) {
+        const double middle = m->s[3] + 0.5 * h * m->pole_pairs * m->s[2];
+        const double emf = m->motor[3] * m->pole_pairs * m->s[2];
+        double v[2], i[2], torque[1], rest_state[6];
+        v[0] = -emf * sin(middle); /* what keeps a current of zero at zero */
+        v[1] = emf * cos(middle);
+        if (!m->open) {
+            double phase[3], leg[3];
+            JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
+            phase[0] = i[0];
+            phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
+            phase[2] = -phase[0] - phase[1];
+            for (j = 0; j < 3; j++) {
+                leg[j] = (phase[j] > 0.0) ? 0.0 : 1.0;
+            }
+            v[0] = m->v_dc * (2.0 * leg[0] - leg[1] - leg[2]) / 3.0;
+            v[1] = m->v_dc * (leg[1] - leg[2]) / ROOT_3;
+            if (hypot(i[0], i[1]) <= m->v_dc * h * m->motor[1]) { /* less than the next step takes away */
+                m->open = 1;
+            }
+        }
+        JOIN(PLANT, _advance)(m->s, m->motor, v, load, h, 1);
+        if (m->open) {
+            JOIN(PLANT, _rest)(m->motor, m->s[3], rest_state);
+            m->s[0] = rest_state[0];
+            m->s[1] = rest_state[1];
+        }
+    }
+}
+
+#ifdef DRIVE
+/* Room that a drive takes, bytes, and a drive that has just been switched on: its controller. */
+int simulator_drive_size(void)
+{
+    return (int)sizeof(JOIN(DRIVE, _t));
+}
+
+JOIN(FOC, _t) *simulator_switch_on(void *drive, int delay)
+{
+    JOIN(DRIVE, _t) *d = (JOIN(DRIVE, _t) *)drive;
+    JOIN(DRIVE, _init)(d, delay);
+    return &d->control;
+}
+#endif
+
+/* One interrupt of the controller alone, or of the drive around it. Returns whether the gates are on. */
+static int step_of(JOIN(FOC, _t) *c, void *drive, const float phase[2], const float command[2], float duty[3], int *status)
+{
+#ifdef DRIVE
+    if (drive) {
+        JOIN(DRIVE, _t) *d = (JOIN(DRIVE, _t) *)drive;
+        const int gates = JOIN(DRIVE, _step)(d, phase, command, duty);
+        *status = d->status;
+        return gates;
+    }
+#endif
+    (void)drive;
+    *status = JOIN(FOC, _step)(c, phase, command, duty);
+    return 1;
+}
+
 /* A whole run. Rows of `out`, one a sample, at the instant of sampling: i_alpha, i_beta (as measured), u_alpha,
  * u_beta (the filter's), omega, theta, torque (true), omega, theta (used by the controller). x: the estimate;
- * words_out: its covariance, copied from the filter's own words at `covariance`. */
-void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const double *noise, const double *speed,
+ * words_out: its covariance, copied from the filter's own words at `covariance`. `drive`: the supervised drive whose
+ * controller c is, which may have the gates off; or none. */
+void simulator_run(simulator *m, JOIN(FOC, _t) *c, void *drive, int steps, int n, const double *noise, const double *speed,
                    const double *load, double *out, float *x, const float *covariance, int words,
                    float *words_out, float *duty_out, int *status)
 {
-    int k, j;
+    int k, j, gates;
     for (k = 0; k < steps; k++) {
         float phase[2], command[2], duty[3];
         double i[2], torque[1];
@@ -200,7 +274,7 @@ void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const doubl
         command[1] = (float)m->v_dc;
         c->sensed[0] = (float)m->s[2];
         c->sensed[1] = (float)remainder(m->s[3], 6.283185307179586);
-        status[k] = JOIN(FOC, _step)(c, phase, command, duty);
+        gates = step_of(c, drive, phase, command, duty, &status[k]);
         for (j = 0; j < n; j++) {
             x[n * k + j] = c->filter.x[j];
         }
@@ -210,6 +284,14 @@ void simulator_run(simulator *m, JOIN(FOC, _t) *c, int steps, int n, const doubl
         for (j = 0; j < 3; j++) {
             duty_out[3 * k + j] = duty[j];
         }
-        simulator_actuate(m, duty, load[k]);
+        if (gates) {
+            m->open = 0;
+            simulator_actuate(m, duty, load[k]);
+        } else {
+            for (j = 0; j < 3; j++) {
+                m->duty_next[j] = (double)duty[j];
+            }
+            simulator_freewheel(m, load[k]);
+        }
     }
 }

@@ -56,7 +56,6 @@ static struct {
     float duty[3];
     int status;
     int gates;          /* 1: enabled */
-    int open;           /* gates off, and the currents have died out */
 } board;
 
 void read_phase_currents(float32 phase[2])
@@ -128,43 +127,6 @@ void telemetry(const float32 *words, int count)
     board.status = (int)words[3];
 }
 
-/* Gates off: a current goes on through the diodes against the DC link and dies out; then the phases are open. Holds
- * while the back-EMF between two phases is below the link. */
-static void freewheel(simulator *m, double load)
-{
-    const int n = (int)ceil(m->T / 1e-6);
-    const double h = m->T / n;
-    int k, j;
-    for (k = 0; k < n; k++) {
-        const double middle = m->s[3] + 0.5 * h * (double)POLE_PAIRS * m->s[2];
-        const double emf = m->motor[3] * (double)POLE_PAIRS * m->s[2];
-        double v[2], i[2], torque[1], rest_state[6];
-        v[0] = -emf * sin(middle); /* what keeps a current of zero at zero */
-        v[1] = emf * cos(middle);
-        if (!board.open) {
-            double phase[3], leg[3];
-            JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
-            phase[0] = i[0];
-            phase[1] = 0.5 * (ROOT_3 * i[1] - i[0]);
-            phase[2] = -phase[0] - phase[1];
-            for (j = 0; j < 3; j++) {
-                leg[j] = (phase[j] > 0.0) ? 0.0 : 1.0;
-            }
-            v[0] = m->v_dc * (2.0 * leg[0] - leg[1] - leg[2]) / 3.0;
-            v[1] = m->v_dc * (leg[1] - leg[2]) / ROOT_3;
-            if (hypot(i[0], i[1]) <= m->v_dc * h * m->motor[1]) { /* less than the next step takes away */
-                board.open = 1;
-            }
-        }
-        JOIN(PLANT, _advance)(m->s, m->motor, v, load, h, 1);
-        if (board.open) {
-            JOIN(PLANT, _rest)(m->motor, m->s[3], rest_state);
-            m->s[0] = rest_state[0];
-            m->s[1] = rest_state[1];
-        }
-    }
-}
-
 /* Gates on, phase a open: its current is held at zero by what its terminal floats to, beta has its voltage. */
 static void one_phase_open(simulator *m, double load)
 {
@@ -173,10 +135,10 @@ static void one_phase_open(simulator *m, double load)
     const double v_beta = m->v_dc * ((double)m->duty_next[1] - (double)m->duty_next[2]) / ROOT_3;
     int k;
     for (k = 0; k < n; k++) {
-        const double middle = m->s[3] + 0.5 * h * (double)POLE_PAIRS * m->s[2];
+        const double middle = m->s[3] + 0.5 * h * m->pole_pairs * m->s[2];
         double v[2], i[2], torque[1];
         JOIN(PLANT, _outputs)(m->s, m->motor, i, torque);
-        v[0] = -m->motor[3] * (double)POLE_PAIRS * m->s[2] * sin(middle) - per_amp * i[0];
+        v[0] = -m->motor[3] * m->pole_pairs * m->s[2] * sin(middle) - per_amp * i[0];
         v[1] = v_beta;
         JOIN(PLANT, _advance)(m->s, m->motor, v, load, h, 1);
     }
@@ -193,7 +155,7 @@ static void act(simulator *m, double load)
     m->v_dc = board.fault ? board.fault->link : board.v_dc;
     load += board.fault ? board.fault->load : 0.0;
     if (board.gates) {
-        board.open = 0;
+        m->open = 0;
         if (what & OPEN_A) {
             one_phase_open(m, load);
         } else {
@@ -207,7 +169,7 @@ static void act(simulator *m, double load)
     for (k = 0; k < 3; k++) {
         m->duty_next[k] = (double)board.duty[k];
     }
-    freewheel(m, load);
+    simulator_freewheel(m, load);
     if (what & STALL) {
         m->s[2] = 0.0;
     }
@@ -268,7 +230,7 @@ int faulty_loop(simulator *m, const faulty_run *r)
     board.motor = m;
     board.v_dc = m->v_dc;
     board.fault = 0;
-    board.open = 1;
+    m->open = 1;
     failed = power_up(r->reacting);
     for (k = 0; k < r->steps && failed == 0; k++) {
         const int at = k - r->fault_from;

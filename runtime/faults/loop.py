@@ -192,7 +192,8 @@ class FaultyLoop:
         m.v_dc = parameters["control"]["dc_link"]
         m.dead_time, m.drop = inverter_of(parameters)
         m.h_max = longest_step(self.folder)
-        m.delay = 1
+        m.delay, m.open = 1, 1
+        m.pole_pairs = parameters["motor"]["pole_pairs"]
         return m
 
 

@@ -150,7 +150,7 @@ def _deviation(worst: float | None, stage: str, allowed: float) -> Text:
 
 
 #: Links that are shown as a line each.
-WHOLE = ("guard", "data", "controller", "text")
+WHOLE = ("guard", "data", "controller", "supervisor", "modes", "text")
 
 
 def whole_links(proof: Proof) -> list[tuple[Link, str]]:
@@ -173,7 +173,7 @@ def _used(link: Link) -> str:
 
 
 def _whole(proof: Proof) -> Table:
-    table = _table("guard, data, controller, text", "link", "filter", "claim", "on", "numbers", "worst", "")
+    table = _table("guard, data, controller, supervisor, text", "link", "filter", "claim", "on", "numbers", "worst", "")
     for column in table.columns[1:4]:
         column.justify = "left"
     for link, used in whole_links(proof):

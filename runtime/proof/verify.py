@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -20,19 +20,25 @@ from codegen.generate import Package, build_steps, draft, generate_bare
 from codegen.output.folder import write_folder
 from model.filters import FilterStep
 from model.schema import Drive
+from model.supervisor import supervisor
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.current import current_package
 from runtime.folders.resolve import NamedDrive, find_drive
+from runtime.proof.exhaust import link_exhaust
 from runtime.proof.link_ab import free_run, link_ab, own_run, pieces_of, reference_run
 from runtime.proof.link_bc import link_bc
 from runtime.proof.link_cd import Envelope, link_cd
 from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
+from runtime.proof.link_drive import link_drive
 from runtime.proof.link_foc import link_control
 from runtime.proof.link_guard import link_data, link_guard
+from runtime.proof.link_injection import link_injection
+from runtime.proof.link_modes import link_modes
 from runtime.proof.link_text import link_text
+from runtime.proof.modes import Modes
 from runtime.proof.motors import Plant
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.result import IterationEffect, Link, Proof
@@ -128,6 +134,8 @@ def prove(named: NamedDrive, effort: Effort, progress: Progress, current: bool =
         proof.links.append(equations)
     else:
         proof.unchecked.append(UNCHECKED)
+    progress("every state of the supervisor")
+    proof.links.append(_every_state(package))
     trajectory = trajectory_of(drive, PIECE * math.ceil(effort.trajectory / drive.model.sample_time / PIECE - 1e-9))
     evidence = Evidence(trajectory.t, {}, {}, trajectory)
     long = _long_run(drive, effort)
@@ -140,6 +148,14 @@ def prove(named: NamedDrive, effort: Effort, progress: Progress, current: bool =
             proof.effects.append(prover.effect(evidence))
     proof.notes += [step.iteration_proof for step in package.steps.values() if step.iteration_proof]
     return proof, evidence
+
+
+def _every_state(package: Package) -> Link:
+    """The declared machine alone; how long its modes may last is promised by the statement by hand."""
+    drive, parameters = package.drive, package.drive.model_dump()
+    hand = Modes(parameters, flux=package.model.states[0].unit == "Wb")
+    machine = supervisor(drive, package.model)
+    return link_exhaust(machine, drive.name, drive.model.sample_time, hand.longest)
 
 
 def _with_gain(drive: Drive, gain: str) -> Drive:
@@ -197,7 +213,7 @@ class Prover:
     progress: Progress
 
     def links(self, kind: str, evidence: Evidence) -> list[Link]:
-        """A-B, B-C, guard, data, text, D-E each way it is compiled, controller; C-D and D-chip on the long run.
+        """A-B, B-C, guard, data, text, D-E each way it is compiled, controller, modes; C-D and D-chip on the long run.
 
         Parameters
         ----------
@@ -221,6 +237,12 @@ class Prover:
         found += [*(bits.link(optimisation) for optimisation in self.effort.optimisations), bits.lane_link()]
         self.progress(f"{label}: the controller around it")
         found += link_control(self.folder, kind, step.gain, self._parameters, self._motor)
+        if hasattr(self.folder.module, "inject"):
+            dc_link = self._parameters["control"]["dc_link"]
+            found.append(link_injection(self.folder.module, self.folder.drive, kind, step.gain, dc_link))
+        self.progress(f"{label}: the modes, and the drive around them")
+        found.append(replace(self._modes, kind=kind, gain=step.gain))
+        found += link_drive(self.folder, kind, step.gain, self._parameters)
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
@@ -298,6 +320,11 @@ class Prover:
         verdict = {(True, True): "rounding", (False, False): "real"}.get((idle, worst <= ROUNDING), "unexplained")
         by_state = {state.name: float(difference[:, k].max()) for k, state in enumerate(self.package.model.states)}
         return IterationEffect(self.package.drive.name, gain, worst, by_state, idle, verdict)
+
+    @cached_property
+    def _modes(self) -> Link:
+        """The module's supervisor, which is the same for every kind."""
+        return link_modes(self.folder, "", "", self._parameters, self._motor)
 
     @cached_property
     def _motor(self) -> Plant:

@@ -1,7 +1,8 @@
-/* board.c: a board for the example interrupt, with a filter whose estimate and status the test says beforehand.
+/* board.c: a board for the example interrupt, with filters whose estimate and status the test says beforehand.
  *
- * Hand-written. The text before this one includes the example, in which the step and the self-tests have other names:
- * scripted_step and so on. What the interrupt does to the hardware is kept; nothing of its own state is looked at. */
+ * Hand-written. The text before this one includes the example; in it, in the supervisor and in the drive, the step and
+ * the self-tests have other names: scripted_step and so on. What the interrupt does to the hardware is kept. RIVAL is
+ * where the second filter is, if there is one. */
 #include <string.h>
 
 typedef struct {
@@ -13,7 +14,10 @@ typedef struct {
     int moves;           /* 1: the step leaves omega and theta below */
     float omega;
     float theta;
-    float tuned;         /* A: positive, the maximum current is set to it by hand during the step */
+    float nis;           /* what the step leaves, and the rival's */
+    float rival_nis;
+    float load;          /* N m, likewise, where it is a state */
+    float rival_load;
     float duty_wanted[3];
     float v_wanted[2];   /* V */
     int selftest[2];     /* codes of the filter's and of the controller's self-test */
@@ -24,6 +28,13 @@ typedef struct {
     int word_count;
     float x[N];          /* as the step found it */
     float covariance[N_WORDS];
+    float tuning;        /* its R[0] */
+    float found_nis;
+    float rival_x[N];    /* the same of the rival */
+    float rival_covariance[N_WORDS];
+    float rival_tuning;
+    float rival_found_nis;
+    float rival_u[2];
     float u[2];          /* V, WHOLE_CONTROLLER 0: what the step was given */
     float y[2];          /* A, or the phases */
     float command[2];
@@ -33,7 +44,8 @@ typedef struct {
     float v_queued[2];
     int delay;
     float loop[4];       /* WHOLE_CONTROLLER 0: i_alpha, i_beta, speed, angle in turns, as the current loop got them */
-    int torque;
+    float share;         /* of the largest current */
+    int anew;
     float svgen[3];      /* v_alpha, v_beta, DC link */
     float tolerance[2];  /* as the self-tests got it */
 } board_t;
@@ -99,14 +111,15 @@ void telemetry(const float32 *words, int count)
     memcpy(board.words, words, sizeof(float) * (size_t)count);
 }
 
-void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, int torque, float32 v[2])
+void your_current_loop(const float32 i[2], float32 speed, float32 theta_pu, float32 share, int anew, float32 v[2])
 {
     event('l');
     board.loop[0] = i[0];
     board.loop[1] = i[1];
     board.loop[2] = speed;
     board.loop[3] = theta_pu;
-    board.torque = torque;
+    board.share = share;
+    board.anew = anew;
     memcpy(v, board.v_wanted, sizeof board.v_wanted);
 }
 
@@ -119,10 +132,24 @@ void your_svgen(const float32 v[2], float32 dc_link, float32 duty[3])
     memcpy(duty, board.duty_wanted, sizeof board.duty_wanted);
 }
 
-/* The filter. */
+/* The filters. The rival keeps its place, so that a test can tell the two apart. */
 int scripted_step(FILTER_T *f, const float32 u[2], const float32 y[2])
 {
+#ifdef RIVAL
+    if (f == &RIVAL) {
+        event('r');
+        memcpy(board.rival_x, f->x, sizeof board.rival_x);
+        memcpy(board.rival_covariance, f->COVARIANCE, sizeof board.rival_covariance);
+        memcpy(board.rival_u, u, sizeof board.rival_u);
+        board.rival_tuning = f->R[0];
+        board.rival_found_nis = f->nis;
+        f->nis = board.rival_nis;
+        SET_LOAD(f, board.rival_load);
+        return 0;
+    }
+#endif
     event('s');
+    board.tuning = f->R[0];
     memcpy(board.x, f->x, sizeof board.x);
     memcpy(board.covariance, f->COVARIANCE, sizeof board.covariance);
     memcpy(board.u, u, sizeof board.u);
@@ -131,6 +158,9 @@ int scripted_step(FILTER_T *f, const float32 u[2], const float32 y[2])
         f->x[2] = board.omega;
         f->x[3] = board.theta;
     }
+    board.found_nis = f->nis;
+    f->nis = board.nis;
+    SET_LOAD(f, board.load);
     return board.status;
 }
 
@@ -144,29 +174,47 @@ int scripted_foc_step(FOC_T *c, const float32 phase[2], const float32 command[2]
     memcpy(board.v_acting, c->v_acting, sizeof board.v_acting);
     memcpy(board.v_queued, c->v_queued, sizeof board.v_queued);
     board.delay = c->delay;
-    if (board.tuned > 0.0f) {
-        c->gain[MAX_CURRENT_PLACE] = board.tuned;
-    }
+    memcpy(c->command_held, command, sizeof c->command_held);
     c->integrator[0] = c->integrator[1] = c->integrator[2] = c->integrator[3] = 7.0f; /* so that what is not cleared is seen */
     c->v_acting[0] = c->v_acting[1] = c->v_queued[0] = c->v_queued[1] = 7.0f;
     memcpy(duty, board.duty_wanted, sizeof board.duty_wanted);
     return board.status;
 }
 
-/* Which of the example's counters are not 0, a letter each. */
-const char *counting(void)
+/* An integer that the supervisor keeps, by its name; NULL if it has none of that name. */
+int *field(const char *name)
 {
-    const int counts[] = {ticks, since, rejected, diverged, excess, content, mirrored};
-    static char found[8];
-    int k, used = 0;
-    for (k = 0; k < 7; k++) {
-        if (counts[k] != 0) {
-            found[used++] = "tsrdecm"[k];
+    static const struct {
+        const char *name;
+        int *place;
+    } fields[] = {FIELDS};
+    size_t k;
+    for (k = 0; k < sizeof fields / sizeof fields[0]; k++) {
+        if (strcmp(fields[k].name, name) == 0) {
+            return fields[k].place;
         }
     }
-    found[used] = 0;
-    return found;
+    return NULL;
 }
+
+int *interrupts_since_telemetry(void)
+{
+    return &ticks;
+}
+
+/* R[0] of the filter, as live tuning sets it. */
+void tune(float value)
+{
+    FILTER.R[0] = value;
+}
+
+#if WHOLE_CONTROLLER
+/* A: the largest current, likewise. */
+float *largest_current(void)
+{
+    return &drive.control.gain[MAX_CURRENT_PLACE];
+}
+#endif
 
 /* The self-tests: they leave rubbish in their work space. */
 int scripted_selftest(FILTER_T *work, float32 tolerance)

@@ -23,7 +23,7 @@ from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Run
 from runtime.endurance.soak import Decade, Soak
 from runtime.faults.catalogue import Fault
-from runtime.faults.loop import RUNNING, FaultyRun
+from runtime.faults.loop import FaultyRun
 from runtime.faults.survey import Outcome, Recovery
 from runtime.firmware.static.check import Check
 from runtime.proof.link_cd import Drift
@@ -193,7 +193,9 @@ def faulty_run(N: int = 400, T: float = 1e-3, first: int = 100, after: int = 110
         "x": x,
         "duty": np.full((N, 3), 0.5),
         "status": np.zeros(N, int),
-        "mode": np.full(N, RUNNING),
+        "mode": np.full(N, 4),
+        "reason": np.zeros(N, int),
+        "running": np.ones(N, bool),
         "powered": np.ones(N, bool),
         "band": 20.0,
     }

@@ -12,7 +12,6 @@ import pytest
 
 import runtime.faults.survey
 from runtime.faults.figures import fault_figure
-from runtime.faults.loop import CATCHING, RUNNING
 from runtime.faults.survey import Outcome, column, judge, outcome_facts
 from runtime.faults.tables import count_text, fault_table, recovery_text, said_text, told_text, worst_text
 from tests.judges.made import (
@@ -74,14 +73,14 @@ def test_an_angle_out_of_its_band(degrees: float, bad: bool) -> None:
 
 
 def test_who_has_no_rest_or_no_torque_has_not_recovered() -> None:
-    assert judge(spoiled("mode", {349: CATCHING}), T).recovered
-    assert judge(spoiled("mode", {349: CATCHING}), T).time == pytest.approx(0.240)
-    assert not judge(spoiled("mode", {350: CATCHING}), T).recovered, "49 ms are left, 50 are wanted"
-    late = judge(spoiled("mode", {399: CATCHING}), T)
+    assert judge(spoiled("running", {349: False}), T).recovered
+    assert judge(spoiled("running", {349: False}), T).time == pytest.approx(0.240)
+    assert not judge(spoiled("running", {350: False}), T).recovered, "49 ms are left, 50 are wanted"
+    late = judge(spoiled("running", {399: False}), T)
     assert math.isnan(late.time)
     assert late.idle == pytest.approx(0.001)
-    assert judge(spoiled("mode", {50: CATCHING, 120: CATCHING, 130: CATCHING}), T).idle == pytest.approx(0.002)
-    assert judge(spoiled("mode", {105: CATCHING}), T).time == 0.0, "it is over when the fault is"
+    assert judge(spoiled("running", {50: False, 120: False, 130: False}), T).idle == pytest.approx(0.002)
+    assert judge(spoiled("running", {105: False}), T).time == 0.0, "it is over when the fault is"
 
 
 def test_who_was_told_and_when() -> None:
@@ -92,11 +91,11 @@ def test_who_was_told_and_when() -> None:
     assert judge(spoiled("status", {99: 0x8}), T).told == -1
     assert judge(spoiled("status", {119: 0x8}), T).told == 19
     assert judge(spoiled("status", {120: 0x8}), T).told == -1, "10 ms behind the fault"
-    assert judge(spoiled("mode", {103: CATCHING}), T).told == 3
+    assert judge(spoiled("running", {103: False}), T).told == 3
 
 
 def test_errors_count_while_the_drive_has_torque_and_only_since_the_fault() -> None:
-    run = spoiled("mode", {101: CATCHING})
+    run = spoiled("running", {101: False})
     x = run.x.copy()
     x[50, 2], x[101, 2], x[102, 2], x[103, 2] = 9e3, 8e3, run.x[102, 2] + 1.0, 7e3
     powered = run.powered.copy()
@@ -150,7 +149,20 @@ def test_json_of_an_outcome() -> None:
     assert [run["current"] for run in facts["runs"]] == [12.0, 12.0, 11.0, 13.0]
     assert [run["deviation"] for run in facts["alone"]] == [30.0]
     first = {"time": 0.01, "told": 3, "status": 8, "speed_error": 5.0, "angle_error": 2.0, "deviation": 30.0}
-    assert facts["runs"][0] == {**first, "current": 12.0, "idle": 0.004}
+    assert facts["runs"][0] == {**first, "current": 12.0, "idle": 0.004, "gave_up": ""}
+
+
+@pytest.mark.parametrize(
+    ("lasting", "gave_up", "good"),
+    [(0.0, "", False), (0.0, "SLIPPED", False), (6.0, "", False), (6.0, "SLIPPED", True)],
+)
+def test_where_a_fault_lasts_to_give_up_and_say_why_is_safe(lasting: float, gave_up: str) -> None:
+    """Never where it passes; and one run that does neither is one too many."""
+    lost = recovery(time=float("nan"), gave_up=gave_up)
+    found = outcome(recovery(), lost)
+    assert replace(found, fault=replace(found.fault, lasting=lasting)).recovered is bool(lasting and gave_up)
+    assert lost.safe is bool(gave_up)
+    assert judge(faulty_run(gave_up=gave_up), T).gave_up == gave_up
 
 
 def test_the_table_of_faults() -> None:
@@ -239,7 +251,7 @@ def test_a_real_loop_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = outcome_facts(found)
     for run, fact in zip((one for *_, one in asked[1:3]), facts["runs"], strict=True):
         assert 0.3 <= run.t[run.first] <= 0.3205
-        speed = np.abs(run.x[:, 2].astype(float) - run.omega)[run.first :][(run.mode == RUNNING)[run.first :]]
+        speed = np.abs(run.x[:, 2].astype(float) - run.omega)[run.first :][run.running[run.first :]]
         assert fact["speed_error"] == pytest.approx(speed.max() * RPM)
         assert fact["current"] == run.current[run.first :].max()
 
@@ -249,7 +261,7 @@ def test_the_figure_of_faults(kept: Kept) -> None:
     x = run.x.copy()
     x[:, 2] += 3.0
     x[:, 3] -= 0.02
-    run = replace(spoiled("mode", {120: CATCHING}), x=x, omega=run.omega + np.arange(400) / 10)
+    run = replace(spoiled("running", {120: False}), x=x, omega=run.omega + np.arange(400) / 10)
     fault_figure([outcome(recovery(), example=run)])
     figure = fault_figure([outcome(recovery(), example=run)])
     speed, off, angle = figure.axes

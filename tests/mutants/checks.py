@@ -36,6 +36,7 @@ class Fresh:
         made = draft(drive, form)
         self.drive, self.about, self.model = drive.name, made.about, made.about.model
         self.steps, self.listings, self.module = made.steps, made.listings, made.load(drive.name)
+        self.manifest = {"states": [{"name": state.name, "unit": state.unit} for state in self.model.states]}
 
     def text(self, name: str) -> str:
         return self._files[Path(name).name]
@@ -51,12 +52,14 @@ def _printed(fresh: Fresh) -> dict[str, str]:
     from codegen.render.filter import render_filter, render_port
     from codegen.render.lanes import render_lanes
     from codegen.render.printers.targets import F28335
+    from codegen.render.supervisor import render_supervisor
 
     files = {"pmsm_port.h": render_port()}
     for kind, step in fresh.steps.items():
         stem = f"{fresh.drive}_{kind}"
         files[f"{stem}.h"], files[f"{stem}.c"] = render_filter(fresh.about, step, fresh.listings, F28335, [])
         files[f"{stem}_foc.h"], files[f"{stem}_foc.c"] = render_foc(fresh.about, kind, [])
+        files |= {f"{stem}_{end}": text for end, text in render_supervisor(fresh.about, step).items()}
         files[f"{stem}_lanes.h"], files[f"{stem}_lanes.c"] = render_lanes(fresh.about, step, fresh.listings)
     return files
 
@@ -209,6 +212,24 @@ def controller(bench: Bench, name: str) -> Iterator[Any]:
     yield from link_control(fresh, "ckf", truth.filter.gain, truth.model_dump(), second_motor(truth))  # type: ignore[arg-type]
 
 
+def supervisor(bench: Bench, name: str) -> Iterator[Any]:
+    """Every state of the machine; its modes by hand; supervisor and drive in C."""
+    from model.supervisor import supervisor as declared
+    from runtime.proof.exhaust import link_exhaust
+    from runtime.proof.link_drive import link_drive
+    from runtime.proof.link_modes import link_modes
+    from runtime.proof.modes import Modes
+    from runtime.proof.second import second_motor
+
+    truth, fresh = bench.truth(name), bench.fresh("fast", name)
+    data, flux = truth.model_dump(), fresh.model.states[0].unit == "Wb"
+    machine = declared(truth, fresh.model)
+    yield link_exhaust(machine, name, truth.model.sample_time, Modes(data, flux).longest)
+    kind = next(iter(fresh.steps))
+    yield link_modes(fresh, kind, truth.filter.gain, data, second_motor(truth))  # type: ignore[arg-type]
+    yield from link_drive(fresh, kind, truth.filter.gain, data)  # type: ignore[arg-type]
+
+
 def bits_of(folder: Any, truth: Any, kind: str, step: Any, steps: int = BIT_STEPS, draws: int = BIT_DRAWS) -> Any:
     """Link D-E with the first divergence's place left out: that takes another compilation."""
     from codegen.evidence.box import sample_box
@@ -229,6 +250,7 @@ LINKS: dict[str, Callable[..., Iterator[Any]]] = {
     "data": data,
     "D-E": bits,
     "controller": controller,
+    "supervisor": supervisor,
 }
 
 

@@ -24,6 +24,7 @@ KINDS = {
     "Python": "the emitted module",
     "flow": "guards, branches, masks, status bits and restarts of all texts of the step, by rule",
     "controller": "the controller's equations and gains",
+    "supervisor": "the drive's modes: table, actions, numbers, blocks, and their C and Python",
     "plant": "the motor that is simulated",
     "example interrupt": "the example's text: what enables and stops the inverter, and what is sent",
     "self-test": "the self-tests' text, tables and allowances",

@@ -166,7 +166,7 @@ def test_simulate_reports_saves_and_exits_well(tmp_path: Path) -> None:
 
 
 def test_simulate_says_when_lock_is_lost(tmp_path: Path) -> None:
-    done = call("simulate", "--theta", "3.1", "--scenario", "no_load", "--filters", "ckf", cwd=tmp_path)
+    done = call("simulate", "--theta", "3.1", "--alone", "--scenario", "no_load", "--filters", "ckf", cwd=tmp_path)
     assert done.returncode == 1
     assert "LOST LOCK" in done.stdout
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from runtime.drive.scenario import Scenario
 from runtime.drive.simulation import Conditions, numpy_controller
 from runtime.estimator.folder import find_folder
 from runtime.faults.catalogue import FAULTS
-from runtime.faults.loop import FAULT, PROBING, RESTING, RUNNING, FaultyLoop
+from runtime.faults.loop import FAULT, FaultyLoop
 from runtime.faults.survey import circumstances, judge, run_fault
 from runtime.system.errors import UserError
 from tests.conftest import DRIVES
@@ -39,6 +40,14 @@ EXPECTED = {
     "power_cycle": (0, 50, 0.01),
     "gain_jump": (0x10, 100, 0.02),
     "offset_jump": (0x10, 100, 0.02),
+    "offset_drift": (0x10, 1500, 0.02),
+    "stalled": (0x10, 50, 0.02),
+    "overload": (0, None, 0.02),
+}
+#: Those that stay: status bits, by which sample, and the reasons that may be given for giving up.
+STAYING = {
+    "phase_lost": (0x10, 50, {"SLIPPED", "NOT_STARTED"}),
+    "swapped": (0x10, 0, {"CURRENT"}),
 }
 
 
@@ -48,18 +57,34 @@ def loop() -> FaultyLoop:
 
 
 def test_every_fault_is_expected_of() -> None:
-    assert list(EXPECTED) == list(FAULT_BY_NAME)
+    assert [*EXPECTED, *STAYING] == list(FAULT_BY_NAME)
 
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_recovers_and_says_so(name: str, loop: FaultyLoop) -> None:
     bits, by_sample, longest = EXPECTED[name]
+    task = replace(TASK, duration=0.7) if name == "offset_drift" else TASK  # it takes 0.2 s
     for seed in range(1, 4):
-        recovery = judge(run_fault(loop, FAULT_BY_NAME[name], TASK, seed), loop.module.SAMPLE_TIME)
+        recovery = judge(run_fault(loop, FAULT_BY_NAME[name], task, seed), loop.module.SAMPLE_TIME)
         assert recovery.time <= longest  # NaN fails
         assert recovery.status & bits == bits
         if by_sample is not None:
             assert 0 <= recovery.told <= by_sample
+
+
+@pytest.mark.parametrize("name", STAYING)
+def test_what_stays_ends_in_fault_and_says_why(name: str, loop: FaultyLoop) -> None:
+    bits, by_sample, reasons = STAYING[name]
+    run = run_fault(loop, FAULT_BY_NAME[name], TASK, 1)
+    found = judge(run, loop.module.SAMPLE_TIME)
+    assert not found.recovered
+    assert found.gave_up in reasons
+    assert found.status & bits == bits
+    assert 0 <= found.told <= by_sample
+    assert run.mode[-1] == loop.module.FAULT
+    gave_up = int(np.argmax(run.mode == loop.module.FAULT))
+    assert set(run.mode[gave_up:]) == {loop.module.FAULT}, "for good"
+    assert np.max(run.current[gave_up + 100 :]) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -83,10 +108,11 @@ def test_without_the_reaction_the_papers_filter_believes_in_the_opposite_speed()
 
 
 def test_no_fault_no_reaction(loop: FaultyLoop) -> None:
-    """From power-up: rest, a probe that finds no back-EMF, and then torque for good."""
+    """From power-up: rest, a probe that finds no back-EMF, a start, and then torque for good."""
     run = loop.run(TASK, np.empty(0, FAULT), 0.0)
-    changes = np.flatnonzero(np.diff(run.mode))
-    assert list(run.mode[[0, *(changes + 1)]]) == [RESTING, PROBING, RUNNING]
+    changes, m = np.flatnonzero(np.diff(run.mode)), loop.module
+    assert list(run.mode[[0, *(changes + 1)]]) == [m.RESTING, m.PROBING, m.STARTING, m.RUNNING]
+    assert not run.reason.any()
     assert not run.status.any()
     assert np.max(np.abs(run.speed_error[changes[-1] + 1 :])) < run.band
 
@@ -105,7 +131,8 @@ def test_a_sensor_that_does_not_read_zero_keeps_the_inverter_off(loop: FaultyLoo
     stuck = np.repeat(fault[-1:], 1000)
     stuck["phase"] = 4.0
     run = loop.run(TASK, np.concatenate([fault, stuck]), 0.2)
-    assert not np.any(run.mode[run.first + len(fault) : run.after] == RUNNING)
+    assert not np.any(run.running[run.first + len(fault) : run.after])
+    assert set(run.mode[run.first + len(fault) + 10 : run.after]) == {module.RESTING}
     assert np.max(run.current[run.first + len(fault) + 10 : run.after]) == 0.0
     assert judge(run, module.SAMPLE_TIME).recovered
 

@@ -207,7 +207,7 @@ def test_stays_locked_under_hard_conditions(name: str, simulators: dict[str, Sim
 
 def test_lost_lock_is_said(simulators: dict[str, Simulator]) -> None:
     """Starting with the rotor half a turn from where the filter thinks it is."""
-    run = simulators["paper_spmsm"].run(TASKS["no_load"], Conditions(theta=np.pi))
+    run = simulators["paper_spmsm"].run(TASKS["no_load"], Conditions(theta=np.pi, supervised=False))
     assert not run.locked
 
 

@@ -6,102 +6,21 @@ arrays of lanes, first finds the number of the transition that each lane takes, 
 
 from __future__ import annotations
 
-from codegen.ir.covariance import CovarianceLayout
-from codegen.render.filter import state_place, variance_place
+from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.render.printers.c import INDENT, CPrinter
 from codegen.render.printers.expression import WIDTH, unbroken, wrap_line
+from codegen.render.printers.places import SCORE, Body, Places
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335
 from model.filters.conditions import Entry
-from model.filters.program import Call, Count, If, Node, Restart, Set, entries_of, nodes
+from model.filters.program import Call, Count, If, Node, Restart, Set
 from model.quantities import Block
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, OnRival, Supervisor, Transition
 
-#: What an action does, in order.
-Body = tuple[Node | CopyFilter | ExchangeFilters, ...]
-
 #: Columns of the table of modes that the machine tells whoever drives the inverter.
 TOLD = ("inverter", "runs", "torque", "rivals")
-#: Fields of a filter that are one number of its state.
-SCORE = "nis"
 #: Entries of the rival filter begin so.
 RIVAL = "rival_"
-
-
-class Places:
-    """Where a machine's arrays live: in its own struct, in the filter's, or on the stack."""
-
-    def __init__(self, machine: Supervisor, layout: CovarianceLayout) -> None:
-        self.own = {field.name: field for field in machine.fields}
-        self.layout = layout
-        self.filter = {"x", "x_0", "P_0", SCORE, layout.field}
-
-    def entry(self, entry: Entry) -> Entry:
-        """An entry by the array that holds it: a variance is one of the covariance's words.
-
-        Parameters
-        ----------
-        entry : Entry
-        """
-        if entry.name != "variance":
-            return entry
-        assert entry.place is not None
-        return Entry(self.layout.field, self.layout.variances[entry.place])
-
-    def read(self, body: Body) -> list[str]:
-        """Names of all arrays and fields that a body reads or sets.
-
-        Parameters
-        ----------
-        body : tuple of Node
-        """
-        found: list[str] = []
-        for node in nodes(body):  # type: ignore[arg-type]
-            if isinstance(node, CopyFilter | ExchangeFilters):
-                found += ["x", "rival"]
-                continue
-            if isinstance(node, Call):
-                found += [port.name for port in (*node.block.inputs, *node.block.outputs)]
-            elif isinstance(node, Count):
-                found.append(node.counter)
-            elif isinstance(node, If):
-                found += [self.entry(entry).name for entry in entries_of(node.condition)]
-            elif isinstance(node, Restart):
-                found += ["x", self.layout.field]
-            else:
-                found += [self.entry(entry).name for entry in entries_of(node)]
-        return list(dict.fromkeys(found))
-
-    def changed(self, body: Body) -> list[str]:
-        """Names of the arrays and fields that a body sets.
-
-        Parameters
-        ----------
-        body : tuple of Node
-        """
-        found: list[str] = []
-        for node in nodes(body):  # type: ignore[arg-type]
-            if isinstance(node, ExchangeFilters):
-                found += ["x"]
-            elif isinstance(node, Call):
-                found += [port.name for port in node.block.outputs]
-            elif isinstance(node, Count):
-                found.append(node.counter)
-            elif isinstance(node, Set):
-                found.append(self.entry(node.target).name)
-            elif isinstance(node, Restart):
-                found += ["x", self.layout.field]
-        return list(dict.fromkeys(found))
-
-    def local(self, body: Body) -> dict[str, int]:
-        """Arrays on the stack that a body makes, and their lengths.
-
-        Parameters
-        ----------
-        body : tuple of Node
-        """
-        outputs = (port for node in nodes(body) if isinstance(node, Call) for port in node.block.outputs)  # type: ignore[arg-type]
-        return {port.name: len(port.entries) for port in outputs if port.name not in self.own}
 
 
 class ModesC(CPrinter):
@@ -158,7 +77,8 @@ class ModesC(CPrinter):
         if isinstance(node, CopyFilter):
             return [f"{pad}s->rival = *f;"]
         if isinstance(node, ExchangeFilters):
-            return [f"{pad}const {self.prefix}_t kept = *f;", f"{pad}*f = s->rival;", f"{pad}s->rival = kept;"]
+            copies = ("kept = *f;", "*f = s->rival;", "s->rival = kept;")
+            return [f"{pad}{self.prefix}_t kept;", *(pad + copy for copy in copies)]
         return super()._format_node(node, depth)
 
     # --- functions

@@ -119,12 +119,20 @@ class Call:
             for k in range(cells.size):
                 self.text.memory[cells.id, k] = self.text.read(source[name], k)
 
+    def _declare_struct(self, item: Any, kind: str) -> None:
+        made = self.scope[item.name] = self.text.new_struct(kind, f"{item.name}.")
+        source = self._struct(item.init) if item.init is not None else None
+        if source is not None:
+            self._copy_struct(made, source)
+            return
+        for name, cells in made.items():
+            for k in range(getattr(cells, "size", 0)):
+                self.text.memory[cells.id, k] = self.terms.unknown(f"{item.name}.{name}[{k}] before it is written")
+
     def _declare(self, item: Any) -> None:
         kind, size = declared(item.type)
-        source = self._struct(item.init) if item.init is not None else None
-        if source is not None and size is None:
-            self.scope[item.name] = self.text.new_struct(kind, f"{item.name}.")
-            self._copy_struct(self.scope[item.name], source)
+        if size is None and self.text.is_struct(kind):
+            self._declare_struct(item, kind)
             return
         array = self.text.new_array(item.name, size, kind)
         self.scope[item.name] = array

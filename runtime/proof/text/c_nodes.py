@@ -95,6 +95,15 @@ class Unit(Protocol):
             "int", "float32", or "lanes" where a cell has one value a lane.
         """
 
+    def is_struct(self, kind: str) -> bool:
+        """Whether a type is a struct.
+
+        Parameters
+        ----------
+        kind : str
+            Its name.
+        """
+
     def new_struct(self, kind: str, prefix: str = "") -> Struct:
         """Make the cells of a struct.
 

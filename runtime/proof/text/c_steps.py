@@ -61,6 +61,16 @@ class CText:
         self.arrays[array.id] = array
         return array
 
+    def is_struct(self, kind: str) -> bool:
+        """Whether a type is a struct whose fields are known; one number of every lane is none.
+
+        Parameters
+        ----------
+        kind : str
+            Its name.
+        """
+        return kind != "lanes" and isinstance(self.types.get(kind), c_ast.Struct)
+
     def new_struct(self, kind: str, prefix: str = "") -> Struct:
         """A struct whose fields are symbols of their names.
 
@@ -74,7 +84,7 @@ class CText:
         fields: Struct = {}
         for declaration in self.types[kind].decls:
             name, base, size = declaration.name, *declared(declaration.type)
-            if base in self.types and base != "lanes" and isinstance(self.types[base], c_ast.Struct):
+            if self.is_struct(base):
                 fields[name] = self.new_struct(base, f"{prefix}{name}.")
                 continue
             array = self.new_array(prefix + name, size, base)

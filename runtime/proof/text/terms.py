@@ -287,13 +287,9 @@ class Terms:
         if condition.kind != "choice" or term.kind != "choice":
             return term
         atom = min((part.args[0] for part in (condition, term)), key=lambda atom: atom.order)
-        holds, other = (self._side(condition, atom, side) for side in (1, 2))
-        if other is self.zero:
-            return self.within(holds, self._side(term, atom, 1))
-        if holds is self.zero:
-            return self.within(other, self._side(term, atom, 2))
-        then, otherwise = (self.within(c, self._side(term, atom, k)) for k, c in ((1, holds), (2, other)))
-        return self._branch(atom, then, otherwise)
+        sides = [(self._side(condition, atom, side), self._side(term, atom, side)) for side in (1, 2)]
+        left = [self.within(own, part) for own, part in sides if own is not self.zero]
+        return left[0] if len(left) == 1 else self._branch(atom, *left)
 
     # --- merging, loops
 

@@ -13,6 +13,7 @@ from tests.mutants.catalogue.judges import JUDGES
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
 from tests.mutants.catalogue.program import PROGRAM
+from tests.mutants.catalogue.supervisor import SUPERVISOR
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.catalogue.tolerance import TOLERANCE
 from tests.mutants.mutant import Mutant
@@ -27,6 +28,7 @@ SOURCES: tuple[Mutant, ...] = (
     *PASS,
     *ARITHMETIC,
     *CONTROL,
+    *SUPERVISOR,
     *SURROUNDINGS,
     *JUDGES,
     *DESIGN,

@@ -1,12 +1,11 @@
-"""The example interrupt's modes, seen from outside: gates, torque, what the filter begins with, what is sent.
+"""A drive that runs, what stops it, and what it does after; seen from the example interrupt.
 
 The filter is scripted (`board.c`): its status and its angle are the test's. Times and limits are those that
-docs/firmware.md states; nothing of the example's own names or numbers is read here.
+docs/firmware.md states; nothing of the supervisor's own numbers is read here.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,6 +14,7 @@ import pytest
 from tests.codegen.board import Board
 from tests.codegen.modes import (
     ADRIFT,
+    ATTEMPTS,
     BLIND,
     BOARDS,
     COMMAND,
@@ -27,10 +27,16 @@ from tests.codegen.modes import (
     RESTARTED,
     SETTLE,
     SHOWS,
+    START_SHARE,
+    STEADY,
     TRIP,
     ZERO,
     ampere,
+    begun,
     caught,
+    fails,
+    gap,
+    probing,
     rate,
     running,
     set_up,
@@ -52,11 +58,14 @@ def board(request: pytest.FixtureRequest) -> Iterator[Board]:
 @pytest.mark.parametrize("side", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 def test_overcurrent_trips_at_the_third_sample_in_a_row(board: Board, side: tuple[float, float]) -> None:
     running(board)
+    step = board.interrupt()
+    assert "1" not in step, "the latch is cleared once, as that would clear a trip of the hardware too"
     above, below = (tuple(f * ampere(board, TRIP) * value for value in side) for f in (1.001, 0.999))
     assert stops(board, 50, phase=below) == 0
     assert stops(board, 2, phase=above) == 0
     assert stops(board, 1, phase=below) == 0
     assert stops(board, 10, phase=above) == 3
+    assert (board.mode, board.reason) == ("RESTING", "CURRENT")
     assert "s" not in board.interrupt(phase=(0.0, 0.0)), "no filter, no torque"
     running(board)
     assert stops(board, 10, phase=above) == 3, "as often as it takes"
@@ -75,19 +84,21 @@ def test_a_restart_stops_torque_at_once(board: Board) -> None:
     running(board)
     for other in (0, REPAIRED, NOT_CONVERGED):
         assert stops(board, 1, status=RESTARTED | other) == 1
+        assert (board.mode, board.reason) == ("RESTING", "RESTARTED")
         running(board)
 
 
-@pytest.mark.parametrize(("status", "seconds"), [(REJECTED, BLIND), (DIVERGED, ADRIFT)])
-def test_blind_or_diverged_for_too_long_stops_torque(board: Board, status: int, seconds: float) -> None:
+@pytest.mark.parametrize(("status", "seconds", "reason"), [(REJECTED, BLIND, "BLIND"), (DIVERGED, ADRIFT, "DIVERGED")])
+def test_blind_or_diverged_for_too_long_stops_torque(board: Board, status: int, seconds: float, reason: str) -> None:
     running(board)
     most = board.interrupts(seconds)
-    assert stops(board, most, status=status) == 0
+    assert stops(board, most - 1, status=status) == 0
     assert board.torque
     assert stops(board, 1, status=0) == 0
-    assert stops(board, 3 * most, status=status | NOT_CONVERGED) == most + 1
+    assert stops(board, 3 * most, status=status | NOT_CONVERGED) == most
+    assert (board.mode, board.reason) == ("RESTING", reason)
     running(board)
-    assert stops(board, most, status=status) == 0, "counted from none after the rest"
+    assert stops(board, most - 1, status=status) == 0, "counted from none after the rest"
     assert stops(board, 2, status=status) == 1
 
 
@@ -115,6 +126,7 @@ def test_torque_ends_where_the_angle_does_not_turn_as_stated(board: Board, ratio
     spin(board, count - 1, omega)  # of the first window one is past
     assert spin(board, count, omega, stop="0") == 0
     assert spin(board, count, omega, ratio=ratio, stop="0") == (0 if good else count)
+    assert board.reason == ("NONE" if good else "SLIPPED")
     if good:
         assert spin(board, count - 1, omega, stop="0") == 0, "each window is judged for itself"
         assert spin(board, 1, omega, stop="0") == 0
@@ -135,22 +147,30 @@ def test_turning_on_over_the_seam_of_the_angle_is_turning_on(board: Board, sense
     assert board.torque
 
 
-def test_a_maximum_current_that_was_tuned_is_what_comes_back(board: Board) -> None:
+def test_a_maximum_current_that_was_tuned_stays(board: Board) -> None:
+    """Between two interrupts, in any mode: no step leaves its own limit behind."""
     if not board.variant:
         return
+    usual, tuned, other = (share * board.drive.control.max_current for share in (1.0, 0.7, 0.6))
+    assert board.largest_current[0] == pytest.approx(usual)
     running(board)
-    tuned = 0.7 * board.drive.control.max_current
-    board.interrupt(tuned=tuned)
-    board.now.tuned = 0.0
+    assert board.largest_current[0] == pytest.approx(usual)
+    board.largest_current[0] = tuned
+    board.interrupt()
+    assert board.now.gain_max == pytest.approx(tuned)
     assert stops(board, 1, status=RESTARTED) == 1
+    assert board.largest_current[0] == pytest.approx(tuned)
     omega = caught(board)
     spin(board, 1, omega)
-    assert board.now.gain_max == 0
+    assert board.now.gain_max == 0, "without torque"
+    assert board.largest_current[0] == pytest.approx(tuned)
+    board.largest_current[0] = other
     assert until_torque(board, 10_000, omega)
-    assert board.now.gain_max == pytest.approx(tuned)
+    assert board.now.gain_max == pytest.approx(other)
     assert stops(board, 1, status=RESTARTED) == 1
-    running(board)
-    assert board.now.gain_max == pytest.approx(tuned)
+    begun(board)
+    assert board.now.gain_max == pytest.approx((START_SHARE if board.rivals else 1.0) * other)
+    assert board.largest_current[0] == pytest.approx(other)
 
 
 def test_torque_comes_back_after_catches_that_failed(board: Board) -> None:
@@ -164,120 +184,91 @@ def test_torque_comes_back_after_catches_that_failed(board: Board) -> None:
 
 
 def test_the_limits_themselves_are_within(board: Board) -> None:
-    """A current that is exactly the limit, as float32 has it."""
-    zero, shows, trip = (float(np.float32(ampere(board, share))) for share in (ZERO, SHOWS, TRIP))
+    """A current that is within the limit by no more than float32's rounding, of it and of its square."""
+    zero, shows, trip = (_within(ampere(board, share)) for share in (ZERO, SHOWS, TRIP))
     assert board.until("1", 10_000, phase=(zero, -zero)) == board.interrupts(REST)
     board.interrupt(5, phase=(shows, shows))
     assert board.gates
     assert "s" not in board.interrupt(phase=(0.0, shows))
+    board.interrupt(phase=(trip, 0.0))
+    assert board.mode == "WAITING"
+    board.interrupt(gap(board), phase=(zero, -zero))
+    assert board.mode == "PROBING"
     board.interrupt(phase=(trip, 0.0))
     assert board.gates
     assert "s" in board.interrupt(phase=(trip, -trip))
     assert stops(board, 2 * board.interrupts(SETTLE), phase=(trip, -trip)) == 0
 
 
-def test_without_a_reference_forward_is_guessed(board: Board) -> None:
-    board.now.reference = 0.0
-    omega = caught(board)
+def _within(limit: float) -> float:
+    return float(np.float32(limit * (1.0 - 2.0**-22)))
+
+
+# --- FAULT
+
+
+def test_ten_attempts_in_a_row_that_fail_end_in_fault(board: Board) -> None:
+    for k in range(1, ATTEMPTS + 1):
+        assert board.mode == "RESTING"
+        fails(board)
+        assert board.kept("failures") == k
+        assert board.reason == "NOT_CAUGHT"
+    assert board.mode == "FAULT"
+    for _ in range(3 * board.interrupts(REST)):
+        events = board.interrupt(phase=(0.0, 0.0))
+        assert "0" in events
+        assert "s" not in events
+        assert list(board.now.duty) == [0.5, 0.5, 0.5]
+    assert (board.mode, board.reason) == ("FAULT", "NOT_CAUGHT")
+
+
+def test_a_fault_that_is_acknowledged_is_forgotten(board: Board) -> None:
+    for _ in range(ATTEMPTS):
+        fails(board)
+    board.keep("acknowledged", 1)
     board.interrupt()
-    assert list(board.now.x)[2] == pytest.approx(omega, rel=1e-5)
-
-
-# --- what goes to and fro every sample
-
-
-def test_each_sample_reads_steps_writes_and_acknowledges(board: Board) -> None:
+    assert (board.mode, board.reason, board.kept("failures")) == ("RESTING", "NONE", 0)
     running(board)
-    events = board.interrupt(phase=(0.2, 0.3), duty_wanted=(0.1, 0.2, 0.3)).replace("t", "")
-    assert events == ("pswa" if board.variant else "pslvwa")
-    assert list(board.now.duty) == pytest.approx([0.1, 0.2, 0.3])
-    if board.variant:
-        assert list(board.now.y) == pytest.approx([0.2, 0.3])
-        assert list(board.now.command) == pytest.approx([board.now.reference, board.now.link])
-    else:
-        i = [0.2, (0.2 + 2 * 0.3) / math.sqrt(3)]
-        assert list(board.now.y) == pytest.approx(i)
-        spin(board, 1, 12.5)
-        board.now.theta = -0.1
-        board.interrupt(v_wanted=(5.0, -6.0))
-        assert list(board.now.loop) == pytest.approx([*i, 12.5, 1 - 0.1 / (2 * math.pi)], rel=1e-5)
-        assert list(board.now.svgen) == pytest.approx([5.0, -6.0, board.now.link])
+    assert board.kept("acknowledged") == 0
+    assert stops(board, 1, status=RESTARTED) == 1
+    for k in range(2, ATTEMPTS + 1):
+        assert board.mode == "RESTING", k
+        fails(board)
+    assert board.mode == "FAULT", "another ten, and not acknowledged beforehand"
 
 
-def test_the_filter_gets_the_voltage_of_two_interrupts_ago(board: Board) -> None:
-    if board.variant:
-        return
+def test_what_is_acknowledged_before_there_is_a_fault_is_not(board: Board) -> None:
+    for _ in range(ATTEMPTS - 1):
+        fails(board)
+    board.keep("acknowledged", 1)
+    fails(board)
+    board.interrupt(3)
+    assert board.mode == "FAULT"
+
+
+def test_a_while_of_running_forgets_the_attempts(board: Board) -> None:
+    for _ in range(ATTEMPTS - 1):
+        fails(board)
     running(board)
-    given = []
-    for k in range(6):
-        board.interrupt(v_wanted=(float(k + 1), float(-k - 1)))
-        given.append(tuple(board.now.u))
-    assert given == [(0.0, 0.0), (0.0, 0.0), (1.0, -1.0), (2.0, -2.0), (3.0, -3.0), (4.0, -4.0)]
+    windows = board.interrupts(STEADY) - 1  # of the first one a sample is past
+    assert stops(board, windows - 1, status=0) == 0
+    assert board.kept("failures") == ATTEMPTS - 1
+    board.interrupt()
+    assert board.kept("failures") == 0
+    assert board.reason == "NOT_CAUGHT", "why it last gave up is kept"
+    stops(board, 1, status=RESTARTED)
+    board.interrupt(status=0)
+    assert board.mode == "RESTING"
 
 
-def test_telemetry_is_four_words_50_times_a_second(board: Board) -> None:
-    every = board.interrupts(1 / 50)
-    assert board.until("t", 2 * every, phase=(1e6, 0.0)) == every, "from power-up on"
-    assert board.now.word_count == 4
-    assert list(board.now.words)[3] == 0
+@pytest.mark.parametrize("place", [-1, 7, 99])
+def test_a_mode_that_is_none_rests(board: Board, place: int) -> None:
+    """A memory that has changed by itself."""
+    for lead in (probing, running):
+        lead(board)
+        board.keep("mode", place)
+        assert "0" in board.interrupt(phase=(0.0, 0.0))
+        assert board.mode == "RESTING"
+        assert not board.gates
+        assert "s" not in board.interrupt()
     running(board)
-    omega = rate(board, LOCKED, 0.5)
-    board.now.theta = 0.0
-    assert spin(board, every, omega, status=NOT_CONVERGED, stop="t")
-    passed = spin(board, 2 * every, omega, status=REPAIRED, stop="t")
-    assert passed == every
-    words = list(board.now.words)[:4]
-    turns = board.now.theta / (2 * math.pi) % 1.0
-    hertz = omega * board.drive.motor.pole_pairs / (2 * math.pi)
-    assert words == pytest.approx([omega, turns, hertz, REPAIRED], rel=1e-4, abs=1e-6)
-    for theta, turn in ((-0.1, 1 - 0.1 / (2 * math.pi)), (3.0, 3.0 / (2 * math.pi)), (0.0, 0.0)):
-        board.setup()
-        running(board)
-        board.interrupt(status=0, moves=1, omega=0.0, theta=theta)
-        sent = 0
-        while not sent and board.gates:
-            sent = "t" in board.interrupt()
-        if sent:
-            assert list(board.now.words)[1] == pytest.approx(turn, abs=1e-6)
-
-
-# --- power-up
-
-
-def test_a_failed_self_test_is_told_and_nothing_enabled(board: Board) -> None:
-    assert board.setup(filter_code=1203) == -1203
-    assert "1" not in board.events
-    assert board.setup() == 0
-    assert board.events.startswith("0")
-    assert next(iter(board.now.tolerance)) == 0.0, "this host has IEEE division and root: bits"
-    if board.variant:
-        assert board.events == "0fc"
-        assert board.setup(controller_code=411) == 411
-        assert "1" not in board.events
-        assert board.setup(filter_code=7, controller_code=411) == -7
-        assert list(board.now.tolerance) == [0.0, 0.0]
-    else:
-        assert board.events == "0f"
-
-
-def test_power_up_begins_anew_whatever_went_before(board: Board) -> None:
-    running(board)
-    board.interrupt(10)
-    assert board.setup() == 0
-    assert not board.gates
-    assert "s" not in board.interrupt()
-    assert board.until("t", 10 * board.interrupts(1 / 50)) == board.interrupts(1 / 50) - 1
-
-
-@pytest.mark.parametrize("code", [0, 1203])
-@pytest.mark.parametrize(("status", "counted"), [(0, "tsecm"), (REJECTED | DIVERGED, "tsrdem")])
-def test_a_second_power_up_forgets_what_was_counted(board: Board, status: int, counted: str, code: int) -> None:
-    """In the middle of a catch that was turned round, with a current beyond the limit for one sample."""
-    omega = caught(board)
-    spin(board, 2 * board.interrupts(SETTLE), omega, ratio=-1.0, status=status)
-    board.interrupt(phase=(1.01 * ampere(board, TRIP), 0.0))
-    assert board.gates
-    assert board.counting() == counted
-    assert board.setup(filter_code=code) == -code
-    assert not board.gates
-    assert board.counting() == ""

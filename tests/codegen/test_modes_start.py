@@ -1,4 +1,8 @@
-"""The example interrupt from power-up until it has caught the rotor, seen from outside; see test_example_modes."""
+"""A drive from power-up until it has caught the rotor, or found that it stands; seen from the example interrupt.
+
+The filter is scripted (`board.c`): its status and its angle are the test's. Times and limits are those that
+docs/firmware.md states; see test_modes_run for what comes after, and test_modes_rival for a start from any angle.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +30,14 @@ from tests.codegen.modes import (
     SETTLE,
     SHOWS,
     TRIP,
+    WAIT,
     ZERO,
     ampere,
+    begun,
     caught,
+    electrical,
     flux,
-    half_of_the_maximum,
+    gap,
     probing,
     rate,
     running,
@@ -75,6 +82,9 @@ def test_zero_voltage_and_no_filter_while_the_rotor_is_looked_for(board: Board) 
 
 
 def test_a_rotor_that_stands_starts_as_the_drive_file_says(board: Board) -> None:
+    """Without a second filter; test_modes_rival has what two do."""
+    if board.rivals:
+        return
     running(board)
     drive = board.drive
     assert np.allclose(board.now.x, default_initial_state(drive), rtol=1e-6)
@@ -90,25 +100,92 @@ def test_probing_ends_at_a_current_no_probe_makes(board: Board, phase: tuple[flo
     high = tuple(ampere(board, value) for value in phase)
     assert "0" in board.interrupt(phase=high)
     assert not board.gates
+    assert (board.mode, board.reason) == ("RESTING", "CURRENT")
     assert "s" not in board.interrupt(3 * board.interrupts(PROBE), phase=high)
     assert not board.gates
 
 
 @pytest.mark.parametrize("phase", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 def test_a_tenth_of_the_maximum_shows_the_rotor(board: Board, phase: tuple[float, float]) -> None:
+    """That it turns at the first time, and which way at the second: then the filter runs, without torque."""
     probing(board)
     below, above = (tuple(f * ampere(board, SHOWS) * value for value in phase) for f in (0.99, 1.01))
     board.interrupt(5, phase=below)
-    board.interrupt(phase=above)
+    assert "0" in board.interrupt(phase=above)
+    assert board.until("1", 2 * gap(board), phase=(0.0, 0.0)) == gap(board)
+    board.interrupt(5, phase=below)
+    assert board.gates
+    assert "0" not in board.interrupt(phase=above)
     assert "s" in board.interrupt(phase=(0.0, 0.0))
     assert not board.torque
 
 
 def test_a_trip_threshold_current_is_still_a_probes(board: Board) -> None:
     probing(board)
-    board.interrupt(phase=(0.999 * ampere(board, TRIP), 0.0))
-    assert board.gates
-    assert "s" in board.interrupt(phase=(0.0, 0.0))
+    for mode in ("WAITING", "CATCHING"):
+        board.interrupt(phase=(0.999 * ampere(board, TRIP), 0.0))
+        assert board.mode == mode
+        board.interrupt(gap(board), phase=(0.0, 0.0))
+    assert board.events.count("s") == 1
+
+
+# --- two readings
+
+
+def test_between_two_readings_the_gates_are_off_until_the_current_has_died_out(board: Board) -> None:
+    probing(board)
+    zero = ampere(board, ZERO)
+    board.interrupt(phase=(ampere(board, 0.5), 0.0))
+    assert board.mode == "WAITING"
+    assert not board.gates
+    for phase in ((1.001 * zero, 0.0), (0.0, -1.001 * zero)):
+        events = board.interrupt(gap(board), phase=phase)
+        assert "1" not in events
+        assert "s" not in events
+        assert list(board.now.duty) == [0.5, 0.5, 0.5]
+    assert board.until("1", 1, phase=(0.999 * zero, -0.999 * zero)) == 1
+    assert board.mode == "PROBING"
+
+
+@pytest.mark.parametrize("current", [1.001 * ZERO, NAN])
+def test_a_current_that_does_not_die_out_is_a_failure(board: Board, current: float) -> None:
+    probing(board)
+    board.interrupt(phase=(ampere(board, 0.5), 0.0))
+    for k in range(board.interrupts(WAIT)):
+        assert board.mode == "WAITING", k
+        board.interrupt(phase=(ampere(board, current), 0.0))
+    assert (board.mode, board.reason, board.kept("failures")) == ("RESTING", "CURRENT", 1)
+
+
+def test_what_turned_and_then_makes_no_current_stands(board: Board) -> None:
+    """A rotor that came to rest between the readings; the next probe begins with a first reading again."""
+    probing(board)
+    board.interrupt(phase=(ampere(board, 0.5), 0.0))
+    board.interrupt(gap(board), phase=(0.0, 0.0))
+    assert board.until("s", 10_000) == board.interrupts(PROBE) + 1
+    assert board.mode == ("STARTING" if board.rivals else "RUNNING")
+    spin(board, 1, 0.0, status=RESTARTED)
+    board.interrupt(status=0, moves=0)
+    probing(board)
+    board.interrupt(phase=(ampere(board, 0.5), 0.0))
+    assert board.mode == "WAITING"
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize(("turned", "told"), [(0.12, True), (1.5, True), (3.0, True), (0.08, False)])
+def test_which_way_the_current_turned_says_which_way_the_rotor_turns(
+    board: Board, sense: int, turned: float, told: bool
+) -> None:
+    """Whatever the reference says, which is asked where the current turned by less than a sine of 0.1."""
+    for reference in (10.0, -10.0, 0.0):
+        assert board.setup() == 0
+        board.now.reference = reference
+        omega = caught(board, sense=sense, turned=turned)
+        board.interrupt(status=0, moves=0)
+        expected = sense if told else (1 if reference >= 0 else -1)
+        assert list(board.now.x)[2] == pytest.approx(expected * abs(omega), rel=1e-5)
+        off = abs(math.remainder(list(board.now.x)[3] - 0.3, 2 * math.pi))
+        assert off == pytest.approx(0.0 if expected == sense else math.pi, abs=0.0045)
 
 
 # --- catching
@@ -116,27 +193,18 @@ def test_a_trip_threshold_current_is_still_a_probes(board: Board) -> None:
 
 @pytest.mark.parametrize("sense", [1, -1])
 def test_the_probe_tells_speed_and_angle(board: Board, sense: int) -> None:
-    """In each octant, and whichever way it is meant to turn. The angle is good to 0.004 rad."""
+    """In each octant, and whichever way it turns. The angle is good to 0.004 rad."""
     m, speed = board.drive.motor, board.drive.operating_box.speed
-    board.now.reference = sense * 10.0
     for number, theta in enumerate(np.arange(-math.pi + 0.2, math.pi, math.pi / 4)):
-        if number:  # lost, and from the beginning
-            spin(board, 1, 0.0, status=RESTARTED)
-            board.interrupt(board.interrupts(CATCH), phase=(0.0, 0.0), moves=0)
-            assert board.setup() == 0
-        probing(board)
+        assert board.setup() == 0
         count = 2 + number % 3
-        omega = sense * half_of_the_maximum(board, count)
-        board.interrupt(count - 1)
+        omega = caught(board, float(theta), count, sense)
         phase = short_circuit(board, omega, float(theta), count)
-        board.interrupt(phase=phase)
-        assert "s" in board.interrupt(phase=(0.0, 0.0))
+        assert "s" in board.interrupt(phase=(0.0, 0.0), status=0, moves=0)
         x = list(board.now.x)
         assert x[2] == pytest.approx(omega, rel=1e-5)
         assert abs(math.remainder(x[3] - theta, 2 * math.pi)) < 0.0045
-        i = [phase[0], (phase[0] + 2 * phase[1]) / math.sqrt(3)]
-        first = [m.magnet_flux * math.cos(theta), m.magnet_flux * math.sin(theta)] if flux(board) else i
-        assert x[:2] == pytest.approx(first, rel=1e-5, abs=1e-5)
+        assert x[:2] == pytest.approx(electrical(board, phase, x[3]), rel=1e-4, abs=1e-5)
         expected = np.array(board.drive.filter.initial_covariance)
         expected[2], expected[3] = (0.5 * speed) ** 2, 0.01
         if flux(board):
@@ -182,18 +250,14 @@ def test_catching_ends_after_10_ms(board: Board) -> None:
 def test_half_a_turn_off_is_turned_round_once(board: Board) -> None:
     omega = caught(board)
     settled = board.interrupts(SETTLE)
+    board.now.phase[:] = 1.0, -0.2
     spin(board, 2 * settled, omega, ratio=-1.0)
     before = board.now.theta
     spin(board, 1, -omega)
     x = list(board.now.x)
     assert x[2] == pytest.approx(-omega, rel=1e-6)
     assert abs(math.remainder(x[3] - before - math.pi, 2 * math.pi)) < 1e-5
-    if flux(board):
-        m = board.drive.motor
-        assert x[:2] == pytest.approx([-m.magnet_flux * math.cos(0.3), -m.magnet_flux * math.sin(0.3)], rel=1e-4)
-    else:
-        phase = short_circuit(board, omega, 0.3, 3)
-        assert x[:2] == pytest.approx([phase[0], (phase[0] + 2 * phase[1]) / math.sqrt(3)], rel=1e-5)
+    assert x[:2] == pytest.approx(electrical(board, (1.0, -0.2), x[3]), rel=1e-4, abs=1e-5), "the currents at hand"
     assert board.P[2, 2] == pytest.approx((0.5 * board.drive.operating_box.speed) ** 2, rel=1e-5)
     spin(board, 2 * settled - 1, -omega, ratio=-1.0)
     spin(board, 1, -omega, ratio=-1.0)
@@ -239,23 +303,39 @@ def test_regulators_begin_with_nothing(board: Board) -> None:
     assert not board.torque
     board.interrupt(3)
     assert spin(board, 10_000, omega, status=DIVERGED, stop="0")
-    running(board)
+    begun(board)
     board.interrupt(3)
     spin(board, 1, 0.0, status=RESTARTED)
     probing(board)
     assert not board.until("s", board.interrupts(PROBE), status=0, moves=0)
     _nothing_is_left(board)
-    assert board.torque
 
 
 def _nothing_is_left(board: Board) -> None:
-    """The next two steps have no voltage behind them."""
+    """The next two steps have no voltage behind them, and regulators begin anew at the first of them."""
+    assert (board.kept("fresh"), board.kept("anew")) == (1, 1)
     spin(board, 1, 0.0)
+    assert (board.kept("fresh"), board.kept("anew")) == (0, 0)
     if board.variant:
         assert [*board.now.integrator, *board.now.v_acting, *board.now.v_queued] == [0.0] * 8
+        return
+    assert list(board.now.u) == [0.0, 0.0]
+    assert board.now.anew == 1
+    spin(board, 1, 0.0)
+    assert list(board.now.u) == [0.0, 0.0]
+    assert board.now.anew == 0
+
+
+def test_turned_round_is_anew_with_the_voltages_that_are_under_way(board: Board) -> None:
+    omega = caught(board)
+    board.now.v_wanted[:] = 3.0, 4.0
+    spin(board, 2 * board.interrupts(SETTLE), omega, ratio=-1.0)
+    assert (board.mode, board.kept("mirrored")) == ("CATCHING", 1)
+    assert (board.kept("fresh"), board.kept("anew")) == (0, 1)
+    spin(board, 1, -omega)
+    if board.variant:
+        assert list(board.now.integrator) == [0.0] * 4
+        assert [*board.now.v_acting, *board.now.v_queued] == [7.0] * 4
     else:
-        assert list(board.now.u) == [0.0, 0.0]
-        torque = board.now.torque
-        spin(board, 1, 0.0)
-        assert list(board.now.u) == [0.0, 0.0]
-        board.now.torque = torque
+        assert list(board.now.u) == [3.0, 4.0]
+        assert board.now.anew == 1

@@ -1,0 +1,108 @@
+"""The numbers of a drive's modes by hand: times in seconds, currents in shares of the largest, what a start needs.
+
+Imports nothing it is to check.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from runtime.proof.control import best_currents, of_current, torque_of
+
+#: s: currents must read zero; zero voltage is tried; a first current dies out; the filter locks; its angle settles; it
+#: is content, a rival the better one, or a window lasts; blind; beside the motor's data; steady.
+REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
+BLIND, ADRIFT, STEADY = 2e-3, 100e-3, 100e-3
+#: Shares of the largest current: reads as zero, shows a rotor that turns, is too much.
+ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
+#: Samples beyond the trip; attempts, and those of a drive that finds its angle by nothing else; windows of a start, and
+#: those that must have been good before the last.
+EXCESS, ATTEMPTS, ATTEMPTS_ALONE, WINDOWS, GOOD = 3, 10, 20, 20, 1
+#: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction.
+GAP, GAP_TURN, TELLS = 0.5e-3, 1.2, 0.1
+#: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
+CATCH_JOLT, RUN_JOLT = 0.1, 0.3
+#: A start: share of the largest current, s, rad, rad of motion enough; by so much better; the largest torque's cost.
+SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
+#: rad^2: the angle's variance after two readings, and at a start. Of the box's speed: its spread after either, and
+#: of half a turn on. Of P_0: what slow states keep.
+READ_ANGLE, START_ANGLE, READ_SPEED, MIRROR_SPEED, HELD = 0.01, 0.09, 0.5, 0.25, 1e-3
+#: s: from this sample time on there is room for a second filter. Samples: no count goes further.
+ROOM, MOST = 50e-6, 32000
+
+
+class Numbers:
+    """What the modes of one drive ask for.
+
+    Parameters
+    ----------
+    parameters : mapping of str to Any
+        Sections of the drive file, parsed.
+    flux : bool
+        The first two states are flux linkages, Wb; else currents, A.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any], flux: bool) -> None:
+        self.motor, model = parameters["motor"], parameters["model"]
+        self.T: float = model["sample_time"]
+        self.p: int = self.motor["pole_pairs"]
+        self.most: float = parameters["control"]["max_current"]
+        self.link: float = parameters["control"]["dc_link"]
+        self.speed: float = parameters["operating_box"]["speed"]
+        self.flux, self.loaded = flux, model["mechanics"] == "load_torque"
+        first = 4 + self.loaded
+        self.slow = range(first, first + len(model.get("adaptive") or ()))
+        self.two = _two_filters(parameters)
+        self.attempts = ATTEMPTS if self.two else ATTEMPTS_ALONE
+        ratio = abs(self.motor["inductance_q"] - self.motor["inductance_d"])
+        #: Share of the largest current: where reluctance could take all of the magnet's torque it may take half.
+        self.share = min(SHARE, self.motor["magnet_flux"] / ratio / self.most) if ratio else SHARE
+        self.torque = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
+
+    def samples(self, seconds: float, times: int = 1) -> int:
+        """Seconds as samples, the nearest number, one at least; ``times`` as many.
+
+        Parameters
+        ----------
+        seconds : float
+        times : int, optional
+        """
+        return times * min(max(int(seconds / self.T + 0.5), 1), MOST // times)
+
+    @property
+    def window(self) -> int:
+        """Samples of a window of STARTING: a rotor without load, pushed from rest, turns by a radian electrical."""
+        angular = self.p * self.torque / self.motor["inertia"]  # rad/s^2 electrical
+        return self.samples(max(WINDOW, math.sqrt(2.0 / angular)))
+
+    @property
+    def gap(self) -> int:
+        """Samples between two readings, at least."""
+        return self.samples(min(GAP, GAP_TURN / (self.p * self.speed)))
+
+    @property
+    def longest(self) -> dict[str, int]:
+        """Samples that a mode which must end may last, one rotor's attempt.
+
+        The rotor may be looked for twice, at either guess; a start has its windows, and gives up a sample later.
+        """
+        twice = {"PROBING": self.samples(PROBE), "WAITING": self.samples(WAIT), "CATCHING": 2 * self.samples(CATCH)}
+        return twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
+
+    @property
+    def unseen(self) -> float:
+        """The speed, rad/s, whose current is not seen within PROBE: i = e / R (1 - exp(-t R / L))."""
+        R, L = self.motor["stator_resistance"], self.motor["inductance_q"]
+        impedance = R / -math.expm1(-PROBE * R / L)  # V/A
+        flux: float = self.motor["magnet_flux"]
+        return float(SHOWS * self.most * impedance / (flux * self.p))
+
+
+def _two_filters(parameters: Mapping[str, Any]) -> bool:
+    """A drive says how many filters its start has, or how well its angle is known; else its sample time has room."""
+    start = parameters.get("start") or {}
+    if start.get("filters"):
+        return bool(start["filters"] == 2)
+    return bool(start.get("angle", "unknown") == "unknown" and parameters["model"]["sample_time"] >= ROOM)

@@ -1,0 +1,396 @@
+"""The drive's modes by hand, in plain branches: what decides about the inverter. Imports nothing it is to check.
+
+Written from what the header says of the modes, not from the table. Times are seconds until they are compared, currents
+are magnitudes and phasors, angles come from an arc tangent. Modes and reasons are known by their names alone.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.proof.control import clarke
+from runtime.proof.mode_numbers import (
+    ADRIFT,
+    BETTER,
+    BLIND,
+    CATCH,
+    CATCH_JOLT,
+    EXCESS,
+    GOOD,
+    HELD,
+    LOAD,
+    LOCKED,
+    MIRROR_SPEED,
+    MOST,
+    MOTION,
+    PROBE,
+    READ_ANGLE,
+    READ_SPEED,
+    REST,
+    RUN_JOLT,
+    SETTLE,
+    SHOWS,
+    START_ANGLE,
+    STEADY,
+    TELLS,
+    TRIP,
+    TURN,
+    WAIT,
+    WINDOWS,
+    ZERO,
+    Numbers,
+)
+
+#: What is off, what lets the filter run, what lets it make torque.
+OFF = ("RESTING", "WAITING", "FAULT")
+RUNNING, TORQUE = ("CATCHING", "STARTING", "RUNNING"), ("STARTING", "RUNNING")
+#: What may happen in each mode.
+EVENTS = {
+    "RESTING": ("gave up", "no current"),
+    "PROBING": ("lost, CURRENT", "turns", "turns this way", "stands"),
+    "WAITING": ("died out", "lost, CURRENT"),
+    "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
+    "STARTING": (
+        *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
+        *("rival is better", "found", "as stated", "not as stated", "nothing turned"),
+    ),
+    "RUNNING": ("lost, CURRENT", "lost, BLIND", "lost, DIVERGED", "lost, RESTARTED", "lost, SLIPPED", "steady"),
+    "FAULT": ("acknowledged",),
+}
+
+#: In the place of the first two states: whatever carries the measured currents where the rotor is placed.
+CARRIES = None
+
+
+@dataclass
+class Filter:
+    """A filter: state, variances (D of L D L^T) and the words beside them, where it begins; ``rest`` is all else."""
+
+    x: list[Any]
+    variances: list[float]
+    beside: list[float]
+    nis: float
+    x_0: list[float]
+    P_0: list[float]
+    rest: dict[str, Any] = field(default_factory=dict)
+
+    def begin(self, rotor: tuple[float, float] | None = None) -> None:
+        """x_0 and P_0; with speed (rad/s) and angle (rad) of a rotor, at these.
+
+        Parameters
+        ----------
+        rotor : tuple of float, optional
+        """
+        self.x, self.variances, self.nis = list(self.x_0), list(self.P_0), 0.0
+        self.beside = [0.0] * len(self.beside)
+        self.rest["u_held"], self.rest["iterations"] = [0.0, 0.0], 0
+        if rotor is not None:
+            self.x[:4] = [CARRIES, CARRIES, *rotor]
+
+
+@dataclass
+class Memory:
+    """The machine's own fields, by their names in the header; mode and reason by name."""
+
+    mode: str
+    reason: str
+    rival: Filter | None = None
+    whole: dict[str, int] = field(default_factory=dict)
+    arrays: dict[str, list[Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What the filter's step reported of itself."""
+
+    rejected: bool = False
+    diverged: bool = False
+    restarted: bool = False
+
+
+class Modes(Numbers):
+    """One drive's modes."""
+
+    @property
+    def events(self) -> list[str]:
+        """All that may happen, with the mode in which it does."""
+        modes = (mode for mode in EVENTS if self.two or mode != "STARTING")
+        return [f"{mode}: {event}" for mode in modes for event in EVENTS[mode]]
+
+    def interrupt(self, m: Memory, f: Filter, said: Said, phase: Sequence[float], reference: float) -> str:
+        """What happens in one interrupt, with the mode in which it does; empty: the drive goes on as it did.
+
+        Parameters
+        ----------
+        m : Memory
+        f : Filter
+            Changed, as ``m`` is.
+        said : Said
+        phase : sequence of float
+            i_a, i_b, A.
+        reference : float
+            Speed, rad/s.
+        """
+        self._count(m, f, said, phase, reference)
+        m.whole["fresh"] = m.whole["anew"] = 0
+        where, branch = m.mode, getattr(self, f"_{m.mode.lower()}", None)
+        event = branch(m, f, said, phase) if branch else self._go(m, "RESTING")  # a mode that is none
+        for name, modes in (("runs", RUNNING), ("torque", TORQUE), ("rivals", ("STARTING",))):
+            if name in m.whole:
+                m.whole[name] = int(m.mode in modes)
+        m.whole["inverter"] = int(m.mode not in OFF)
+        return f"{where}: {event}" if event else ""
+
+    def allowed_current(self, mode: str) -> float:
+        """The largest current that the controller may ask for, A.
+
+        Parameters
+        ----------
+        mode : str
+        """
+        return {"RUNNING": self.most, "STARTING": self.share * self.most}.get(mode, 0.0)
+
+    def _inside(self, phase: Sequence[float], share: float) -> bool:
+        """Both currents are numbers within a share of the largest."""
+        return bool(all(abs(i) <= share * self.most for i in phase))
+
+    @staticmethod
+    def _row(m: Memory, name: str, another: bool, most: int) -> None:
+        """One more in a row, which ends otherwise."""
+        before = m.whole[name]
+        m.whole[name] = (before + 1 if before < most else before) if another else 0
+
+    def _count(self, m: Memory, f: Filter, said: Said, phase: Sequence[float], reference: float) -> None:
+        n = m.whole
+        n["since"], n["gap"] = (n[name] + 1 if n[name] < MOST else n[name] for name in ("since", "gap"))
+        zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
+        m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
+        self._row(m, "quiet", m.mode == "RESTING" and self._inside(phase, ZERO), self.samples(REST))
+        if m.mode != "FAULT":
+            n["acknowledged"] = 0
+        self._row(m, "excess", any(abs(i) > TRIP * self.most for i in phase), EXCESS)
+        if n["runs"] != 1:
+            return
+        self._row(m, "rejected", said.rejected, self.samples(BLIND))
+        self._row(m, "diverged", said.diverged, self.samples(ADRIFT))
+        good = not (said.rejected or said.diverged or said.restarted)
+        self._row(m, "content", good, self.samples(LOCKED))
+        turned, stated, before, _ = m.arrays["turning"]
+        omega, theta = f.x[2], f.x[3]
+        turned += math.remainder(theta - before, 2 * math.pi)
+        stated += self.p * omega * self.T
+        off, half = turned - stated, stated / 2
+        m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half)]
+
+    @staticmethod
+    def _as_stated(m: Memory, jolt: float) -> bool:
+        """The angle turned as the speed says, but for half of that and a jolt."""
+        turned, stated = m.arrays["turning"][:2]
+        return bool(abs(turned - stated) <= math.hypot(stated / 2, jolt))
+
+    @staticmethod
+    def _go(m: Memory, mode: str) -> str:
+        m.mode, m.whole["since"] = mode, 0
+        return ""
+
+    def _lost(self, m: Memory, reason: str) -> str:
+        """The rotor is given up: the inverter goes off, and one more attempt has failed."""
+        m.whole["failures"] = min(m.whole["failures"] + 1, self.attempts)
+        m.reason = reason
+        self._go(m, "RESTING")
+        return f"lost, {reason}"
+
+    @staticmethod
+    def _window(m: Memory, f: Filter) -> None:
+        m.arrays["turning"][:3] = [0.0, 0.0, f.x[3]]
+
+    @staticmethod
+    def _regulators_anew(m: Memory) -> None:
+        for name in ("rejected", "diverged", "content"):
+            m.whole[name] = 0
+        m.whole["anew"] = 1
+
+    # --- the modes
+
+    def _resting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        if m.whole["failures"] >= self.attempts:
+            self._go(m, "FAULT")
+            return "gave up"
+        if m.whole["quiet"] < self.samples(REST):
+            return ""
+        m.whole["readings"] = 0
+        self._go(m, "PROBING")
+        return "no current"
+
+    def _probing(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        if not self._inside(phase, TRIP):
+            return self._lost(m, "CURRENT")
+        if self._inside(phase, SHOWS):
+            if m.whole["since"] < self.samples(PROBE):
+                return ""
+            m.whole["fresh"] = 1
+            self._stands(m, f)
+            self._regulators_anew(m)
+            self._window(m, f)
+            return "stands"
+        i = clarke(phase)  # type: ignore[arg-type]
+        first, way = complex(*m.arrays["first"]), i / abs(i)
+        m.arrays["reading"] = [way.real, way.imag, abs(i), (first.conjugate() * way).imag]
+        if not m.whole["readings"]:
+            m.arrays["first"], m.whole["readings"], m.whole["gap"] = [way.real, way.imag], 1, 0
+            self._go(m, "WAITING")
+            return "turns"
+        sine = m.arrays["reading"][3]
+        direction = math.copysign(1.0, sine) if abs(sine) > TELLS else m.arrays["probe"][0]
+        # i = -(t / L_q) e, and e = j omega_e psi_m exp(j theta)
+        theta = cmath.phase(direction * 1j * i)
+        seconds = max(m.arrays["probe"][1], 1.0) * self.T
+        e = abs(i) * self.motor["inductance_q"] / seconds  # V
+        m.arrays["probe"][0] = direction
+        m.whole["mirrored"], m.whole["fresh"] = 0, 1
+        rotor = direction * e / (self.motor["magnet_flux"] * self.p), theta
+        self._begin(m, f, rotor, ((READ_SPEED * self.speed) ** 2, READ_ANGLE))
+        self._regulators_anew(m)
+        self._go(m, "CATCHING")
+        return "turns this way"
+
+    def _stands(self, m: Memory, f: Filter) -> None:
+        """Torque for a rotor that stands: with a rival where the angle is unknown, else as the drive file says."""
+        if m.rival is None:
+            f.begin()
+            m.whole["steady"] = 0
+            self._go(m, "RUNNING")
+            return
+        theta, spread = f.x_0[3], (self.unseen**2, START_ANGLE)
+        self._begin(m, f, (0.0, theta), spread)
+        m.rival = deepcopy(f)
+        self._begin(m, m.rival, (0.0, theta + math.pi), spread)
+        m.whole["windows"] = m.whole["good"] = 0
+        self._go(m, "STARTING")
+
+    def _begin(self, m: Memory, f: Filter, rotor: tuple[float, float], spread: tuple[float, float]) -> None:
+        """A filter at speed and angle of a rotor, with their variances."""
+        f.begin(rotor)
+        f.variances[2:4] = spread
+        if self.flux:
+            f.variances[0] = f.variances[1] = spread[1] * self.motor["magnet_flux"] ** 2
+        for k in self.slow:
+            f.variances[k] = HELD * f.P_0[k]
+        m.arrays["guess"], m.arrays["spread"] = [CARRIES, CARRIES, *rotor], list(spread)
+
+    def _waiting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        if self._inside(phase, ZERO) and m.whole["gap"] >= self.gap:
+            self._go(m, "PROBING")
+            return "died out"
+        return self._lost(m, "CURRENT") if m.whole["since"] >= self.samples(WAIT) else ""
+
+    def _torque(self, m: Memory, f: Filter) -> str:
+        """Torque is allowed, and slow states are learnt."""
+        for k in self.slow:
+            f.variances[k] = f.P_0[k]
+        m.whole["steady"] = 0
+        self._window(m, f)
+        self._go(m, "RUNNING")
+        return "found"
+
+    def _catching(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        n = m.whole
+        if n["excess"] >= EXCESS:
+            return self._lost(m, "CURRENT")
+        if n["since"] == self.samples(SETTLE):
+            self._window(m, f)
+            return "settled"
+        if n["since"] >= self.samples(SETTLE, 2):
+            as_stated = self._as_stated(m, CATCH_JOLT)
+            if not as_stated and not n["mirrored"]:
+                n["mirrored"] = 1
+                rotor = -f.x[2], f.x[3] + math.pi
+                self._begin(m, f, rotor, ((READ_SPEED * self.speed) ** 2, READ_ANGLE))
+                self._regulators_anew(m)
+                self._go(m, "CATCHING")
+                return "turned round"
+            if as_stated and n["content"] >= self.samples(LOCKED):
+                return self._torque(m, f)
+        return self._lost(m, "NOT_CAUGHT") if n["since"] >= self.samples(CATCH) else ""
+
+    def _score(self, f: Filter) -> float:
+        return f.nis + (LOAD * (f.x[4] / self.torque) ** 2 if self.loaded else 0.0)
+
+    def _starting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        n, rival = m.whole, m.rival
+        assert rival is not None
+        for blame, lost in (
+            ("CURRENT", n["excess"] >= EXCESS),
+            ("BLIND", n["rejected"] >= self.samples(BLIND)),
+            ("RESTARTED", said.restarted),
+            ("NOT_STARTED", n["windows"] >= WINDOWS),
+        ):
+            if lost:
+                return self._lost(m, blame)
+        if self._score(f) > self._score(rival) + BETTER and n["since"] >= self.samples(LOCKED):
+            own, theirs = deepcopy(f), deepcopy(rival)
+            f.__dict__.update(theirs.__dict__)
+            rival.__dict__.update(own.__dict__)
+            n["good"], n["windows"] = 0, n["windows"] + 1
+            self._regulators_anew(m)
+            self._window(m, f)
+            self._go(m, "STARTING")
+            return "rival is better"
+        turned = abs(m.arrays["turning"][0])
+        far = turned >= TURN
+        if not far and n["since"] < self.window:
+            return ""
+        stated = turned >= MOTION and self._as_stated(m, 0.0)
+        if stated and n["good"] >= GOOD:
+            return self._torque(m, f)
+        n["good"] = n["good"] + 1 if stated else 0
+        return self._next_window(m, f, stated, far)
+
+    def _next_window(self, m: Memory, f: Filter, stated: bool, far: bool) -> str:
+        """The rival begins half a turn from the filter, or a quarter where nothing turned."""
+        n, omega, theta = m.whole, f.x[2], f.x[3]
+        if stated or far:
+            rotor, spread = (-omega, theta + math.pi), ((MIRROR_SPEED * self.speed) ** 2, START_ANGLE)
+        else:
+            rotor, spread = (0.0, theta + (-0.5 if n["side"] else 0.5) * math.pi), (self.unseen**2, START_ANGLE)
+            n["side"] = 1 - n["side"]
+        m.rival = deepcopy(f)
+        self._begin(m, m.rival, rotor, spread)
+        f.nis, n["windows"] = 0.0, n["windows"] + 1
+        self._window(m, f)
+        self._go(m, "STARTING")
+        return "as stated" if stated else "not as stated" if far else "nothing turned"
+
+    def _running(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        n = m.whole
+        over = n["since"] >= self.samples(LOCKED)
+        for blame, lost in (
+            ("CURRENT", n["excess"] >= EXCESS),
+            ("BLIND", n["rejected"] >= self.samples(BLIND)),
+            ("DIVERGED", n["diverged"] >= self.samples(ADRIFT)),
+            ("RESTARTED", said.restarted),
+            ("SLIPPED", over and not self._as_stated(m, RUN_JOLT)),
+        ):
+            if lost:
+                return self._lost(m, blame)
+        if not over:
+            return ""
+        enough = int(STEADY / LOCKED + 0.5)
+        n["steady"] = min(n["steady"] + 1, enough)
+        if n["steady"] == enough:
+            n["failures"] = 0
+        self._window(m, f)
+        self._go(m, "RUNNING")
+        return "steady"
+
+    def _fault(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        if m.whole["acknowledged"] != 1 or m.reason == "SELF_TEST":
+            return ""
+        m.whole["failures"], m.reason = 0, "NONE"
+        self._go(m, "RESTING")
+        return "acknowledged"
