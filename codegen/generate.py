@@ -92,12 +92,11 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
         tests = record_selftests(about, steps, made.module)
     files = (
         with_heads(about, steps, bodies, figures, accounts)
-        | {f"{drive.name}.py": made.module}
+        | {f"{drive.name}.py": made.module, "supervisor.svg": draw_supervisor(about, steps)}
         | print_tests(about, tests)
         | about.machine_file
     )
     measured = measure(accounts, files, measurer or Measurer())
-    files["supervisor.svg"] = draw_supervisor(about, next(iter(steps.values())))
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
     facts = _facts(drive, model, steps, accounts, measured, figures, tests)
     return Package(drive, model, steps, with_manifest(files, facts), accounts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout, state_place
@@ -45,16 +46,16 @@ def machine_of(about: Description, step: FilterStep) -> Supervisor:
     return supervisor(about.drive, about.model, step.has(Restart))
 
 
-def draw_supervisor(about: Description, step: FilterStep) -> str:
+def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:
     """The picture of the drive's machine, as SVG.
 
     Parameters
     ----------
     about : Description
-    step : FilterStep
-        The filter's.
+    steps : mapping of str to FilterStep
+        By filter kind; they have one machine.
     """
-    machine = machine_of(about, step)
+    machine = machine_of(about, next(iter(steps.values())))
     return render_diagram(machine, about.drive.name, stay_texts(machine, about.drive.model.sample_time))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from model.filters.conditions import (
@@ -21,12 +22,13 @@ from model.filters.conditions import (
 )
 from model.supervisor.words import OnRival, Supervisor
 
-#: The limits of which the product is the longest stay, in samples. A rotor is caught by two guesses, one by one.
-STAYS: dict[str, tuple[str | int, ...]] = {
-    "PROBING": ("PROBE_SAMPLES",),
-    "WAITING": ("WAIT_SAMPLES",),
-    "CATCHING": (2, "CATCH_SAMPLES"),
-    "STARTING": ("MAX_WINDOWS", "WINDOW_SAMPLES"),
+#: The longest stays in samples, by the machine's limits. A rotor is caught by two guesses, one by one; that the last
+#: window is over shows at the next interrupt.
+STAYS: dict[str, Callable[[dict[str, int]], int]] = {
+    "PROBING": lambda limits: limits["PROBE_SAMPLES"],
+    "WAITING": lambda limits: limits["WAIT_SAMPLES"],
+    "CATCHING": lambda limits: 2 * limits["CATCH_SAMPLES"],
+    "STARTING": lambda limits: limits["MAX_WINDOWS"] * limits["WINDOW_SAMPLES"] + 1,
 }
 
 
@@ -38,14 +40,7 @@ def longest_stays(machine: Supervisor) -> dict[str, int]:
     machine : Supervisor
     """
     limits = {limit.name: int(limit.value) for limit in machine.limits}
-    found = {}
-    for mode in machine.modes:
-        if not mode.lasting:
-            samples = 1
-            for factor in STAYS[mode.name]:
-                samples *= limits[factor] if isinstance(factor, str) else factor
-            found[mode.name] = samples
-    return found
+    return {mode.name: STAYS[mode.name](limits) for mode in machine.modes if not mode.lasting}
 
 
 def stay_texts(machine: Supervisor, sample_time: float) -> dict[str, str]:

@@ -12,10 +12,11 @@ import pytest
 from codegen.render.diagram import CORNER, MARGIN, RADIUS, Arc, Box, lay_out, render_diagram
 from codegen.render.transitions import longest_stays, modes_context, spell_condition, stay_texts
 from model.drives.load import load_drive
-from model.filters.conditions import All, Compare, Either, Entry, Name, Not, Number
+from model.filters.conditions import All, Compare, Either, Entry, Not, Number
 from model.machines.state_space import build
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.words import at_least
+from runtime.proof.exhaust import longest_stay
 from tests.conftest import ALL_DRIVES
 
 pytestmark = pytest.mark.unit
@@ -111,22 +112,12 @@ def test_words_stay_within_their_box() -> None:
 
 
 @pytest.mark.parametrize("name", ALL_DRIVES)
-def test_a_stay_ends_by_a_transition_that_only_waits(name: str) -> None:
-    """Each mode that does not last has one whose guard is a count alone, and that count is in its longest stay."""
+def test_the_longest_stays_are_those_of_the_table(name: str) -> None:
+    """They are stated beside the limits; the proof goes through every state."""
     machine = machine_of(name)
     stays = longest_stays(machine)
     assert set(stays) == {mode.name for mode in machine.modes if not mode.lasting}
-    limits = {limit.name: limit.value for limit in machine.limits}
-    for mode, longest in stays.items():
-        waits = [
-            t.guard.right.name
-            for _, t in machine.leaving(mode)
-            if isinstance(t.guard, Compare)
-            and isinstance(t.guard.right, Name)
-            and t.guard in (at_least("since", t.guard.right.name), at_least("windows", t.guard.right.name))
-        ]
-        assert waits, mode
-        assert all(longest % int(limits[limit]) == 0 for limit in waits)
+    assert stays == {mode: longest_stay(machine, (mode,)) for mode in stays}
 
 
 def test_a_picture_that_is_another_machines_is_another() -> None:
