@@ -1913,11 +1913,14 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     )
 
 
+INJECTION = 359.99999999999994  # V: amplitude of the square wave on the estimated d axis
+
+
 def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(359.99999999999994), dtype(1)))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTION), dtype(1)))
 
 
 def drive_step(d, filter_step, phase, command, math):

@@ -14,7 +14,6 @@ from model.drives.load import load_drive
 from runtime.drive.scenario import scenarios
 from runtime.drive.simulation import Simulator
 from runtime.estimator.folder import find_folder
-from tests.codegen.test_example import STUBS
 from tests.conftest import ALL_DRIVES, DRIVES, EVERY_DRIVE, thoroughly
 
 
@@ -59,35 +58,42 @@ def test_module_and_header_name_the_same_places(name: str) -> None:
     np.testing.assert_array_equal(module.diagonal(np.diag(P), 0.0), module.pack(P))
 
 
-#: Prints the words that the example interrupt leaves where neither speed nor angle is known.
+#: Prints the words that the supervisor leaves where neither speed nor angle is known, and once they are.
 MAIN = """
+#include <stdio.h>
+#include "PREFIX_supervisor.c"
+
 int main(void)
 {
+    static PREFIX_t f;
+    static PREFIX_supervisor_t s;
     int k;
-    PREFIX_init(&FILTER);
-    for (k = 0; k < WORDS; k++) { FILTER.FIELD[k] = 7.0f; }
-    start_filter(0.1f, 0.2f, 3.0f, 0.4f);
-    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)FILTER.FIELD[k]); }
-    for (k = 0; k < STATES; k++) { printf("%a\\n", (double)FILTER.x[k]); }
-    run();
-    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)FILTER.FIELD[k]); }
+    PREFIX_init(&f);
+    PREFIX_supervisor_init(&s);
+    for (k = 0; k < WORDS; k++) { f.FIELD[k] = 7.0f; }
+    s.guess[0] = 0.1f; s.guess[1] = 0.2f; s.guess[2] = 3.0f; s.guess[3] = 0.4f;
+    s.spread[0] = UNKNOWN_SPEED; s.spread[1] = UNKNOWN_ANGLE;
+    start_filter(&s, &f);
+    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)f.FIELD[k]); }
+    for (k = 0; k < STATES; k++) { printf("%a\\n", (double)f.x[k]); }
+    learn(LEARNS);
+    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)f.FIELD[k]); }
     return 0;
 }
 """
 
 
 @pytest.mark.parametrize("name", EVERY_DRIVE)
-def test_the_example_interrupt_begins_with_the_sigmas_it_says(name: str, tmp_path: Path) -> None:
+def test_the_supervisor_begins_with_the_sigmas_it_says(name: str, tmp_path: Path) -> None:
     """Compiled and run; its words read back by unpack. The expected ones are the drive's, not the text's."""
     folder = find_folder(name)
     module, drive = folder.module, load_drive(name)
     n, prefix = len(module.STATES), f"{name}_{folder.chosen(None)}"
     main = MAIN.replace("PREFIX", prefix).replace("FIELD", module.COVARIANCE)
     main = main.replace("WORDS", str(module.WORDS)).replace("STATES", str(n))
-    (tmp_path / "main.c").write_text(STUBS + main)
-    sources = [folder.path / f"{prefix}{tail}.c" for tail in ("", "_selftest")]
-    command = ["gcc", "-std=c99", "-O1", "-DWHOLE_CONTROLLER=0", f"-I{folder.path}", "main.c"]
-    subprocess.run([*command, *map(str, sources), "-lm", "-o", "example"], cwd=tmp_path, check=True)
+    (tmp_path / "main.c").write_text(main.replace("LEARNS", "&s, &f" if drive.model.adaptive else "&s"))
+    command = ["gcc", "-std=c99", "-O1", f"-I{folder.path}", "main.c", str(folder.path / f"{prefix}.c")]
+    subprocess.run([*command, "-lm", "-o", "example"], cwd=tmp_path, check=True)
     printed = subprocess.run([tmp_path / "example"], check=True, capture_output=True, text=True).stdout
     numbers = np.array([float.fromhex(line) for line in printed.split()])
     started, x, running = np.split(numbers, (module.WORDS, module.WORDS + n))

@@ -59,7 +59,7 @@ def _c_files(drive: Drive) -> list[Path]:
 @pytest.mark.parametrize("optimisation", ["-O2", *thoroughly("-O0")])
 def test_generated_c_is_clean_under_strict_warnings(drive: Drive, optimisation: str, tmp_path: Path) -> None:
     folder = GENERATED / drive.name
-    assert len(_c_files(drive)) == 22
+    assert len(_c_files(drive)) == 26
     for path in _c_files(drive):
         command = [
             "gcc",
@@ -108,19 +108,26 @@ def test_firmware_c_has_no_char_double_or_foreign_call(drive: Drive) -> None:
         uses = _Uses()
         for function in functions:
             uses.visit(function)
-        foreign = set()
-        if path.stem.endswith("_foc"):
-            filter_name = path.stem.removesuffix("_foc")
-            foreign = {f"{filter_name}_init", f"{filter_name}_step", "__builtin_sqrtf"}  # PMSM_SQRT of GCC
+        stem = re.sub("_(foc|supervisor|drive)$", "", path.stem)
+        rival = "STARTING" in (GENERATED / drive.name / f"{stem}_supervisor.h").read_text()
+        root = "__builtin_sqrtf"  # PMSM_SQRT of GCC
+        foreign = {
+            "": set(),
+            "_foc": {f"{stem}_init", f"{stem}_step", root},
+            "_supervisor": {f"{stem}_reset", root} | ({f"{stem}_init"} if rival else set()),
+            "_drive": {f"{stem}_{end}" for end in ("foc_init", "foc_step", "supervisor_init", "supervise")}
+            | ({f"{stem}_step"} if rival else set()),
+        }[path.stem.removeprefix(stem)]
         assert uses.calls - {function.decl.name for function in functions} == foreign
-        assert uses.types <= {"float32", "int", "void", "pmsm_pair", f"{path.stem}_t"}
+        around = {f"{stem}{end}_t" for end in ("", "_foc", "_supervisor")} if path.stem != stem else set()
+        assert uses.types <= {"float32", "int", "void", "pmsm_pair", f"{path.stem}_t"} | around
 
 
 def test_literals_of_the_firmware_carry_the_suffix(drive: Drive) -> None:
     for path in interrupt_files(drive.name):
         code = re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
         literals = re.findall(r"(?<![\w.])\d+\.\d*(?:e[+-]?\d+)?\w?", code)
-        assert len(literals) > 20
+        assert len(literals) > (1 if path.stem.endswith("_drive") else 20)
         assert all(literal.endswith("f") for literal in literals)
 
 
@@ -128,7 +135,8 @@ def test_every_local_has_a_meaning(drive: Drive) -> None:
     """No numbered temporaries: what no stage names is named after what it is made of."""
     for path in interrupt_files(drive.name):
         names = re.findall(r"^    const float32 (\w+) =", path.read_text(), flags=re.MULTILINE)
-        assert len(names) > (40 if path.stem.endswith("_foc") else 100)
+        least = {"foc": 40, "supervisor": 20, "drive": 0}.get(path.stem.rpartition("_")[2], 100)
+        assert len(names) > least
         assert not [name for name in names if re.fullmatch(r"(_?tmp|t|v|w|shared|angle)_?\d*", name)]
 
 

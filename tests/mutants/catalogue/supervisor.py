@@ -197,7 +197,6 @@ _PRINTERS: Rows = (
     ("Python: set in all lanes", 'f"np.where({where}, {value}, {target})[()]" if where else value', 'value', LOADED),
     ("Python: block in all lanes", "_select({where}, {port.name}_new, {port.name})", "_select(True, {port.name}_new, {port.name})", LOADED),
     ("Python: no reason is kept", 'lines.append(f"{pad}s.reason = np.where(where, REASON_{transition.reason}, s.reason)[()]")', "pass", LOADED),
-    ("a variance by the state's place", "return Entry(self.layout.field, self.layout.variances[entry.place])", "return Entry(self.layout.field, entry.place)", LOADED),
 )  # fmt: skip
 
 _SUPERVISOR_C: Rows = (
@@ -244,6 +243,10 @@ _MODULE: Rows = (
     ("time goes on in a new mode, Python", "    s.since = np.where(where, 0, s.since)[()]\n", "", LOADED),
 )  # fmt: skip
 
+_PLACES: Rows = (
+    ("a variance by the state's place", "return Entry(self.layout.field, self.layout.variances[entry.place])", "return Entry(self.layout.field, entry.place)", LOADED),
+)  # fmt: skip
+
 
 def _of(file: str, rows: Rows) -> tuple[Mutant, ...]:
     return tuple(Mutant("supervisor", f"{file}: {name}", checks, file, old, new) for name, old, new, checks in rows)
@@ -256,7 +259,8 @@ SUPERVISOR = (
     *_of("model/supervisor/blocks.py", _BLOCKS),
     *_of("model/supervisor/words.py", _WORDS),
     *_of("codegen/render/printers/modes.py", _PRINTERS),
+    *_of("codegen/render/printers/places.py", _PLACES),
     *_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
     *_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
-    *_of("codegen/render/templates/module.py.j2", _MODULE),
+    *_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )
