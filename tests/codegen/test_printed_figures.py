@@ -52,7 +52,7 @@ def test_operations_are_those_of_the_text(made: Made) -> None:
 
 
 def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
-    """In report, manifest and the drive's head: filter, controller and supervisor; the rival's step where there is one."""
+    """In report, manifest and the drive's head: filter, controller and supervisor; in STARTING the rival's step."""
     table, T = made.table("filter, mode", "add", "mul"), made.drive.model.sample_time
     modes = {"CATCHING": 3, "RUNNING": 4} | ({"STARTING": 6} if T >= 50e-6 else {})
     assert [*table] == ["filter, mode", *(f"{kind}, {mode}" for kind in made.drive.filter.kinds for mode in modes)]
@@ -66,7 +66,7 @@ def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
             given = {"mode": place, "runs": 1, "torque": int(mode != "CATCHING"), "rivals": int(mode == "STARTING")}
             ops, found = program.count(f"{stem}_drive_step", n, given=given), facts["interrupt"][mode]
             assert {name: ops[name] for name in found["operations"]} == found["operations"]
-            least = controller + (filter_step if mode == "STARTING" else {})
+            least = controller + filter_step if mode == "STARTING" else controller
             assert all(least[name] <= ops[name] for name in ("add", "mul", "div", "sqrt", "sincos")), mode
             assert ops["mul"] < least["mul"] + (filter_step["mul"] if mode != "STARTING" else 100)
             copied = 3 * program.find(f"{stem}_step")[0].words(f"{stem}_t") if mode == "STARTING" else 0
