@@ -40,7 +40,7 @@ from codegen.render.printers.python import PythonPrinter
 from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
-from codegen.render.supervisor import module_context, render_supervisor
+from codegen.render.supervisor import draw_supervisor, module_context, render_supervisor
 from model.filters import FilterStep, build_filter
 from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
@@ -90,7 +90,7 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
         tests = record_selftests(about, steps, made.module)
     files = (
         with_heads(about, steps, bodies, figures, accounts)
-        | {f"{drive.name}.py": made.module}
+        | {f"{drive.name}.py": made.module, "supervisor.svg": draw_supervisor(about, steps)}
         | print_tests(about, tests)
         | about.machine_file
     )

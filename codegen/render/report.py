@@ -1,4 +1,4 @@
-"""REPORT.md of a generated folder: equations, states, iteration, budget, certificate."""
+"""REPORT.md of a generated folder: equations, states, iteration, modes, budget, certificate."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from codegen.evidence.measure import FLAGS, Record
 from codegen.ir.trig import sin_cos_bound
 from codegen.render.filter import FILTER_TITLES, Description, render
 from codegen.render.selftest import SelfTest
+from codegen.render.supervisor import machine_of
+from codegen.render.transitions import modes_context
 from model.filters import FilterStep
 
 
@@ -63,6 +65,7 @@ def render_report(
         constants=eq.constants,
         sparsity=sparsity(model),
         steps=steps,
+        supervisor=modes_context(machine_of(about, next(iter(steps.values()))), drive.model.sample_time),
         budget=_budget(about, accounts, measured),
         figures=figures,
         tests=tests,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
+from codegen.render.diagram import render_diagram
 from codegen.render.filter import (
     ANGLE,
     Description,
@@ -21,6 +22,7 @@ from codegen.render.filter import (
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
+from codegen.render.transitions import stay_texts
 from model.filters import FilterStep
 from model.filters.program import Restart
 from model.inverter import TRANSFORM
@@ -42,6 +44,19 @@ def machine_of(about: Description, step: FilterStep) -> Supervisor:
         The filter's: the literal form does not tell how well it expects the currents.
     """
     return supervisor(about.drive, about.model, step.has(Restart))
+
+
+def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:
+    """The picture of the drive's machine, as SVG.
+
+    Parameters
+    ----------
+    about : Description
+    steps : mapping of str to FilterStep
+        By filter kind; they have one machine.
+    """
+    machine = machine_of(about, next(iter(steps.values())))
+    return render_diagram(machine, about.drive.name, stay_texts(machine, about.drive.model.sample_time))
 
 
 def drive_listings(about: Description) -> list[Listing]:

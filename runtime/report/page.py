@@ -90,6 +90,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
             )
             if earned
             else "",
+            "modes": Markup((chapter.folder / "supervisor.svg").read_text(encoding="utf-8")),
             "runs": _run_figures(chapter),
             "sweep": Markup(sweep_figure(chapter.sweep)) if chapter.sweep else "",
         },
