@@ -13,24 +13,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import version
+from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 from codegen.evidence.box import sample_box
-from codegen.evidence.budget import FACTORS, Account, cycles
+from codegen.evidence.budget import Account
 from codegen.evidence.certificate import SAMPLES, Figures, certify, certify_chip
-from codegen.evidence.ledger import Ledger, Program
+from codegen.evidence.ledger import Program
 from codegen.evidence.measure import Measurer, Record
 from codegen.evidence.recording import execute, record_control, record_filter
 from codegen.evidence.selftest import control_run, gains, segments
+from codegen.facts import facts, identity
 from codegen.fast.steps import build_fast_filter
 from codegen.ir.layout import Listing, lay_out
 from codegen.output.folder import with_manifest
-from codegen.output.version import __version__
 from codegen.passes import optimise
 from codegen.render.board import render_board
 from codegen.render.drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
@@ -98,8 +96,8 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     )
     measured = measure(accounts, files, measurer or Measurer())
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
-    facts = _facts(drive, model, steps, accounts, measured, figures, tests)
-    return Package(drive, model, steps, with_manifest(files, facts), accounts)
+    about_it = facts(drive, model, steps, accounts, measured, figures, tests)
+    return Package(drive, model, steps, with_manifest(files, about_it), accounts)
 
 
 def generate_bare(drive: Drive, form: str = "fast") -> Package:
@@ -114,11 +112,11 @@ def generate_bare(drive: Drive, form: str = "fast") -> Package:
     """
     made = draft(drive, form)
     files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
-    facts = _identity(drive, made.about.model, made.steps) | {
+    known = identity(drive, made.about.model, made.steps) | {
         "filters": {kind: {"gain": step.gain} for kind, step in made.steps.items()},
         "plant": {"motor": plant_data(drive)},
     }
-    return Package(drive, made.about.model, made.steps, with_manifest(files, facts))
+    return Package(drive, made.about.model, made.steps, with_manifest(files, known))
 
 
 @dataclass(frozen=True)
@@ -276,7 +274,8 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
         files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
         foc = f"{name}_{kind}_foc"
         files[f"{foc}.h"], files[f"{foc}.c"] = render_foc(about, kind, [OPEN_HEAD])
-        files |= {f"{name}_{kind}_{end}": text for end, text in render_supervisor(about, step).items()}
+        own = render_supervisor(about, step, [OPEN_HEAD]).items()
+        files |= {f"{name}_{kind}_{end}": text for end, text in own}
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
     kind = default_kind(steps)
     files["example_isr.c"] = render_example(about, steps[kind])
@@ -303,7 +302,15 @@ def with_heads(
             notes = filter_notes(step, target, about.model.states, account, certificate, chip)
             files[source] = _with_notes(files[source], notes)
         foc = f"{name}_{kind}_foc.c"
-        files[foc] = _with_notes(files[foc], cost_notes(accounts[kind].controller, "Cost at most, with the filter"))
+        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter")
+        files[foc] = _with_notes(files[foc], notes)
+        whole = f"{name}_{kind}_drive.c"
+        notes = [
+            line
+            for mode, ledger in accounts[kind].interrupts.items()
+            for line in cost_notes(ledger, f"Cost at most, a whole interrupt, {mode}")
+        ]
+        files[whole] = _with_notes(files[whole], notes)
     return files | render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
 
 
@@ -322,7 +329,8 @@ def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
     accounts: dict[str, Account] = {}
     for kind in dict.fromkeys(drive.filter.kinds):
         name = f"{drive.name}_{kind}"
-        accounts[kind] = Account(Program(files, f"{name}.c", f"{name}_foc.c"), name, drive.filter.max_iterations)
+        sources = [f"{name}{end}.c" for end in ("", "_foc", "_supervisor", "_drive")]
+        accounts[kind] = Account(Program(files, *sources), name, drive.filter.max_iterations)
     return accounts
 
 
@@ -336,65 +344,6 @@ def measure(accounts: dict[str, Account], files: dict[str, str], measurer: Measu
     measurer : Measurer
         Takes what was kept for the same code, else measures.
     """
-    functions = [(account, f"{account.name}{end}") for account in accounts.values() for end in ("_step", "_foc_step")]
+    ends = ("_step", "_foc_step", "_drive_step")
+    functions = [(account, f"{account.name}{end}") for account in accounts.values() for end in ends]
     return {function: measurer(files, account.program, function) for account, function in functions}
-
-
-def _identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Any]:
-    """The inputs that a folder was generated from."""
-    return {
-        "drive": drive.name,
-        "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
-        "input_sha256": drive.sha256,
-        "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
-        "parameters": drive.stated,
-        "states": [{"name": state.name, "unit": state.unit} for state in model.states],
-    }
-
-
-def _facts(
-    drive: Drive,
-    model: StateSpaceModel,
-    steps: dict[str, FilterStep],
-    accounts: dict[str, Account],
-    measured: dict[str, Record],
-    figures: dict[str, Figures],
-    tests: dict[str, SelfTest],
-) -> dict[str, Any]:
-    return {
-        **_identity(drive, model, steps),
-        "filters": {
-            kind: {
-                "gain": step.gain,
-                "iteration": step.iteration_proof or ("bounded loop" if kind == "ickf" else "none"),
-                **_cost_facts(accounts[kind].filter),
-                "controller": _cost_facts(accounts[kind].controller),
-                "certificate": _rounded(asdict(figures[kind].certificate)),
-                "chip_model": {name: _rounded(item) for name, item in asdict(figures[kind].chip).items()},
-                "selftest": {"vectors": tests[kind].vectors, "words": tests[kind].words},
-            }
-            for kind, step in steps.items()
-        },
-        "measured": measured,
-        "plant": {"motor": plant_data(drive)},
-    }
-
-
-def _cost_facts(ledger: Ledger) -> dict[str, Any]:
-    """Operations and cycles; ``estimated_cycles`` is the figure at k = 2.5."""
-    return {
-        "operations": ledger.calls,
-        "operations_sincos_expanded": ledger.expanded,
-        "estimated_cycles": cycles(ledger.calls, FACTORS[0]),
-        "cycles": {f"{k:g}": cycles(ledger.calls, k) for k in FACTORS},
-        "cycles_sincos_expanded": {f"{k:g}": cycles(ledger.expanded, k) for k in FACTORS},
-        "state_words": ledger.words,
-    }
-
-
-def _rounded(certificate: dict[str, Any]) -> dict[str, Any]:
-    """Two digits: what a certificate claims, and the same on every machine."""
-    certificate["x"] = [float(f"{value:.1e}") for value in certificate["x"]]
-    for name in ("P", "P_99"):
-        certificate[name] = float(f"{certificate[name]:.1e}")
-    return certificate

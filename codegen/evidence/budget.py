@@ -1,9 +1,10 @@
 """Cycles on paper, and the budgets a drive file sets: computed from published cycles, nothing here was measured.
 
-``cycles = k (add + mul) + 25 div + 29 sqrt + 44 sincos + 60``: k covers loads, the operation, its delay slot and
-the store; 2.5 is typical of published compiler listings of float motor code, 4 high, 5 the bound. Division, root
-and sincos are the cycles TI publishes for its fastRTS library, 60 the interrupt's entry and exit. Additions
-include subtractions and negations; comparisons and selections are not priced.
+``cycles = k (add + mul) + 25 div + 29 sqrt + 44 sincos + copied + 60``: k covers loads, the operation, its delay slot
+and the store; 2.5 is typical of published compiler listings of float motor code, 4 high, 5 the bound. Division, root
+and sincos are the cycles TI publishes for its fastRTS library, 60 the interrupt's entry and exit; a 16-bit word of a
+struct that is copied takes a cycle (MOV32 loads and stores two words). Additions include subtractions and negations;
+comparisons and selections are not priced.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from codegen.evidence.ledger import Ledger, Program
+from codegen.evidence.ledger import COPIED, Ledger, Program
 from model.schema import Drive
+from model.supervisor.table import MODES
 
 FACTORS = (2.5, 4.0, 5.0)
-CYCLES = {"div": 25, "sqrt": 29, "sincos": 44}
+CYCLES = {"div": 25, "sqrt": 29, "sincos": 44, COPIED: 1}
 INTERRUPT = 60
 CLOCK = 150e6  # Hz
 PERIODS = {"10 kHz": 15_000, "20 kHz": 7_500, "50 kHz": 3_000}
@@ -45,9 +47,24 @@ def cycles(operations: Mapping[str, int], k: float) -> int:
     return round(k * (operations.get("add", 0) + operations.get("mul", 0)) + priced + INTERRUPT)
 
 
+def share(operations: Mapping[str, int], drive: Drive, k: float = FACTORS[0]) -> float:
+    """Share of the sample time that a step takes at 150 MHz.
+
+    Parameters
+    ----------
+    operations : mapping of str to int
+        Counts.
+    drive : Drive
+        Its sample time.
+    k : float, optional
+        Cycles an addition or multiplication is priced at.
+    """
+    return cycles(operations, k) / (CLOCK * drive.model.sample_time)
+
+
 @dataclass(frozen=True)
 class Account:
-    """The cost of one filter, alone and with the controller around it; counted in the emitted files."""
+    """The cost of one filter, alone, with the controller around it, and in a drive; counted in the emitted files."""
 
     program: Program
     name: str
@@ -60,8 +77,21 @@ class Account:
 
     @cached_property
     def controller(self) -> Ledger:
-        """The whole interrupt body, the filter included."""
+        """Phase currents in, duty cycles out; the filter included."""
         return self.program.ledger(f"{self.name}_foc_step", f"{self.name}_foc_t", self.max_iterations)
+
+    @cached_property
+    def interrupts(self) -> dict[str, Ledger]:
+        """The whole interrupt by the drive's mode, supervisor included: where the filter runs, at its worst."""
+        step, struct = f"{self.name}_drive_step", f"{self.name}_drive_t"
+        unit, _ = self.program.find(step)
+        rivals = "rivals" in unit.fields(f"{self.name}_supervisor_t")
+        found = {}
+        for place, mode in enumerate(MODES):
+            if mode.runs and (rivals or not mode.rivals):
+                given = {"mode": place, "runs": mode.runs, "torque": mode.torque, "rivals": mode.rivals}
+                found[mode.name] = self.program.ledger(step, struct, self.max_iterations, given)
+        return found
 
     def most_iterations(self, function: str, budget: int, k: float) -> int | None:
         """Largest N_max below the drive's whose cycles fit, if there is one.

@@ -2,7 +2,8 @@
 
 Operations are counted on pycparser's tree of the very text that goes to the chip: calls are followed, a branch
 costs its dearer side (operation by operation, so the sum bounds either), a loop its bound. ``sin_cos`` is counted
-both as one call (fastRTS publishes its cycles) and as the arithmetic that is emitted.
+both as one call (fastRTS publishes its cycles) and as the arithmetic that is emitted. Of a branch that asks a field
+whose value is given, such as the mode of a drive, the side that is taken counts.
 """
 
 from __future__ import annotations
@@ -10,14 +11,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
+from codegen.evidence.units import Kind, Unit, constant
 
 #: In the order tables show them; ``add`` is additions, subtractions and negations.
 OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")
+#: 16-bit words of structs that are copied; a table has them only where there are any.
+COPIED = "copied"
 SIN_COS = "sin_cos"
 N_MAX = "max_iterations"
 
@@ -25,11 +30,6 @@ _LIBRARY = {"sqrtf": "sqrt"}
 _ARITHMETIC = {"+": "add", "-": "add", "*": "mul", "/": "div"}
 _COMPARISONS = frozenset({"<", ">", "<=", ">=", "==", "!="})
 
-#: 16-bit words of the C28x's types, COFF data model (SPRU514, table 6-1); a pointer has 2.
-_WORDS = {"char": 1, "short": 1, "int": 1, "long": 2, "float": 2, "double": 2, "long long": 4, "long double": 4}
-_POINTER_WORDS = 2
-
-Kind = str  # "float", "int", or the name of a struct
 Count = Counter[str]
 
 
@@ -64,7 +64,9 @@ class Program:
     def __init__(self, files: Mapping[str, str], *sources: str) -> None:
         self.units = [Unit(*parse_emitted(files, name), name) for name in sources]
 
-    def ledger(self, function: str, struct: str, max_iterations: int) -> Ledger:
+    def ledger(
+        self, function: str, struct: str, max_iterations: int, given: Mapping[str, int] = MappingProxyType({})
+    ) -> Ledger:
         """Counts of ``function`` and the size of the typedef ``struct``.
 
         Parameters
@@ -75,12 +77,20 @@ class Program:
             C name of a typedef in the function's file.
         max_iterations : int
             N_max.
+        given : mapping of str to int, optional
+            Values of fields, whichever struct they are in.
         """
-        called, expanded = (self.count(function, max_iterations, expand) for expand in (False, True))
+        called, expanded = (self.count(function, max_iterations, expand, given) for expand in (False, True))
         unit, _ = self.find(function)
         return Ledger(_table(called), _table(expanded), unit.words(struct))
 
-    def count(self, function: str, max_iterations: int, expand_sin_cos: bool = False) -> Count:
+    def count(
+        self,
+        function: str,
+        max_iterations: int,
+        expand_sin_cos: bool = False,
+        given: Mapping[str, int] = MappingProxyType({}),
+    ) -> Count:
         """Operations of one call, every loop over N_max taken ``max_iterations`` times.
 
         Parameters
@@ -89,9 +99,11 @@ class Program:
         max_iterations : int
         expand_sin_cos : bool, optional
             Count the arithmetic of ``sin_cos``, not its call.
+        given : mapping of str to int, optional
+            Values of fields when it is called, whichever struct they are in; they are taken to keep them.
         """
         unit, definition = self.find(function)
-        return _Counting(self, max_iterations, expand_sin_cos).function(unit, definition, {})
+        return _Counting(self, max_iterations, expand_sin_cos, given).function(unit, definition, {})
 
     def find(self, function: str, caller: Unit | None = None) -> tuple[Unit, c_ast.FuncDef]:
         """The function as ``caller`` sees it: its own file's, else one that is not static.
@@ -120,89 +132,12 @@ class Program:
                 yield self.find(name, unit)
 
 
-class Unit:
-    """One translation unit: its functions and types; ``files`` are the texts it was read from."""
-
-    def __init__(self, tree: c_ast.FileAST, files: tuple[str, ...], name: str) -> None:
-        self.name, self.files = name, files
-        self.functions = {item.decl.name: item for item in tree.ext if isinstance(item, c_ast.FuncDef)}
-        self.typedefs = {item.name: item.type for item in tree.ext if isinstance(item, c_ast.Typedef)}
-        self.returns = {
-            item.name: item.type.type
-            for item in tree.ext
-            if isinstance(item, c_ast.Decl) and isinstance(item.type, c_ast.FuncDecl)
-        } | {name: item.decl.type.type for name, item in self.functions.items()}
-
-    def kind(self, type_node: Any) -> Kind:
-        """The scalar type behind a type: arrays and pointers stand for their elements.
-
-        Parameters
-        ----------
-        type_node : pycparser node
-        """
-        while isinstance(type_node, c_ast.ArrayDecl | c_ast.PtrDecl):
-            type_node = type_node.type
-        names = type_node.type.names if isinstance(type_node.type, c_ast.IdentifierType) else []
-        if not names:
-            return str(type_node.declname)
-        if len(names) == 1 and names[0] in self.typedefs:
-            target = self.typedefs[names[0]]
-            return str(names[0]) if isinstance(target.type, c_ast.Struct) else self.kind(target)
-        return "float" if {"float", "double"} & set(names) else "int"
-
-    def field(self, struct: Kind, name: str) -> Any:
-        """Type of a field of a typedef'd struct.
-
-        Parameters
-        ----------
-        struct, name : str
-        """
-        for field in self.typedefs[struct].type.decls:
-            if field.name == name:
-                return field.type
-        raise EmittedError(f"{self.name}: struct {struct} has no field {name}")
-
-    def words(self, struct: str) -> int:
-        """16-bit words of a typedef'd type on the C28x, padding included (32-bit fields lie on even addresses).
-
-        Parameters
-        ----------
-        struct : str
-        """
-        return self._layout(self.typedefs[struct])[0]
-
-    def _layout(self, type_node: Any) -> tuple[int, int]:
-        """(words, alignment) of a type."""
-        if isinstance(type_node, c_ast.PtrDecl):
-            return _POINTER_WORDS, _POINTER_WORDS
-        if isinstance(type_node, c_ast.ArrayDecl):
-            words, align = self._layout(type_node.type)
-            length = _constant(type_node.dim, {})
-            if length is None:
-                raise EmittedError(f"{self.name}: an array whose length cannot be read ({type_node.coord})")
-            return words * length, align
-        if isinstance(type_node.type, c_ast.Struct):
-            return self._struct_layout(type_node.type)
-        names = [name for name in type_node.type.names if name not in {"unsigned", "signed"}] or ["int"]
-        if names[0] in self.typedefs:
-            return self._layout(self.typedefs[names[0]])
-        words = _WORDS[" ".join(names)]
-        return words, min(words, 2)
-
-    def _struct_layout(self, struct: c_ast.Struct) -> tuple[int, int]:
-        offset, widest = 0, 1
-        for field in struct.decls:
-            words, align = self._layout(field.type)
-            offset += -offset % align + words
-            widest = max(widest, align)
-        return offset + -offset % widest, widest
-
-
 class _Counting:
     """One count: how far loops go, and what sin_cos is."""
 
-    def __init__(self, program: Program, max_iterations: int, expand_sin_cos: bool) -> None:
+    def __init__(self, program: Program, max_iterations: int, expand_sin_cos: bool, given: Mapping[str, int]) -> None:
         self.program, self.max_iterations, self.expand_sin_cos = program, max_iterations, expand_sin_cos
+        self.given = given
         self.known: dict[tuple[str, str, tuple[tuple[str, int], ...]], Count] = {}
 
     def function(self, unit: Unit, definition: c_ast.FuncDef, constants: dict[str, int]) -> Count:
@@ -260,6 +195,8 @@ class _Body:
         own: Count = Counter()
         if node.op != "=" and self._kind(node.lvalue) == "float":
             own[_ARITHMETIC[node.op[0]]] += 1
+        if node.op == "=" and self.unit.is_struct(self._kind(node.lvalue)):
+            own[COPIED] += self.unit.words(self._kind(node.lvalue))
         return own + self._children(node)
 
     def _count_TernaryOp(self, node: Any) -> Count:
@@ -277,7 +214,7 @@ class _Body:
         parameters = definition.decl.type.args.params if definition.decl.type.args else []
         fixed = {}
         for parameter, argument in zip(parameters, node.args.exprs if node.args else [], strict=False):
-            value = _constant(argument, self.constants)
+            value = constant(argument, self.constants)
             if value is not None:
                 fixed[parameter.name] = value
         return total + self.counting.function(unit, definition, fixed)
@@ -296,6 +233,9 @@ class _Body:
         return total
 
     def _count_If(self, node: Any) -> Count:
+        holds = _decided(node.cond, self.counting.given)
+        if holds is not None:
+            return self.count(node.cond) + self.count(node.iftrue if holds else node.iffalse)
         return self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
 
     def _count_DoWhile(self, node: Any) -> Count:
@@ -326,7 +266,7 @@ class _Body:
         if isinstance(condition.right, c_ast.StructRef) and condition.right.field.name == N_MAX:
             limit: int | None = self.counting.max_iterations
         else:
-            limit = _constant(condition.right, self.constants)
+            limit = constant(condition.right, self.constants)
         return None if limit is None else limit + (condition.op == "<=")
 
     # --- types
@@ -368,7 +308,21 @@ def _returns(node: Any) -> bool:
 
 
 def _table(count: Count) -> dict[str, int]:
-    return {name: count[name] for name in OPERATIONS}
+    return {name: count[name] for name in OPERATIONS} | ({COPIED: count[COPIED]} if count[COPIED] else {})
+
+
+def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
+    """Whether a condition holds, as far as a field that is compared with a whole number, and given, says."""
+    if not isinstance(condition, c_ast.BinaryOp):
+        return None
+    if condition.op == "&&":
+        sides = {_decided(side, given) for side in (condition.left, condition.right)}
+        return False if False in sides else None if None in sides else True
+    value = given.get(condition.left.field.name) if isinstance(condition.left, c_ast.StructRef) else None
+    other = constant(condition.right, {})
+    if value is None or other is None or condition.op not in {"==", "!="}:
+        return None
+    return (value == other) is (condition.op == "==")
 
 
 def _walk(node: Any) -> Iterator[Any]:
@@ -384,16 +338,3 @@ def _folded(node: Any) -> bool:
     if isinstance(node, c_ast.BinaryOp):
         return _folded(node.left) and _folded(node.right)
     return isinstance(node, c_ast.Constant)
-
-
-def _constant(node: Any, known: Mapping[str, int]) -> int | None:
-    """A whole number: written as one, a parameter the call fixes, or a sum or product of such; else None."""
-    if isinstance(node, c_ast.Constant) and node.type.endswith("int"):
-        return int(node.value.rstrip("uUlL"), 0)
-    if isinstance(node, c_ast.ID):
-        return known.get(node.name)
-    if isinstance(node, c_ast.BinaryOp) and node.op in {"+", "-", "*"}:
-        left, right = (_constant(side, known) for side in (node.left, node.right))
-        if left is not None and right is not None:
-            return {"+": left + right, "-": left - right, "*": left * right}[node.op]
-    return None

@@ -18,7 +18,8 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import code_of
-from codegen.evidence.ledger import Program, Unit
+from codegen.evidence.ledger import Program
+from codegen.evidence.units import Unit
 from codegen.output.folder import FolderError, read_manifest
 
 COMPILER = "arm-none-eabi-gcc"

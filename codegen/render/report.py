@@ -87,6 +87,8 @@ def _budget(about: Description, accounts: dict[str, Account], measured: dict[str
     missing = sorted({row["not_measured"] for row in rows if row["not_measured"]})
     compilers = sorted({record["compiler"] for record in measured.values() if "compiler" in record})
     return {
+        "interrupts": _interrupts(about, accounts, measured),
+        "rivals": any("STARTING" in account.interrupts for account in accounts.values()),
         "operations": OPERATIONS,
         "factors": FACTORS,
         "prices": CYCLES,
@@ -98,6 +100,16 @@ def _budget(about: Description, accounts: dict[str, Account], measured: dict[str
         "flags": " ".join(FLAGS),
         "limits": {key: value for key, value in about.drive.budget.model_dump().items() if value is not None},
     }
+
+
+def _interrupts(about: Description, accounts: dict[str, Account], measured: dict[str, Record]) -> list[dict[str, Any]]:
+    """Rows of the whole interrupt: a filter and a mode each."""
+    period = {about.sample_time: round(CLOCK * about.drive.model.sample_time)}
+    return [
+        _row(f"{kind}, {mode}", ledger, measured[f"{account.name}_drive_step"], period)
+        for kind, account in accounts.items()
+        for mode, ledger in account.interrupts.items()
+    ]
 
 
 def _row(subject: str, ledger: Ledger, record: Record, periods: dict[str, int]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout, state_place
@@ -131,7 +131,7 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     }
 
 
-def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
+def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]) -> dict[str, str]:
     """Header and source of supervisor and drive around one filter, by the ends of their names.
 
     Parameters
@@ -139,6 +139,8 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
     about : Description
     step : FilterStep
         The filter's.
+    notes : sequence of str
+        Lines of the drive's head: what a whole interrupt costs.
     """
     machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
     printer = ModesC(machine, CovarianceLayout.of(step), prefix)
@@ -158,7 +160,7 @@ def render_supervisor(about: Description, step: FilterStep) -> dict[str, str]:
         "below_pi": printer.format_literal(SINGLE.below_pi),
     }
     source = render("supervisor.c.j2", **common, **_machine_text(about, printer))
-    drive = render("drive.c.j2", **common, **_drive_text(about, printer))
+    drive = render("drive.c.j2", **common, notes=notes, **_drive_text(about, printer))
     return {
         "supervisor.h": render("supervisor.h.j2", **common),
         "supervisor.c": with_ramfuncs(source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}),

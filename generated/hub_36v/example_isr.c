@@ -15,16 +15,14 @@
 #pragma CODE_SECTION(per_unit, ".TI.ramfunc")
 #pragma CODE_SECTION(report, ".TI.ramfunc")
 #pragma CODE_SECTION(drive_gates, ".TI.ramfunc")
+#pragma CODE_SECTION(control_sample, ".TI.ramfunc")
 #pragma CODE_SECTION(adc_isr, ".TI.ramfunc")
-#pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
-#pragma CODE_SECTION(estimate_and_control, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(per_unit, "ramfuncs")
 #pragma CODE_SECTION(report, "ramfuncs")
 #pragma CODE_SECTION(drive_gates, "ramfuncs")
+#pragma CODE_SECTION(control_sample, "ramfuncs")
 #pragma CODE_SECTION(adc_isr, "ramfuncs")
-#pragma CODE_SECTION(forget_voltages, "ramfuncs")
-#pragma CODE_SECTION(estimate_and_control, "ramfuncs")
 #endif
 #endif
 
@@ -165,79 +163,69 @@ int motor_setup(void)
 }
 
 #if WHOLE_CONTROLLER
-INTERRUPT void adc_isr(void)
+/* One sample: duty cycles, and whether the gates may be on with them. */
+static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
-    float32 phase[2];
     float32 command[2];
-    float32 duty[3];
     int inverter;
-
-    read_phase_currents(phase);
     command[0] = read_speed_reference();
     command[1] = read_dc_link();
     inverter = hub_36v_ckf_drive_step(&drive, phase, command, duty); /* keeps account of its own voltages and of the delay */
-    write_duty(duty);
-    drive_gates(inverter);
-    report(drive.status);
-    acknowledge_interrupt();
+    status[0] = drive.status;
+    return inverter;
 }
 #else
 #define INV_SQRT_3 0.57735027f
 
-/* Zero voltage, and none under way. */
-static void forget_voltages(void)
+/* One sample: duty cycles, and whether the gates may be on with them. */
+static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
-    v_acting[0] = 0.0f;
-    v_acting[1] = 0.0f;
-    v_queued[0] = 0.0f;
-    v_queued[1] = 0.0f;
-}
-
-/* The filter, its rival where there is one, and the control around it. Returns the filter's status. */
-static int estimate_and_control(const float32 phase[2], float32 duty[3])
-{
-    float32 share = (supervisor.torque != 0) ? 1.0f : 0.0f;
+    float32 share = (supervisor.torque != 0) ? 1.0f : 0.0f; /* of the current that may be asked for */
     float32 i[2];
-    float32 v[2];
-    int status;
+    float32 v[2] = {0.0f, 0.0f};
     i[0] = phase[0]; /* CLARKE, amplitude-invariant */
     i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));
-
-    /* u is the mean voltage over the interval that ends NOW, not the one computed now: with the delay of shadowed
-     * compare registers it was computed two interrupts ago. One interval off costs an angle error of omega_e T. */
-    if (supervisor.rivals != 0) {
-        (void)hub_36v_ckf_step(&supervisor.rival, v_acting, i);
-        share = HUB_36V_CKF_START_SHARE;
+    status[0] = 0;
+    duty[0] = 0.5f;
+    duty[1] = 0.5f;
+    duty[2] = 0.5f;
+    if (supervisor.fresh != 0) { /* no voltage is under way */
+        v_acting[0] = 0.0f;
+        v_acting[1] = 0.0f;
+        v_queued[0] = 0.0f;
+        v_queued[1] = 0.0f;
     }
-    status = hub_36v_ckf_step(&filter, v_acting, i);
-
-    your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), share, supervisor.anew, v);
-    your_svgen(v, read_dc_link(), duty);
-
-    v_acting[0] = v_queued[0];
-    v_acting[1] = v_queued[1];
-    v_queued[0] = v[0]; /* what the inverter really makes of duty: with v limited, the limited one */
-    v_queued[1] = v[1];
-    return status;
+    if (supervisor.runs != 0) {
+        /* u is the mean voltage over the interval that ends NOW, not the one computed now: with the delay of shadowed
+         * compare registers it was computed two interrupts ago. One interval off costs an angle error of omega_e T. */
+        if (supervisor.rivals != 0) {
+            (void)hub_36v_ckf_step(&supervisor.rival, v_acting, i);
+            share = HUB_36V_CKF_START_SHARE;
+        }
+        status[0] = hub_36v_ckf_step(&filter, v_acting, i);
+        your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), share, supervisor.anew, v);
+        your_svgen(v, read_dc_link(), duty);
+        v_acting[0] = v_queued[0];
+        v_acting[1] = v_queued[1];
+        v_queued[0] = v[0]; /* what the inverter really makes of duty: with v limited, the limited one */
+        v_queued[1] = v[1];
+    }
+    (void)hub_36v_ckf_supervise(&supervisor, &filter, status[0], phase, read_speed_reference());
+    return supervisor.inverter;
 }
+#endif
 
 INTERRUPT void adc_isr(void)
 {
     float32 phase[2];
-    float32 duty[3] = {0.5f, 0.5f, 0.5f};
-    int status = 0;
+    float32 duty[3];
+    int status[1];
+    int inverter;
 
     read_phase_currents(phase);
-    if (supervisor.fresh != 0) {
-        forget_voltages();
-    }
-    if (supervisor.runs != 0) {
-        status = estimate_and_control(phase, duty);
-    }
+    inverter = control_sample(phase, duty, status);
     write_duty(duty);
-    (void)hub_36v_ckf_supervise(&supervisor, &filter, status, phase, read_speed_reference());
-    drive_gates(supervisor.inverter);
-    report(status);
+    drive_gates(inverter);
+    report(status[0]);
     acknowledge_interrupt();
 }
-#endif

@@ -1888,6 +1888,9 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
+INJECTED_VOLTAGE = 359.99999999999994  # V: amplitude of the square wave on the d axis
+
+
 def inject(rotor, duty, v, link, injection, math, stages=None):
     """A square wave on the estimated d axis."""
     (omega, theta) = rotor
@@ -1917,7 +1920,7 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(359.99999999999994), dtype(1)))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE), dtype(1)))
 
 
 def drive_step(d, filter_step, phase, command, math):

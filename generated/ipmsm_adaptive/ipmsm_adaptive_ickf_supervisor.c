@@ -129,6 +129,9 @@
 #define QUARTER_PI 0.7853982f /* pi / 4 */
 #define ARC_BEND 0.273f /* of the arc tangent, within 0.004 rad */
 #define PROBE_SPEED 311.9266f /* L_q / (psi_m p T), rad/s per A, of one interval */
+#define L_D 0.036f /* L_d, H */
+#define PSI_M 0.545f /* magnet flux linkage, Wb */
+#define L_Q 0.051f /* L_q, H */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -245,8 +248,8 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
-    const float32 part_of_the_result = 0.036f * (cos_theta * i_a + sin_theta * i_beta) + 0.545f;
-    const float32 part_of_the_result_2 = 0.051f * (cos_theta * i_beta - sin_theta * i_a);
+    const float32 part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M;
+    const float32 part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a);
 
     guess_out[0] = cos_theta * part_of_the_result - sin_theta * part_of_the_result_2;
     guess_out[1] = sin_theta * part_of_the_result + cos_theta * part_of_the_result_2;

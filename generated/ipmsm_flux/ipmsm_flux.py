@@ -1458,8 +1458,8 @@ def place_state(phase, guess, math, stages=None):
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
     sin_theta, cos_theta = math.sin_cos(theta)
-    part_of_the_result = 0.036 * (cos_theta * i_a + sin_theta * i_beta) + 0.545
-    part_of_the_result_2 = 0.051 * (cos_theta * i_beta - sin_theta * i_a)
+    part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
+    part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
     return (cos_theta * part_of_the_result - sin_theta * part_of_the_result_2, sin_theta * part_of_the_result
         + cos_theta * part_of_the_result_2, omega, theta,)
@@ -2005,6 +2005,9 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
+INJECTED_VOLTAGE = 359.99999999999994  # V: amplitude of the square wave on the d axis
+
+
 def inject(rotor, duty, v, link, injection, math, stages=None):
     """A square wave on the estimated d axis."""
     (omega, theta) = rotor
@@ -2034,7 +2037,7 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(359.99999999999994), dtype(1)))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE), dtype(1)))
 
 
 def drive_step(d, filter_step, phase, command, math):

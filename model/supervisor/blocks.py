@@ -31,8 +31,12 @@ def constants(drive: Drive) -> tuple[Constant, ...]:
     ----------
     drive : Drive
     """
+    m = drive.motor
     return (
         *TRANSFORM,
+        Constant("L_D", m.inductance_d, "L_d, H", None),
+        Constant("L_Q", m.inductance_q, "L_q, H", None),
+        Constant("PSI_M", m.magnet_flux, "magnet flux linkage, Wb", None),
         Constant("QUARTER_PI", math.pi / 4, "pi / 4", None),
         Constant("ARC_BEND", ARC, "of the arc tangent, within 0.004 rad", None),
         Constant("LEAST_SIZE", LEAST_SIZE, "A^2: no less is divided by", None),

@@ -238,7 +238,8 @@ def _off(found: Explored) -> Iterator[Row]:
 def _out(found: Explored) -> Iterator[Row]:
     """Some way leads to RUNNING from everywhere, but after a self-test that failed: there none leads anywhere."""
     running = {state for state in found.edges if state[0] == "RUNNING"}
-    refused = {state for state in found.edges if state[0] == "FAULT" and dict(state[1]).get("reason") == "REASON_SELF_TEST"}
+    faults = {state for state in found.edges if state[0] == "FAULT"}
+    refused = {state for state in faults if dict(state[1]).get("reason") == "REASON_SELF_TEST"}
     stuck = set(found.edges) - found.reaching(running) - refused
     yield _row("a way to RUNNING from every state", "states without", len(stuck), len(found.edges))
     leaving = sum(one.after not in refused or one.number != 0 for state in refused for one in found.edges[state])

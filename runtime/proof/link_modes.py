@@ -31,7 +31,7 @@ ANGLE_ALLOWED = 0.005
 #: Of the largest current: a flux linkage is good to 1e-16 of itself, over an inductance of 1e-6 of psi_m by an ampere.
 CURRENT_ALLOWED = 1e-9
 #: Lanes and interrupts, and how often each transition must be taken at least.
-LANES, INTERRUPTS, LEAST = 80, 70, 3
+LANES, INTERRUPTS, LEAST = 80, 70, 5
 #: Fields of a filter that the statement by hand knows by name; the rest it carries along.
 KNOWN = ("x", "x_0", "P_0", "nis")
 

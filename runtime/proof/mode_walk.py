@@ -22,11 +22,11 @@ Array = NDArray[Any]
 #: Share of lanes in which memory is set before an interrupt, and of its numbers that are, each.
 SET_LANES, SET_FIELDS = 0.4, 0.35
 #: How often a mode is set, where not once.
-WEIGHTS = {"RESTING": 0.5, "FAULT": 0.5, "CATCHING": 2.0, "RUNNING": 1.5, "STARTING": 4.0}
+WEIGHTS = {"RESTING": 0.5, "FAULT": 0.5, "CATCHING": 2.0, "RUNNING": 3.0, "STARTING": 4.0}
 #: How far from a limit: to either side by relative parts.
 NEAR = (1e-9, -1e-9, 1e-3, -1e-3, 0.02, -0.02, 0.3, -0.3)
 #: Status bits of a step and how likely each is: rejected, not converged, command, repaired, diverged, restarted.
-STATUS = ((1, 0.2), (2, 0.1), (4, 0.1), (8, 0.1), (16, 0.2), (32, 0.06))
+STATUS = ((1, 0.3), (2, 0.1), (4, 0.1), (8, 0.1), (16, 0.2), (32, 0.06))
 
 
 def in_lanes(value: Any, lanes: int) -> Any:
@@ -111,10 +111,12 @@ class Walk:
         self._set_counts()
         self._set_estimates()
         self._set_turning()
+        phase = self._phase(), self._phase()
+        self._set_readings(phase)
         rng, speed = self.rng, self.known.speed
         status = np.sum([np.where(rng.random(self.lanes) < odds, bit, 0) for bit, odds in STATUS], axis=0)
         reference = rng.choice([-speed, speed, -1e-30, 0.0, -0.0, np.nan, np.inf, -np.inf], self.lanes)
-        return status, (self._phase(), self._phase()), self._real(reference)
+        return status, phase, self._real(reference)
 
     def _phase(self) -> Array:
         """Currents, A: mostly none, else about a limit, to the last bit, and what is no current."""
@@ -147,36 +149,51 @@ class Walk:
         s.acknowledged = rng.choice([0, 1, 2], self.lanes, p=(0.6, 0.3, 0.1))
 
     def _set_counts(self) -> None:
-        """Counts where they end, or one before, or anywhere."""
-        for name, limits in self._ends().items():
-            end = self.rng.choice(limits, self.lanes)
-            value = np.choose(
-                self.rng.choice(4, self.lanes),
-                [np.zeros_like(end), end, np.maximum(end - 1, 0), self.rng.integers(0, end + 1)],
-            )
-            self._set(self.s, name, value)
-        fine = self.where & (self.rng.random(self.lanes) < 0.5)
+        """Counts where they end, or one or two before, or anywhere; the time in a mode about what ends it there."""
+        rng = self.rng
+        for name, limit in self._ends().items():
+            self._set(self.s, name, self._about(np.full(self.lanes, limit)))
+        fine = self.where & (rng.random(self.lanes) < 0.4)
         for name in ("excess", "rejected", "windows"):  # or most attempts would end here
             if hasattr(self.s, name):
                 setattr(self.s, name, np.where(fine, 0, getattr(self.s, name)))
+        since = np.zeros(self.lanes, np.int64)
+        for mode, name in enumerate(self.module.MODES):
+            since = np.where(self.s.mode == mode, rng.choice(self._times(name), self.lanes), since)
+        keep = self.where & (rng.random(self.lanes) < 0.7)
+        self.s.since = np.where(keep, self._about(since), self.s.since)
 
-    def _ends(self) -> Mapping[str, list[int]]:
+    def _about(self, end: Array) -> Array:
+        """A count that ends there, or will by the next interrupt or the one after, or anywhere before."""
+        kinds = [end, np.maximum(end - 1, 0), np.maximum(end - 2, 0), self.rng.integers(0, end + 1)]
+        return np.choose(self.rng.choice(len(kinds), self.lanes), kinds)
+
+    def _times(self, mode: str) -> list[int]:
         n = self.known
-        times = [n.samples(t) for t in (numbers.PROBE, numbers.WAIT, numbers.CATCH, numbers.SETTLE, numbers.LOCKED)]
         ends = {
-            "since": [*times, n.samples(numbers.SETTLE, 2), n.window, numbers.MOST],
-            "gap": [n.gap, numbers.MOST],
-            "quiet": [n.samples(numbers.REST)],
-            "rejected": [n.samples(numbers.BLIND)],
-            "diverged": [n.samples(numbers.ADRIFT)],
-            "content": [n.samples(numbers.LOCKED)],
-            "excess": [numbers.EXCESS],
-            "failures": [n.attempts],
-            "steady": [round(numbers.STEADY / numbers.LOCKED)],
-            "windows": [numbers.WINDOWS],
-            **{name: [1] for name in ("good", "side", "mirrored", "readings", "fresh", "anew")},
+            "PROBING": [n.samples(numbers.PROBE)],
+            "WAITING": [n.samples(numbers.WAIT)],
+            "CATCHING": [n.samples(numbers.CATCH), n.samples(numbers.SETTLE), n.samples(numbers.SETTLE, 2)],
+            "STARTING": [n.window, n.window, n.samples(numbers.LOCKED)],
+            "RUNNING": [n.samples(numbers.LOCKED)],
         }
-        return {name: limits for name, limits in ends.items() if hasattr(self.s, name)}
+        return ends.get(mode, [numbers.MOST])
+
+    def _ends(self) -> Mapping[str, int]:
+        n = self.known
+        ends = {
+            "gap": n.gap,
+            "quiet": n.samples(numbers.REST),
+            "rejected": n.samples(numbers.BLIND),
+            "diverged": n.samples(numbers.ADRIFT),
+            "content": n.samples(numbers.LOCKED),
+            "excess": numbers.EXCESS,
+            "failures": n.attempts,
+            "steady": round(numbers.STEADY / numbers.LOCKED),
+            "windows": numbers.WINDOWS,
+            **dict.fromkeys(("good", "side", "mirrored", "readings", "fresh", "anew"), 1),
+        }
+        return {name: limit for name, limit in ends.items() if hasattr(self.s, name)}
 
     def _set(self, struct: SimpleNamespace, name: str, value: Array) -> None:
         """Set a number, or an array of them, in some of the lanes in which memory is set."""
@@ -195,7 +212,7 @@ class Walk:
         jolt = rng.choice([numbers.CATCH_JOLT, numbers.RUN_JOLT, 0.0], lanes)
         # |turned - stated| = sqrt(stated^2 / 4 + jolt^2), of which one root is taken
         edge = (turned - np.sqrt(np.maximum(turned**2 - 0.75 * (turned**2 - jolt**2), 0.0))) / 0.75
-        stated = np.where(rng.random(lanes) < 0.5, edge, (turned + 2 * rng.choice([-0.5, 0, 0.5], lanes) * turned))
+        stated = np.choose(rng.choice(4, lanes, p=(0.4, 0.4, 0.1, 0.1)), [edge, turned, 0 * turned, 2 * turned])
         stated = stated * (1 + rng.choice(NEAR, lanes))
         sign, before = rng.choice([-1.0, 1.0], lanes), rng.uniform(-3, 3, lanes)
         still = rng.random(lanes) < 0.7
@@ -208,10 +225,18 @@ class Walk:
         turning = [np.where(self.where, self._real(v), b) for v, b in zip(values, self.s.turning, strict=False)]
         off = turning[0] - turning[1]
         self.s.turning = (*turning, self._real(off * off - 0.25 * turning[1] * turning[1]))
-        angles = rng.uniform(-np.pi, np.pi, (2, lanes))
-        self._set(self.s, "first", np.array([np.cos(angles[0]), np.sin(angles[0])]))
-        self._set(self.s, "reading", np.array([np.cos(angles[1]), np.sin(angles[1]), turned, stated]))
-        self._set(self.s, "probe", np.array([sign, rng.integers(0, 60, lanes)]))
+
+    def _set_readings(self, phase: tuple[Array, Array]) -> None:
+        """The first current's direction: anywhere, or where the sine from there to this one's is about what tells."""
+        rng, lanes = self.rng, self.lanes
+        i_a, i_b = (np.where(np.abs(i) < 1e6, i, 0.0) for i in phase)
+        now = np.arctan2((i_a + 2.0 * i_b) / np.sqrt(3), i_a)
+        sine = numbers.TELLS * (1 + rng.choice(NEAR, lanes)) * rng.choice([-1.0, 0.3, 1.0], lanes)
+        near = now - np.arcsin(sine)
+        angles = np.where(rng.random(lanes) < 0.5, near, rng.uniform(-np.pi, np.pi, lanes))
+        self._set(self.s, "first", np.array([np.cos(angles), np.sin(angles)]))
+        self._set(self.s, "reading", np.array([np.cos(now), np.sin(now), sine, angles]))
+        self._set(self.s, "probe", np.array([np.sign(sine), rng.integers(0, 60, lanes)]))
 
     def _set_estimates(self) -> None:
         """State, covariance and score of either filter; the rival's score about the one that makes it better."""

@@ -50,7 +50,6 @@ def test_the_sample_time_is_said_everywhere_alike(made: Made) -> None:
         assert said in made.files[file][:700], file
         assert not re.search(r"T = (?!" + said[4:] + r")[\d.e+-]+ \w?s\b", made.files[file][:700])
     assert f"once every {1e6 * T:.0f} us" in made.files["example_isr.c"]
-    assert float(re.search(r"#define SAMPLE_TIME (\S+)f /\* s \*/", made.files["example_isr.c"])[1]) == T  # type: ignore[index]
     module = execute(made.files[f"{name}.py"], "m")
     assert module["SAMPLE_TIME"] == T
     assert "SAMPLE_TIME = " + repr(T) + "  # s" in made.files[f"{name}.py"]
@@ -136,15 +135,16 @@ CONTROLLER_UNITS = {
     "sensed": "speed rad/s mechanical, angle rad electrical",
     "delay": "0 or 1",
 }
-EXAMPLE_UNITS = {
-    "TRIP_CURRENT": "A",
-    "ZERO_CURRENT": "A",
-    "PROBE_CURRENT": "A",
+SUPERVISOR_UNITS = {
+    "TRIP_SQUARED": "A^2",
+    "ZERO_SQUARED": "A^2",
+    "PROBE_SQUARED": "A^2",
     "PROBE_SPEED": "rad/s per A",
     "UNKNOWN_SPEED": "(rad/s)^2",
     "UNKNOWN_ANGLE": "rad^2",
-    "UNKNOWN_FLUX": "Wb^2",
-    "SAMPLE_TIME": "s",
+    "FLUX_SQUARED": "Wb^2",
+    "RUN_JOLT_SQUARED": "rad^2",
+    "TURN_PER_SAMPLE": "rad electrical per rad/s",
 }
 
 
@@ -166,12 +166,11 @@ def test_units_in_headers(made: Made) -> None:
             "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1"
             in words
         )
-    example = made.files["example_isr.c"]
-    for macro, unit in EXAMPLE_UNITS.items():
-        found = re.search(rf"^#define {macro} \S+ /\* (\S+(?: per A)?)(?::|,| \*/)", example, re.MULTILINE)
-        assert (found is None) == (macro == "UNKNOWN_FLUX" and name == "paper_spmsm"), macro
-        if found is not None:
-            assert found[1] == unit, macro
+    example, supervisor = made.files["example_isr.c"], made.files[f"{name}_ckf_supervisor.c"]
+    for macro, unit in SUPERVISOR_UNITS.items():
+        found = re.search(rf"^#define {macro} \S+ /\* (.*) \*/", supervisor, re.MULTILINE)
+        assert (found is None) == (macro == "FLUX_SQUARED" and name == "paper_spmsm"), macro
+        assert found is None or unit in re.split(r"[:,] ", found[1]), macro
     for words in ("i_a, i_b in A, positive", "DC link in V", "Speed reference in rad/s, mechanical"):
         assert words in example
     for place, unit in enumerate(("rad/s mechanical", "electrical turn", "Hz electrical")):

@@ -37,6 +37,8 @@ from runtime.study.run import Group
 from runtime.style.figures import pyplot
 from tests.conftest import TASKS
 
+#: The mode's number.
+RUNNING = 4
 #: r/min in a rad/s, said once more.
 RPM = 60.0 / (2.0 * np.pi)
 
@@ -193,13 +195,13 @@ def faulty_run(N: int = 400, T: float = 1e-3, first: int = 100, after: int = 110
         "x": x,
         "duty": np.full((N, 3), 0.5),
         "status": np.zeros(N, int),
-        "mode": np.full(N, 4),
+        "mode": np.full(N, RUNNING),
         "reason": np.zeros(N, int),
-        "running": np.ones(N, bool),
         "powered": np.ones(N, bool),
         "band": 20.0,
     }
-    return FaultyRun(**(usual | changes))
+    usual |= changes
+    return FaultyRun(**({"running": usual["mode"] == RUNNING} | usual))
 
 
 def outcome(*recoveries: Recovery, name: str = "lost", kind: str = "ckf", drive: str = "d", **more: Any) -> Outcome:

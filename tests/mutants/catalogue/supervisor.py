@@ -122,7 +122,7 @@ _ACTIONS: Rows = (
     ("rest at angle zero", 'Set(guess[3], Entry("x_0", theta)), *rest', "Set(guess[3], Number(0.0)), *rest", LOADED),
     ("opposite is a quarter", '(Set(guess[3], Operation("+", guess[3], Name("PI"))),)', '(Set(guess[3], Operation("+", guess[3], Name("HALF_PI"))),)', LOADED),
     ("half a turn with the spread of rest", '*_spread("MIRROR_SPEED", "START_ANGLE")', '*_spread("REST_SPEED", "START_ANGLE")', LOADED),
-    ("score kept", '(Set(Entry("nis"), Number(0.0)), Count("windows"', '(Count("windows"', LOADED),
+    ("score kept", '(Set(Entry("nis"), Number(0.0)), Count("windows", "MAX_WINDOWS"))', '(Count("windows", "MAX_WINDOWS"),)', LOADED),
 )  # fmt: skip
 
 _LIMITS: Rows = (
@@ -182,7 +182,7 @@ _WORDS: Rows = (
 _PRINTERS: Rows = (
     ("C: reset of nothing", 'return [f"{pad}{self.prefix}_reset(f);"]', "return []", LOADED),
     ("C: the filter is the rival's copy", 'return [f"{pad}s->rival = *f;"]', 'return [f"{pad}*f = s->rival;"]', LOADED),
-    ("C: exchanged by half", 'f"{pad}s->rival = kept;"', 'f"{pad}s->rival = *f;"', LOADED),
+    ("C: exchanged by half", '"s->rival = kept;")', '"s->rival = *f;")', LOADED),
     ("C: the rival's action on the filter", 'if own != "f" or isinstance(action, str) else "&s->rival"', 'if own != "f" or isinstance(action, str) else "f"', LOADED),
     ("C: no reason is kept", 'kept = [f"s->reason = PMSM_REASON_{transition.reason};"] if transition.reason else []\n        goes = [f"go(s', 'kept: list[str] = []\n        goes = [f"go(s', LOADED),
     ("C: reason before the actions that read it", "return [pad + line for line in (*calls, *kept, *goes", "return [pad + line for line in (*kept, *reversed(calls), *goes", LOADED),
@@ -197,6 +197,9 @@ _PRINTERS: Rows = (
     ("Python: set in all lanes", 'f"np.where({where}, {value}, {target})[()]" if where else value', 'value', LOADED),
     ("Python: block in all lanes", "_select({where}, {port.name}_new, {port.name})", "_select(True, {port.name}_new, {port.name})", LOADED),
     ("Python: no reason is kept", 'lines.append(f"{pad}s.reason = np.where(where, REASON_{transition.reason}, s.reason)[()]")', "pass", LOADED),
+)  # fmt: skip
+
+_PLACES: Rows = (
     ("a variance by the state's place", "return Entry(self.layout.field, self.layout.variances[entry.place])", "return Entry(self.layout.field, entry.place)", LOADED),
 )  # fmt: skip
 
@@ -256,7 +259,8 @@ SUPERVISOR = (
     *_of("model/supervisor/blocks.py", _BLOCKS),
     *_of("model/supervisor/words.py", _WORDS),
     *_of("codegen/render/printers/modes.py", _PRINTERS),
+    *_of("codegen/render/printers/places.py", _PLACES),
     *_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
     *_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
-    *_of("codegen/render/templates/module.py.j2", _MODULE),
+    *_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )
