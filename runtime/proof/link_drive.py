@@ -30,8 +30,9 @@ Array = NDArray[Any]
 LANES, INTERRUPTS, SCALARS, SAMPLES = 60, 45, 4, 90
 #: Interrupts from memory of arbitrary bits.
 ANY_MEMORY = 3000
-#: By hand, a product in another order, on the scale of the number or of 1.
-ALLOWED = 1e-12
+#: By hand the currents and the square wave are summed in another order, on the scale of the number or of 1; what a last
+#: bit of the currents is to the rival's state and covariance is as much as link B-C allows.
+ALLOWED = 1e-9
 #: Place of the largest current among the controller's gains.
 MOST = 5
 

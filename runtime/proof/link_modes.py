@@ -78,10 +78,11 @@ class Reader:
     ----------
     module : ModuleType
         The generated module.
+    lanes : int
     """
 
-    def __init__(self, module: ModuleType) -> None:
-        self.module, self.words = module, module.COVARIANCE
+    def __init__(self, module: ModuleType, lanes: int) -> None:
+        self.module, self.lanes, self.words = module, lanes, module.COVARIANCE
         words = np.asarray(module.pack(np.diag(np.arange(1.0, 1.0 + len(module.DEFAULTS["x_0"])))))
         self.variances = [int(np.flatnonzero(words == 1.0 + k)[0]) for k in range(len(module.DEFAULTS["x_0"]))]
         self.beside = [k for k in range(len(words)) if k not in self.variances]
@@ -93,8 +94,8 @@ class Reader:
         ----------
         one : SimpleNamespace
         """
-        plain = {name: _plain(value) for name, value in vars(one).items()}
-        for lane in range(len(plain["x"][0])):
+        plain = {name: _plain(value, self.lanes) for name, value in vars(one).items()}
+        for lane in range(self.lanes):
             values: dict[str, Any] = {
                 name: [row[lane] for row in value] if isinstance(value[0], list) else value[lane]
                 for name, value in plain.items()
@@ -113,7 +114,7 @@ class Reader:
         """
         fields = dict(vars(s))
         rivals = list(self.filters(fields.pop("rival"))) if "rival" in fields else None
-        plain = {name: _plain(value) for name, value in fields.items()}
+        plain = {name: _plain(value, self.lanes) for name, value in fields.items()}
         modes, reasons = self.module.MODES, self.module.REASONS
         for lane, (mode, reason) in enumerate(zip(plain.pop("mode"), plain.pop("reason"), strict=True)):
             m = Memory(_named(modes, mode), _named(reasons, reason), rivals[lane] if rivals else None)
@@ -129,8 +130,11 @@ def _named(names: tuple[str, ...], number: int) -> str:
     return names[number] if 0 <= number < len(names) else f"none {number}"
 
 
-def _plain(value: Any) -> list[Any]:
-    return [row.tolist() for row in value] if isinstance(value, tuple) else value.tolist()
+def _plain(value: Any, lanes: int) -> list[Any]:
+    """A field as lists; one number is every lane's."""
+    if isinstance(value, tuple):
+        return [_plain(row, lanes) for row in value]
+    return np.broadcast_to(np.asarray(value), (lanes,)).tolist()  # type: ignore[no-any-return]
 
 
 def link_modes(
@@ -160,7 +164,7 @@ def link_modes(
     """
     module, (lanes, interrupts) = folder.module, effort
     hand = Modes(parameters, flux=folder.manifest["states"][0]["unit"] == "Wb")
-    walk, reader = Walk(module, hand, lanes, np.float64, 0), Reader(folder.module)
+    walk, reader = Walk(module, hand, lanes, np.float64, 0), Reader(folder.module, lanes)
     judge = Judge(hand, motor, parameters)
     for m in reader.memories(walk.s):
         judge.power_up(m)

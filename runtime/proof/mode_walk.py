@@ -195,9 +195,9 @@ class Walk:
         }
         return {name: limit for name, limit in ends.items() if hasattr(self.s, name)}
 
-    def _set(self, struct: SimpleNamespace, name: str, value: Array) -> None:
+    def _set(self, struct: SimpleNamespace, name: str, value: Array, share: float = SET_FIELDS) -> None:
         """Set a number, or an array of them, in some of the lanes in which memory is set."""
-        where = self.where & (self.rng.random(self.lanes) < SET_FIELDS)
+        where = self.where & (self.rng.random(self.lanes) < share)
         before = getattr(struct, name)
         if isinstance(before, tuple):
             setattr(struct, name, tuple(np.where(where, self._real(v), b) for v, b in zip(value, before, strict=True)))
@@ -231,10 +231,10 @@ class Walk:
         rng, lanes = self.rng, self.lanes
         i_a, i_b = (np.where(np.abs(i) < 1e6, i, 0.0) for i in phase)
         now = np.arctan2((i_a + 2.0 * i_b) / np.sqrt(3), i_a)
-        sine = numbers.TELLS * (1 + rng.choice(NEAR, lanes)) * rng.choice([-1.0, 0.3, 1.0], lanes)
+        sine = numbers.TELLS * (1 + rng.choice(NEAR, lanes)) * rng.choice([-1.0, -0.3, 0.3, 1.0], lanes)
         near = now - np.arcsin(sine)
-        angles = np.where(rng.random(lanes) < 0.5, near, rng.uniform(-np.pi, np.pi, lanes))
-        self._set(self.s, "first", np.array([np.cos(angles), np.sin(angles)]))
+        angles = np.where(rng.random(lanes) < 0.7, near, rng.uniform(-np.pi, np.pi, lanes))
+        self._set(self.s, "first", np.array([np.cos(angles), np.sin(angles)]), share=0.9)
         self._set(self.s, "reading", np.array([np.cos(now), np.sin(now), sine, angles]))
         self._set(self.s, "probe", np.array([np.sign(sine), rng.integers(0, 60, lanes)]))
 

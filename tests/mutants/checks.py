@@ -59,7 +59,7 @@ def _printed(fresh: Fresh) -> dict[str, str]:
         stem = f"{fresh.drive}_{kind}"
         files[f"{stem}.h"], files[f"{stem}.c"] = render_filter(fresh.about, step, fresh.listings, F28335, [])
         files[f"{stem}_foc.h"], files[f"{stem}_foc.c"] = render_foc(fresh.about, kind, [])
-        files |= {f"{stem}_{end}": text for end, text in render_supervisor(fresh.about, step).items()}
+        files |= {f"{stem}_{end}": text for end, text in render_supervisor(fresh.about, step, []).items()}
         files[f"{stem}_lanes.h"], files[f"{stem}_lanes.c"] = render_lanes(fresh.about, step, fresh.listings)
     return files
 

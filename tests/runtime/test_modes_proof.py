@@ -75,10 +75,10 @@ def test_supervisor_and_drive_in_c_have_the_bits_of_the_module(name: str) -> Non
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [WITH, WITHOUT])
 def test_longer_walks_find_no_more(name: str) -> None:
-    assert linked(name, effort=(200, 500)).passed
+    assert linked(name, effort=(120, 300)).passed
     folder = GeneratedFolder(GENERATED / name)
     for kind in folder.kinds:
-        for link in link_drive(folder, kind, "as shipped", load_drive(name).model_dump(), effort=(400, 1500)):
+        for link in link_drive(folder, kind, "as shipped", load_drive(name).model_dump(), effort=(200, 600)):
             assert link.passed, [str(row) for row in link.rows]
 
 

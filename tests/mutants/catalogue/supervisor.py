@@ -5,9 +5,10 @@ from __future__ import annotations
 from tests.mutants.mutant import Mutant
 
 #: A surface motor whose load is a state, with a rival; motor data as states; flux linkages, with the square wave; one
-#: without a rival.
-LOADED, SLOW, FLUX, ALONE = (
-    (f"supervisor {drive}",) for drive in ("spmsm_load_torque", "ipmsm_adaptive", "ipmsm_flux", "paper_spmsm")
+#: without a rival; a fast one with much reluctance.
+LOADED, SLOW, FLUX, ALONE, FAST = (
+    (f"supervisor {drive}",)
+    for drive in ("spmsm_load_torque", "ipmsm_adaptive", "ipmsm_flux", "paper_spmsm", "traction_70kw")
 )
 
 Rows = tuple[tuple[str, str, str, tuple[str, ...]], ...]
@@ -136,7 +137,7 @@ _LIMITS: Rows = (
     ("alone: as many as others", "MAX_FAILURES if rivals else MAX_FAILURES_ALONE", "MAX_FAILURES", ALONE),
     ("zero is larger", "UNKNOWN_SPEED, MIRROR_SPEED = 0.05,", "UNKNOWN_SPEED, MIRROR_SPEED = 0.051,", LOADED),
     ("trip is smaller", "MIRROR_SPEED = 0.05, 0.1, 1.5,", "MIRROR_SPEED = 0.05, 0.1, 1.49,", LOADED),
-    ("gap of a whole turn", "GAP_TIME, GAP_TURN = 0.5e-3, 1.2", "GAP_TIME, GAP_TURN = 0.5e-3, 6.2", FLUX),
+    ("gap of a whole turn", "GAP_TIME, GAP_TURN = 0.5e-3, 1.2", "GAP_TIME, GAP_TURN = 0.5e-3, 6.2", FAST),
     ("gap of one sample", "gap = min(GAP_TIME, GAP_TURN", "gap = min(0.2 * GAP_TIME, GAP_TURN", LOADED),
     ("jolt while caught", "CATCH_JOLT, RUN_JOLT = 0.1, 0.3", "CATCH_JOLT, RUN_JOLT = 0.105, 0.3", LOADED),
     ("jolt in a window", "CATCH_JOLT, RUN_JOLT = 0.1, 0.3", "CATCH_JOLT, RUN_JOLT = 0.1, 0.31", LOADED),
@@ -144,7 +145,7 @@ _LIMITS: Rows = (
     ("angle as sure as a start's", "UNKNOWN_ANGLE, START_ANGLE = 0.01, 0.09", "UNKNOWN_ANGLE, START_ANGLE = 0.09, 0.09", LOADED),
     ("held a hundredth", "HELD = 1e-3", "HELD = 1e-2", SLOW),
     ("a start with all of the current", "START_SHARE, WINDOW_TIME, WINDOW_TURN, LEAST_TURN, GOOD_WINDOWS, MAX_WINDOWS = 0.8", "START_SHARE, WINDOW_TIME, WINDOW_TURN, LEAST_TURN, GOOD_WINDOWS, MAX_WINDOWS = 1.0", LOADED),
-    ("a start whatever the reluctance", "return min(START_SHARE, m.magnet_flux / difference / drive.control.max_current)", "return START_SHARE", ("supervisor traction_70kw",)),
+    ("a start whatever the reluctance", "return min(START_SHARE, m.magnet_flux / difference / drive.control.max_current)", "return START_SHARE", FAST),
     ("window of 21 ms", "MAX_WINDOWS = 0.8, 20e-3", "MAX_WINDOWS = 0.8, 21e-3", LOADED),
     ("window's angle", "20e-3, 1.0, 0.5, 1, 20", "20e-3, 1.02, 0.5, 1, 20", LOADED),
     ("motion by less", "20e-3, 1.0, 0.5, 1, 20", "20e-3, 1.0, 0.49, 1, 20", LOADED),
@@ -174,14 +175,14 @@ _BLOCKS: Rows = (
 
 _WORDS: Rows = (
     ("above for at least", 'return Compare(">=", Entry(field), Name(limit))', 'return Compare(">", Entry(field), Name(limit))', LOADED),
-    ("within one of two", "return All(tuple(", "return Either(tuple(", LOADED),
+    ("within by one of two", "square(Entry(pair, k)) for k in range(2)", "square(Entry(pair, k)) for k in range(1)", LOADED),
     ("within without the limit itself", 'Compare("<=", size, Name(limit_squared))', 'Compare("<", size, Name(limit_squared))', LOADED),
     ("transitions count from 0", "enumerate(self.transitions, start=1) if t.source", "enumerate(self.transitions, start=0) if t.source", LOADED),
 )  # fmt: skip
 
 _PRINTERS: Rows = (
     ("C: reset of nothing", 'return [f"{pad}{self.prefix}_reset(f);"]', "return []", LOADED),
-    ("C: the filter is the rival's copy", 'return [f"{pad}s->rival = *f;"]', 'return [f"{pad}*f = s->rival;"]', LOADED),
+    ("C: the rival has the filter's score alone", 'return [f"{pad}s->rival = *f;"]', 'return [f"{pad}s->rival.nis = f->nis;"]', LOADED),
     ("C: exchanged by half", '"s->rival = kept;")', '"s->rival = *f;")', LOADED),
     ("C: the rival's action on the filter", 'if own != "f" or isinstance(action, str) else "&s->rival"', 'if own != "f" or isinstance(action, str) else "f"', LOADED),
     ("C: no reason is kept", 'kept = [f"s->reason = PMSM_REASON_{transition.reason};"] if transition.reason else []\n        goes = [f"go(s', 'kept: list[str] = []\n        goes = [f"go(s', LOADED),
@@ -194,7 +195,7 @@ _PRINTERS: Rows = (
     ("Python: first transition last", "for number, transition in reversed(leaving):", "for number, transition in leaving:", LOADED),
     ("Python: both branches by one mask", "[*lines, *(self.format_program(node.otherwise, miss) if node.otherwise else [])]", "[*lines, *(self.format_program(node.otherwise, hit) if node.otherwise else [])]", LOADED),
     ("Python: a count without an end", 'more = f"{counter} < {node.most}"', 'more = "True"', LOADED),
-    ("Python: set in all lanes", 'f"np.where({where}, {value}, {target})[()]" if where else value', 'value', LOADED),
+    ("Python: set in the other lanes", 'f"np.where({where}, {value}, {target})[()]" if where else value', 'f"np.where({where}, {target}, {value})[()]" if where else value', LOADED),
     ("Python: block in all lanes", "_select({where}, {port.name}_new, {port.name})", "_select(True, {port.name}_new, {port.name})", LOADED),
     ("Python: no reason is kept", 'lines.append(f"{pad}s.reason = np.where(where, REASON_{transition.reason}, s.reason)[()]")', "pass", LOADED),
 )  # fmt: skip
