@@ -41,7 +41,7 @@ _EXAMPLE: tuple[Row, ...] = (
     ("a rival in every mode", "    if (supervisor.rivals != 0) {", "    if (supervisor.rivals >= 0) {", RIVAL),
     ("telemetry: speed in r/min", "words[0] = FILTER.x[OMEGA];", "words[0] = FILTER.x[OMEGA] * 9.549f;", WHOLE),
     ("telemetry: mechanical hertz", "words[2] = FILTER.x[OMEGA] * POLE_PAIRS", "words[2] = FILTER.x[OMEGA]", WHOLE),
-    ("telemetry: no status", "words[3] = (float32)status;", "words[3] = 0.0f;", WHOLE),
+    ("telemetry: no status", "words[3] = (float32)status;", "words[3] = 0.0f * (float32)status;", WHOLE),
     ("telemetry: no mode", "words[4] = (float32)SUPERVISOR.mode;", "words[4] = 0.0f;", WHOLE),
     ("telemetry: one word less", "telemetry(words, 5);", "telemetry(words, 4);", WHOLE),
     ("telemetry twice as seldom", "    if (ticks < TELEMETRY_EVERY) {", "    if (ticks < 2 * TELEMETRY_EVERY) {", WHOLE),
