@@ -20,20 +20,13 @@
 #pragma CODE_SECTION(report, ".TI.ramfunc")
 #pragma CODE_SECTION(drive_gates, ".TI.ramfunc")
 #pragma CODE_SECTION(control_sample, ".TI.ramfunc")
+#pragma CODE_SECTION(adc_isr, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(per_unit, "ramfuncs")
 #pragma CODE_SECTION(report, "ramfuncs")
 #pragma CODE_SECTION(drive_gates, "ramfuncs")
 #pragma CODE_SECTION(control_sample, "ramfuncs")
-#endif
-#endif
-#if !WHOLE_CONTROLLER
-#if defined(__TMS320C28XX__) && !defined(__cplusplus)
-#if __TI_COMPILER_VERSION__ >= 15009000
-#pragma CODE_SECTION(adc_isr, ".TI.ramfunc")
-#else
 #pragma CODE_SECTION(adc_isr, "ramfuncs")
-#endif
 #endif
 #endif
 

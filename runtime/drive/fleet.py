@@ -252,7 +252,9 @@ class Fleet:
         tuned = {name: np.asarray(values, dtype=float) for name, values in cases.tuning.items()}
         tuning = {name: tuple(v[:, index] if v.ndim == 2 else v) for name, v in tuned.items()}
         factors = {name: float(case[name]) for name in FACTORS}
-        conditions = Conditions(theta=float(case["theta"]), factors=factors, noise=float(case["noise"]))
+        conditions = Conditions(
+            theta=float(case["theta"]), factors=factors, noise=float(case["noise"]), supervised=False
+        )
         own = replace(scenario, speed=float(case["speed"]), load=float(case["load"]))
         return self._simulator.run(own, conditions, tuning=tuning, noise=noise)
 

@@ -20,8 +20,9 @@ REST, PROBE, WAIT, BLIND, ADRIFT, SETTLE, LOCKED, CATCH = 2e-3, 2e-3, 2e-3, 2e-3
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: From one reading to the next: s, and rad electrical at the operating box's speed, whichever is less.
 GAP, GAP_TURN = 0.5e-3, 1.2
-#: Attempts in a row that end in FAULT; seconds of running, in windows of LOCKED, after which they are forgotten.
-ATTEMPTS, STEADY = 10, 99e-3
+#: Attempts in a row that end in FAULT, and such without a rival; seconds of running, in windows of LOCKED, after which
+#: they are forgotten.
+ATTEMPTS, ATTEMPTS_ALONE, STEADY = 10, 20, 99e-3
 #: Of a start: share of the largest current; windows at most; by how much the rival must be the better one.
 START_SHARE, MAX_WINDOWS, PREFERENCE = 0.8, 20, 0.05
 NAN = math.nan
@@ -174,3 +175,8 @@ def fails(board: Board) -> None:
     omega = caught(board)
     assert spin(board, 10_000, omega, status=RESTARTED, stop="0") == board.interrupts(CATCH)
     board.interrupt(status=0, moves=0)
+
+
+def attempts(board: Board) -> int:
+    """Failures in a row that end in FAULT: a drive without a rival finds its angle by attempts."""
+    return ATTEMPTS if board.drive.model.sample_time >= 50e-6 else ATTEMPTS_ALONE

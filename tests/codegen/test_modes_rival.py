@@ -124,7 +124,7 @@ def test_two_filters_begin_half_a_turn_apart(board: Board) -> None:
     assert board.share == pytest.approx(START_SHARE)
     if not board.variant:
         assert list(board.now.rival_u) == list(board.now.u) == [0.0, 0.0]
-        board.interrupt(2)
+        board.interrupt(2, v_wanted=(5.0, 6.0))
         assert list(board.now.rival_u) == list(board.now.u) == [3.0, 4.0]
     else:
         assert list(board.now.v_acting) == list(board.now.rival_u) == [0.0, 0.0]

@@ -14,7 +14,6 @@ import pytest
 from tests.codegen.board import Board
 from tests.codegen.modes import (
     ADRIFT,
-    ATTEMPTS,
     BLIND,
     BOARDS,
     COMMAND,
@@ -32,6 +31,7 @@ from tests.codegen.modes import (
     TRIP,
     ZERO,
     ampere,
+    attempts,
     begun,
     caught,
     fails,
@@ -207,8 +207,8 @@ def _within(limit: float) -> float:
 # --- FAULT
 
 
-def test_ten_attempts_in_a_row_that_fail_end_in_fault(board: Board) -> None:
-    for k in range(1, ATTEMPTS + 1):
+def test_so_many_attempts_in_a_row_that_fail_end_in_fault(board: Board) -> None:
+    for k in range(1, attempts(board) + 1):
         assert board.mode == "RESTING"
         fails(board)
         assert board.kept("failures") == k
@@ -223,7 +223,7 @@ def test_ten_attempts_in_a_row_that_fail_end_in_fault(board: Board) -> None:
 
 
 def test_a_fault_that_is_acknowledged_is_forgotten(board: Board) -> None:
-    for _ in range(ATTEMPTS):
+    for _ in range(attempts(board)):
         fails(board)
     board.keep("acknowledged", 1)
     board.interrupt()
@@ -231,14 +231,14 @@ def test_a_fault_that_is_acknowledged_is_forgotten(board: Board) -> None:
     running(board)
     assert board.kept("acknowledged") == 0
     assert stops(board, 1, status=RESTARTED) == 1
-    for k in range(2, ATTEMPTS + 1):
+    for k in range(2, attempts(board) + 1):
         assert board.mode == "RESTING", k
         fails(board)
-    assert board.mode == "FAULT", "another ten, and not acknowledged beforehand"
+    assert board.mode == "FAULT", "as many again, and not acknowledged beforehand"
 
 
 def test_what_is_acknowledged_before_there_is_a_fault_is_not(board: Board) -> None:
-    for _ in range(ATTEMPTS - 1):
+    for _ in range(attempts(board) - 1):
         fails(board)
     board.keep("acknowledged", 1)
     fails(board)
@@ -247,12 +247,12 @@ def test_what_is_acknowledged_before_there_is_a_fault_is_not(board: Board) -> No
 
 
 def test_a_while_of_running_forgets_the_attempts(board: Board) -> None:
-    for _ in range(ATTEMPTS - 1):
+    for _ in range(attempts(board) - 1):
         fails(board)
     running(board)
     windows = board.interrupts(STEADY) - 1  # of the first one a sample is past
     assert stops(board, windows - 1, status=0) == 0
-    assert board.kept("failures") == ATTEMPTS - 1
+    assert board.kept("failures") == attempts(board) - 1
     board.interrupt()
     assert board.kept("failures") == 0
     assert board.reason == "NOT_CAUGHT", "why it last gave up is kept"
