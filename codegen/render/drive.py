@@ -199,7 +199,7 @@ def render_example(about: Description, step: FilterStep) -> str:
         theta=state_place(p, ANGLE),
         rivals=machine_of(about, step).rivals,
     )
-    return with_ramfuncs(source, cold={"motor_setup"})
+    return with_ramfuncs(source, {"motor_setup"}, other="!WHOLE_CONTROLLER")
 
 
 def plant_listings(drive: Drive) -> dict[str, Listing]:

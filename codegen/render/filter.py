@@ -193,7 +193,7 @@ def _words(
 _DEFINITION = re.compile(r"^(?:\w+ )+(\w+)\([^;{]*\)\n\{", re.MULTILINE)
 
 
-def with_ramfuncs(source: str, cold: set[str]) -> str:
+def with_ramfuncs(source: str, cold: set[str], other: str = "") -> str:
     """Pragmas that place every function of the file but the ``cold`` ones in RAM.
 
     They stand before the first include: a pragma that follows a declaration may be ignored (SPRU514).
@@ -204,10 +204,17 @@ def with_ramfuncs(source: str, cold: set[str]) -> str:
         Text of a C file.
     cold : set of str
         Functions that stay in flash.
+    other : str, optional
+        The preprocessor's condition for what stands behind the file's last ``#else``; some functions are only there.
     """
     functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
     head, include, tail = source.partition("#include")
-    return f"{head}{render('ramfunc.j2', functions=functions)}\n{include}{tail}"
+    if not other:
+        return f"{head}{render('ramfunc.j2', functions=functions)}\n{include}{tail}"
+    usual = set(_DEFINITION.findall(source[: source.rindex("\n#else\n")]))
+    pragmas = render("ramfunc.j2", functions=[name for name in functions if name in usual])
+    own = render("ramfunc.j2", functions=[name for name in functions if name not in usual])
+    return f"{head}{pragmas}#if {other}\n{own[own.index('#if') :]}#endif\n\n{include}{tail}"
 
 
 def trig_note(target: Target) -> list[str]:

@@ -8,6 +8,10 @@
  *
  * The interrupt must come once every 100 us: the sample time is folded into the filter's constants.
  * Nothing here touches a register. What does is declared below, and is yours to write. */
+#ifndef WHOLE_CONTROLLER
+#define WHOLE_CONTROLLER 1
+#endif
+
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
 #if defined(__TMS320C28XX__) && !defined(__cplusplus)
@@ -16,23 +20,26 @@
 #pragma CODE_SECTION(report, ".TI.ramfunc")
 #pragma CODE_SECTION(drive_gates, ".TI.ramfunc")
 #pragma CODE_SECTION(control_sample, ".TI.ramfunc")
-#pragma CODE_SECTION(adc_isr, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(per_unit, "ramfuncs")
 #pragma CODE_SECTION(report, "ramfuncs")
 #pragma CODE_SECTION(drive_gates, "ramfuncs")
 #pragma CODE_SECTION(control_sample, "ramfuncs")
+#endif
+#endif
+#if !WHOLE_CONTROLLER
+#if defined(__TMS320C28XX__) && !defined(__cplusplus)
+#if __TI_COMPILER_VERSION__ >= 15009000
+#pragma CODE_SECTION(adc_isr, ".TI.ramfunc")
+#else
 #pragma CODE_SECTION(adc_isr, "ramfuncs")
+#endif
 #endif
 #endif
 
 #include "ipmsm_adaptive_ickf_drive.h"
 #include "ipmsm_adaptive_ickf_selftest.h"
 #include "ipmsm_adaptive_ickf_foc_selftest.h"
-
-#ifndef WHOLE_CONTROLLER
-#define WHOLE_CONTROLLER 1
-#endif
 
 #ifdef __TMS320C28XX__
 #define INTERRUPT interrupt

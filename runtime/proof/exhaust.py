@@ -271,6 +271,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     count = sum(map(len, found.edges.values()))
     yield _row("every attempt that fails is counted", "that are not", uncounted, count)
     yield _row("only success or an acknowledgement forgets", "interrupts that do else", forgotten, count)
+    missed += entered == 0
     yield _row("so many failures in a row, and no fewer, end in FAULT", "interrupts that do else", missed, entered)
 
 
@@ -280,7 +281,7 @@ def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int])
     for mode in must_end:
         stay = longest_stay(machine, (mode,))
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
-        yield Row("-", f"{mode} ends: {took}", "samples", stay, float(promised.get(mode, 0)), 1)
+        yield Row("-", f"{mode} ends: {took}", "samples beside the promise", abs(stay - promised.get(mode, 0)), 0.0, 1)
     first = "PROBING"
     if first in must_end:
         stay, allowed = longest_stay(machine, (first, *must_end)), sum(promised.values()) + promised[first]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,30 +58,53 @@ def test_module_and_header_name_the_same_places(name: str) -> None:
     np.testing.assert_array_equal(module.diagonal(np.diag(P), 0.0), module.pack(P))
 
 
+#: Prints the words that the supervisor leaves where neither speed nor angle is known, and once they are.
+MAIN = """
+#include <stdio.h>
+#include "PREFIX_supervisor.c"
+
+int main(void)
+{
+    static PREFIX_t f;
+    static PREFIX_supervisor_t s;
+    int k;
+    PREFIX_init(&f);
+    PREFIX_supervisor_init(&s);
+    for (k = 0; k < WORDS; k++) { f.FIELD[k] = 7.0f; }
+    s.guess[0] = 0.1f; s.guess[1] = 0.2f; s.guess[2] = 3.0f; s.guess[3] = 0.4f;
+    s.spread[0] = UNKNOWN_SPEED; s.spread[1] = UNKNOWN_ANGLE;
+    start_filter(&s, &f);
+    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)f.FIELD[k]); }
+    for (k = 0; k < STATES; k++) { printf("%a\\n", (double)f.x[k]); }
+    learn(LEARNS);
+    for (k = 0; k < WORDS; k++) { printf("%a\\n", (double)f.FIELD[k]); }
+    return 0;
+}
+"""
+
+
 @pytest.mark.parametrize("name", EVERY_DRIVE)
-def test_the_supervisor_begins_with_the_sigmas_it_says(name: str) -> None:
-    """Its words read back by unpack, after a rotor that turns was read and after it was found."""
+def test_the_supervisor_begins_with_the_sigmas_it_says(name: str, tmp_path: Path) -> None:
+    """Compiled and run; its words read back by unpack. The expected ones are the drive's, not the text's."""
     folder = find_folder(name)
     module, drive = folder.module, load_drive(name)
-    f, s, math, where = module.new_filter(np.float64), module.new_supervisor(np.float64), module.MATH["float64"], True
-    phase = (np.float64(0.1), np.float64(-0.2))
-    s.guess, s.reading, s.probe = (0.0, 0.0, 3.0, 0.4), (1.0, 0.0, 1.0, 0.5), (1.0, 2.0)
-    module._guess_from_probe(s, f, phase, where, math)
-    module._place(s, f, phase, where, math)
-    module._start_filter(s, f, phase, where, math)
+    n, prefix = len(module.STATES), f"{name}_{folder.chosen(None)}"
+    main = MAIN.replace("PREFIX", prefix).replace("FIELD", module.COVARIANCE)
+    main = main.replace("WORDS", str(module.WORDS)).replace("STATES", str(n))
+    (tmp_path / "main.c").write_text(main.replace("LEARNS", "&s, &f" if drive.model.adaptive else "&s"))
+    command = ["gcc", "-std=c99", "-O1", f"-I{folder.path}", "main.c", str(folder.path / f"{prefix}.c")]
+    subprocess.run([*command, "-lm", "-o", "example"], cwd=tmp_path, check=True)
+    printed = subprocess.run([tmp_path / "example"], check=True, capture_output=True, text=True).stdout
+    numbers = np.array([float.fromhex(line) for line in printed.split()])
+    started, x, running = np.split(numbers, (module.WORDS, module.WORDS + n))
     P_0 = dict(zip(module.STATES, module.DEFAULTS["P_0"], strict=True))
     expected = P_0 | {"omega": (0.5 * drive.operating_box.speed) ** 2, "theta": 0.01}
     if module.UNITS[0] == "Wb":
         expected |= dict.fromkeys(module.STATES[:2], 0.01 * drive.motor.magnet_flux**2)
     held = expected | {state: 1e-3 * P_0[state] for state in drive.model.adaptive}
-
-    def P() -> np.ndarray:
-        return np.asarray(module.unpack(np.array(getattr(f, module.COVARIANCE), dtype=float)))
-
-    np.testing.assert_allclose(P(), np.diag(list(held.values())), rtol=1e-6)
-    assert [f.x[k] for k in (0, 1, 2, module.ANGLE)] == list(s.guess)
-    module._learn(s, f, phase, where, math)
-    np.testing.assert_allclose(P(), np.diag(list(expected.values())), rtol=1e-6)
+    np.testing.assert_allclose(module.unpack(started), np.diag(list(held.values())), rtol=1e-6)
+    np.testing.assert_allclose(module.unpack(running), np.diag(list(expected.values())), rtol=1e-6)
+    np.testing.assert_allclose(x[[0, 1, 2, module.ANGLE]], [0.1, 0.2, 3.0, 0.4], rtol=1e-6)
 
 
 @pytest.mark.slow

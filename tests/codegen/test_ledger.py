@@ -195,6 +195,52 @@ def test_the_printed_figures_are_those_of_the_printed_text(drive: Drive) -> None
             assert " / ".join(str(figure) for figure in figures) in report
 
 
+STEP = """
+typedef float float32;
+typedef struct { float32 a[3]; int n; } small_t;
+typedef struct { int mode; int rivals; small_t kept; float32 x; } drive_t;
+void step(drive_t *d, small_t *f);
+void step(drive_t *d, small_t *f)
+{
+    const float32 x = d->x;
+    if (d->rivals != 0) {
+        d->x = x * x * x;
+    }
+    if (d->mode == 4) {
+        d->x = x + x;
+    } else if ((d->mode == 6) && (d->x > x)) {
+        d->kept = *f;
+        *f = d->kept;
+        d->x = x / x;
+    } else {
+        d->x = x - x - x;
+    }
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, {"mul": 2, "add": 2, "div": 1, "compare": 1, "copied": 16}),
+        ({"mode": 4}, {"mul": 2, "add": 1}),
+        ({"mode": 4, "rivals": 0}, {"add": 1}),
+        ({"mode": 4, "rivals": 1}, {"mul": 2, "add": 1}),
+        ({"mode": 6, "rivals": 0}, {"add": 2, "div": 1, "compare": 1, "copied": 16}),
+        ({"mode": 5, "rivals": 0}, {"add": 2, "compare": 1}),
+    ],
+)
+def test_what_is_given_decides_its_branches_and_copies_cost_their_words(
+    given: dict[str, int], expected: dict[str, int]
+) -> None:
+    """Where something else is asked besides, both sides count; a struct of 3 floats and an int has 8 words."""
+    program = Program({"x.c": STEP}, "x.c")
+    assert program.count("step", 1, given=given) == expected
+    table = program.ledger("step", "drive_t", 1, given).calls
+    assert table.get("copied", 0) == expected.get("copied", 0)
+    assert ("copied" in table) == ("copied" in expected)
+
+
 def test_one_more_iteration_costs_one_more_pass() -> None:
 
     account = shipped_accounts("ipmsm_flux")["ickf"]

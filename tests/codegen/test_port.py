@@ -88,10 +88,13 @@ def test_square_root_is_named_in_the_port_header_alone(drive: Drive) -> None:
 
 @pytest.mark.parametrize(("version", "section"), [(6002000, "ramfuncs"), (15009000, ".TI.ramfunc")])
 def test_all_that_runs_in_the_interrupt_is_placed_in_ram(drive: Drive, version: int, section: str) -> None:
-    """As the TI compiler sees the file: each function but init and reset has its pragma, before its definition."""
+    """As the TI compiler sees the file: all but what runs once have their pragma, before their definition."""
     flags = ["-D__TMS320C28XX__", FPU, f"-D__TI_COMPILER_VERSION__={version}"]
-    for path in [*interrupt_files(drive.name), GENERATED / drive.name / "example_isr.c"]:
-        done = subprocess.run(["gcc", "-E", "-P", *flags, str(path)], capture_output=True, text=True, check=True)
+    example = GENERATED / drive.name / "example_isr.c"
+    read = [*((path, 1) for path in interrupt_files(drive.name)), (example, 1), (example, 0)]
+    for path, whole in read:
+        command = ["gcc", "-E", "-P", *flags, f"-DWHOLE_CONTROLLER={whole}", str(path)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
         text = done.stdout
         placed = re.findall(r'#pragma CODE_SECTION\((\w+), "([\w.]+)"\)', text)
         defined = set(re.findall(r"^(?:\w+ )+(\w+)\([^;{]*?\)\s*\{", text, flags=re.MULTILINE))

@@ -51,6 +51,42 @@ def test_operations_are_those_of_the_text(made: Made) -> None:
     assert f"every loop over N_max taken {made.drive.filter.max_iterations} times" in made.report
 
 
+def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
+    """In report, manifest and the drive's head: filter, controller and supervisor; in STARTING the rival's step."""
+    table, T = made.table("filter, mode", "add", "mul"), made.drive.model.sample_time
+    modes = {"CATCHING": 3, "RUNNING": 4} | ({"STARTING": 6} if T >= 50e-6 else {})
+    assert [*table] == ["filter, mode", *(f"{kind}, {mode}" for kind in made.drive.filter.kinds for mode in modes)]
+    for kind in made.drive.filter.kinds:
+        stem, n = f"{made.drive.name}_{kind}", made.drive.filter.max_iterations
+        program = Program(made.files, *(f"{stem}{end}.c" for end in ("", "_foc", "_supervisor", "_drive")))
+        facts, record = made.facts["filters"][kind], made.measured[f"{stem}_drive_step"]
+        filter_step, controller = (program.count(f"{stem}{end}", n) for end in ("_step", "_foc_step"))
+        assert [*facts["interrupt"]] == [*modes]
+        for mode, place in modes.items():
+            given = {"mode": place, "runs": 1, "torque": int(mode != "CATCHING"), "rivals": int(mode == "STARTING")}
+            ops, found = program.count(f"{stem}_drive_step", n, given=given), facts["interrupt"][mode]
+            assert {name: ops[name] for name in found["operations"]} == found["operations"]
+            least = controller + filter_step if mode == "STARTING" else controller
+            assert all(least[name] <= ops[name] for name in ("add", "mul", "div", "sqrt", "sincos")), mode
+            assert ops["mul"] < least["mul"] + (filter_step["mul"] if mode != "STARTING" else 100)
+            copied = 3 * program.find(f"{stem}_step")[0].words(f"{stem}_t") if mode == "STARTING" else 0
+            assert ops["copied"] == copied
+            cycles = [price(found["operations"], k) + copied for k in KS]
+            assert found["cycles"] == dict(zip(("2.5", "4", "5"), cycles, strict=True))
+            assert found["share_of_sample"] == pytest.approx(cycles[0] / (CLOCK * T), abs=1e-4)
+            cells = table[f"{kind}, {mode}"]
+            numbers = [ops[name] for name in ("add", "mul", "div", "sqrt", "sincos")]
+            assert [int(cell) for cell in cells[:6]] == [*numbers, copied]
+            assert [int(cell) for cell in cells[6].split(" / ")] == cycles
+            assert [int(cell) for cell in cells[7].split(" / ")] == [round(100 * c / round(CLOCK * T)) for c in cycles]
+            assert (
+                int(cells[8]) == found["state_words"] == program.find(f"{stem}_drive_step")[0].words(f"{stem}_drive_t")
+            )
+            assert cells[9:] == [str(record["stack_bytes"]), str(record["text_bytes"])]
+            head = f"a whole interrupt, {mode}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div"
+            assert head in made.words(f"{stem}_drive.c")
+
+
 def test_cycles_are_the_sum_of_prices(made: Made) -> None:
     table = made.table("step", "cycles, k = 2.5 / 4 / 5", "expanded")
     T = made.drive.model.sample_time

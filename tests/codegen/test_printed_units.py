@@ -46,10 +46,16 @@ def test_states_and_their_data_stand_in_their_columns(made: Made) -> None:
 def test_the_sample_time_is_said_everywhere_alike(made: Made) -> None:
     T, name = made.drive.model.sample_time, made.drive.name
     said = f"T = {1e6 * T:.0f} us"
-    for file in (f"{name}_ckf.h", f"{name}_ckf.c", f"{name}_ckf_foc.h", f"{name}.py", "REPORT.md"):
+    around = [f"{name}_ckf_{part}.{end}" for part in ("supervisor", "drive") for end in "hc"]
+    for file in (f"{name}_ckf.h", f"{name}_ckf.c", f"{name}_ckf_foc.h", *around, f"{name}.py", "REPORT.md"):
         assert said in made.files[file][:700], file
         assert not re.search(r"T = (?!" + said[4:] + r")[\d.e+-]+ \w?s\b", made.files[file][:700])
     assert f"once every {1e6 * T:.0f} us" in made.files["example_isr.c"]
+    said = re.search(
+        r"#define TURN_PER_SAMPLE (\S+)f /\* p T, rad electrical per rad/s \*/", made.files[f"{name}_ckf_supervisor.c"]
+    )
+    assert said is not None
+    assert float(said[1]) == pytest.approx(made.drive.motor.pole_pairs * T)
     module = execute(made.files[f"{name}.py"], "m")
     assert module["SAMPLE_TIME"] == T
     assert "SAMPLE_TIME = " + repr(T) + "  # s" in made.files[f"{name}.py"]
@@ -135,17 +141,26 @@ CONTROLLER_UNITS = {
     "sensed": "speed rad/s mechanical, angle rad electrical",
     "delay": "0 or 1",
 }
-SUPERVISOR_UNITS = {
+#: Of the supervisor's numbers: those of every drive, of one with a rival, and of one whose states are flux linkages.
+LIMIT_UNITS = {
     "TRIP_SQUARED": "A^2",
     "ZERO_SQUARED": "A^2",
     "PROBE_SQUARED": "A^2",
     "PROBE_SPEED": "rad/s per A",
     "UNKNOWN_SPEED": "(rad/s)^2",
     "UNKNOWN_ANGLE": "rad^2",
-    "FLUX_SQUARED": "Wb^2",
+    "CATCH_JOLT_SQUARED": "rad^2",
     "RUN_JOLT_SQUARED": "rad^2",
-    "TURN_PER_SAMPLE": "rad electrical per rad/s",
 }
+RIVAL_UNITS = {
+    "WINDOW_TURN_SQUARED": "rad^2",
+    "LEAST_TURN_SQUARED": "rad^2",
+    "REST_SPEED": "(rad/s)^2",
+    "MIRROR_SPEED": "(rad/s)^2",
+    "START_ANGLE": "rad^2",
+}
+FLUX_UNITS = {"FLUX_SQUARED": "Wb^2"}
+SUPERVISOR_UNITS = {"turning": "rad", "reading": "A", "spread": "variances of that speed and angle"}
 
 
 def test_units_in_headers(made: Made) -> None:
@@ -166,11 +181,21 @@ def test_units_in_headers(made: Made) -> None:
             "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1"
             in words
         )
-    example, supervisor = made.files["example_isr.c"], made.files[f"{name}_ckf_supervisor.c"]
-    for macro, unit in SUPERVISOR_UNITS.items():
-        found = re.search(rf"^#define {macro} \S+ /\* (.*) \*/", supervisor, re.MULTILINE)
-        assert (found is None) == (macro == "FLUX_SQUARED" and name == "paper_spmsm"), macro
-        assert found is None or unit in re.split(r"[:,] ", found[1]), macro
+    supervisor, flux = made.files[f"{name}_ckf_supervisor.c"], name == "ipmsm_flux"
+    for macro, unit in (LIMIT_UNITS | RIVAL_UNITS | FLUX_UNITS).items():
+        found = re.search(rf"^#define {macro} \S+ /\* (.*) \*/$", supervisor, re.MULTILINE)
+        assert (found is None) == (macro not in LIMIT_UNITS and not flux), macro
+        if found is not None:
+            assert re.search(rf"(?:^|, ){re.escape(unit)}(?::|,|$)", found[1]), macro
+    for field, said in SUPERVISOR_UNITS.items():
+        comment = re.search(rf"^ +float32 {field}\[\d\]; /\* (.*) \*/", made.files[f"{name}_ckf_supervisor.h"], re.M)
+        assert comment is not None, field
+        assert said in comment[1], field
+    example, drive = made.files["example_isr.c"], made.words(f"{name}_ckf_drive.h")
+    assert (
+        "phase: i_a, i_b in A; command: speed reference rad/s mechanical, DC link V; duty: phases a, b, c, 0..1"
+        in drive
+    )
     for words in ("i_a, i_b in A, positive", "DC link in V", "Speed reference in rad/s, mechanical"):
         assert words in example
     for place, unit in enumerate(("rad/s mechanical", "electrical turn", "Hz electrical")):

@@ -30,6 +30,7 @@ SAMPLE = (
     ("cubature.py", "n for sqrt(n)"),
     ("reuse.py", "constant of a product lost"),
     ("controller.py", "decoupling's sign"),
+    ("supervisor", "good at once"),
     ("filter, C", "paper_spmsm_ckf", "status"),
 )
 

@@ -27,11 +27,12 @@ def test_committed_measurements_hold(drive: Drive) -> None:
     files = {path.name: path.read_text() for path in folder.glob("*.[ch]")}
     committed = json.loads((folder / "manifest.json").read_text())["measured"]
     measurer = Measurer(compile=True)
-    assert len(committed) == 2 * len(drive.filter.kinds)
+    assert len(committed) == 3 * len(drive.filter.kinds)
     for function, record in committed.items():
         assert "not_measured" not in record, f"{function}: regenerate on a machine that has {COMPILER}"
-        name = function.removesuffix("_step").removesuffix("_foc")
-        found = measurer(files, Program(files, f"{name}.c", f"{name}_foc.c"), function)
+        name = function.removesuffix("_step").removesuffix("_foc").removesuffix("_drive")
+        sources = [f"{name}{end}.c" for end in ("", "_foc", "_supervisor", "_drive")]
+        found = measurer(files, Program(files, *sources), function)
         assert found["source_sha256"] == record["source_sha256"]
         same = record["compiler"] == f"{COMPILER} {compiler_version()}"
         for key in ("stack_bytes", "text_bytes"):

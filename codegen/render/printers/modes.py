@@ -77,8 +77,8 @@ class ModesC(CPrinter):
         if isinstance(node, CopyFilter):
             return [f"{pad}s->rival = *f;"]
         if isinstance(node, ExchangeFilters):
-            copies = ("kept = *f;", "*f = s->rival;", "s->rival = kept;")
-            return [f"{pad}{self.prefix}_t kept;", *(pad + copy for copy in copies)]
+            copies = [f"{pad}kept = *f;", f"{pad}*f = s->rival;", f"{pad}s->rival = kept;"]
+            return [f"{pad}{self.prefix}_t kept;", *copies]
         return super()._format_node(node, depth)
 
     # --- functions

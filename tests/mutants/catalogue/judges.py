@@ -276,7 +276,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("no run is recovered", "return all_hold(recovery.recovered", "return all(recovery.recovered", "tests/judges/test_nothing_is_shown_by_nothing.py::test_no_fault_is_survived_by_nobody"),
         ("ten times the band", "LEAST_REST = 10.0, 0.05", "LEAST_REST = 100.0, 0.05", "test_an_angle_out_of_its_band"),
         ("no band for the speed", "np.abs(run.speed_error) < run.band", "np.abs(run.speed_error) < 10 * run.band", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
-        ("recovered without torque", "(run.mode == RUNNING) & (np.abs(run.speed_error)", "(np.abs(run.speed_error)", "test_who_has_no_rest_or_no_torque_has_not_recovered"),
+        ("recovered without torque", "run.running & (np.abs(run.speed_error)", "(np.abs(run.speed_error)", "test_who_has_no_rest_or_no_torque_has_not_recovered"),
         ("time from the fault's begin", "max(0, back - run.after) * T", "max(0, back - run.first) * T", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
     )),
     "runtime/faults/tables.py": ("fault_verdicts", (
