@@ -91,7 +91,7 @@ def ran(tmp_path: Path, *arguments: str) -> tuple[int, str]:
 def test_with_a_drive_the_page_has_everything(parts: dict[str, Any], tmp_path: Path) -> None:
     code, page = ran(tmp_path, "paper_spmsm")
     assert code == 0
-    assert page.count("<svg") == 5 + 1 + 1  # of the proof and the passes, of the scenario, the sweep
+    assert page.count("<svg") == 5 + 1 + 1 + 1  # of the proof and the passes, the modes, the scenario, the sweep
     assert "all links hold" in page
     assert "E-F, Cortex-M4F" in page
     assert "were not run" not in page
@@ -103,7 +103,7 @@ def test_without_one_the_page_says_what_is_missing(
 ) -> None:
     code, page = ran(tmp_path)
     assert code == 0
-    assert page.count("<svg") == 4 + 1
+    assert page.count("<svg") == 4 + 1 + 1  # as above, without proof of one's own and sweep
     assert "all links that could be run here hold" in page
     assert "were not run: <code>pmsm-ickf run --all</code>" in page
     assert "Run: pmsm-ickf run --all" in capsys.readouterr().out
