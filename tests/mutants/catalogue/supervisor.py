@@ -183,7 +183,7 @@ _WORDS: Rows = (
 _PRINTERS: Rows = (
     ("C: reset of nothing", 'return [f"{pad}{self.prefix}_reset(f);"]', "return []", LOADED),
     ("C: the rival has the filter's score alone", 'return [f"{pad}s->rival = *f;"]', 'return [f"{pad}s->rival.nis = f->nis;"]', LOADED),
-    ("C: exchanged by half", 'f"{pad}s->rival = kept;"', 'f"{pad}s->rival = *f;"', LOADED),
+    ("C: exchanged by half", 's->rival = kept;"]', 's->rival = *f;"]', LOADED),
     ("C: the rival's action on the filter", 'if own != "f" or isinstance(action, str) else "&s->rival"', 'if own != "f" or isinstance(action, str) else "f"', LOADED),
     ("C: no reason is kept", 'kept = [f"s->reason = PMSM_REASON_{transition.reason};"] if transition.reason else []\n        goes = [f"go(s', 'kept: list[str] = []\n        goes = [f"go(s', LOADED),
     ("C: reason before the actions that read it", "return [pad + line for line in (*calls, *kept, *goes", "return [pad + line for line in (*kept, *reversed(calls), *goes", LOADED),
