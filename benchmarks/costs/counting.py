@@ -148,7 +148,7 @@ def _written(folder: str, inputs: Inputs) -> str:
 def m4_instructions(candidate: Candidate, inputs: Inputs) -> float:
     """Cortex-M4F instructions a step under qemu, the wrapper of a peer included."""
     _c_only(candidate)
-    subject = Subject(candidate.name, False, dict(candidate.sources))
+    subject = Subject(candidate.name, "", dict(candidate.sources))
     recording = Recording((Segment(inputs.rows.astype(float)),))
     return float(np.mean(CortexM4().run(subject, recording, M4_MORE).cost[inputs.first :]))
 

@@ -42,7 +42,7 @@ def subject_header(subject: Subject, recording: Recording) -> str:
         "typedef int step_function PARAMETERS;",
         f"#define SUBJECT_STEP {name}_step",
         f"#define SUBJECT_INIT(option) {name}_init(&subject{', option' if controller else ''})",
-        f"#define SUBJECT_RESET() {subject.filter_name}_reset(&subject{'.filter' if controller else ''})",
+        f"#define SUBJECT_RESET() {subject.filter_name}_reset({_filter(subject)})",
         f"#define INPUTS {INPUTS}",
         f"#define OUTPUTS {subject.outputs}",
         f"#define WORDS {len(subject.words)}",
@@ -57,6 +57,11 @@ def subject_header(subject: Subject, recording: Recording) -> str:
         *_table("inputs", float_words(inputs.ravel())),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _filter(subject: Subject) -> str:
+    """The filter's address."""
+    return f"&subject.{subject.filter_place}".removesuffix(".")
 
 
 def float_words(values: Iterable[float]) -> list[int]:

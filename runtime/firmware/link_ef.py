@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.avr import Avr
 from runtime.firmware.cortex_m4 import CortexM4
+from runtime.firmware.drive_recording import drive_recording
 from runtime.firmware.emulator import Outcome, Processor
 from runtime.firmware.host import run_on_host
 from runtime.firmware.recording import Recording, controller_recording, filter_recording
 from runtime.firmware.static.check import Check
-from runtime.firmware.subject import Subject, subjects
+from runtime.firmware.subject import Part, Subject, subjects
 from runtime.firmware.tools import missing_packages
 from runtime.system.errors import UserError
 
@@ -32,6 +33,13 @@ Progress = Callable[[str], None]
 
 STEPS = 1000
 PROCESSORS: tuple[Processor, ...] = (Avr(), CortexM4())
+
+#: What each kind of subject is given.
+RECORDINGS: Mapping[Part, Callable[[GeneratedFolder, int], Recording]] = {
+    "": filter_recording,
+    "foc": controller_recording,
+    "drive": drive_recording,
+}
 
 HOW = "measured on a stand-in"
 NAN = 0x7FC00000
@@ -89,7 +97,7 @@ def link_ef(
     steps: int = STEPS,
     processors: Sequence[Processor] = PROCESSORS,
 ) -> list[Check]:
-    """Every filter and controller of a folder on every processor, and whether their counters count right.
+    """Every filter, controller and drive of a folder on every processor, and whether their counters count right.
 
     A processor whose tools are missing gives one row that says so.
     """
@@ -101,19 +109,17 @@ def link_ef(
     if not ready:
         return rows
     every = subjects(folder)
-    recordings = {False: filter_recording(folder, steps)}
-    if any(subject.controller for subject in every):
-        recordings[True] = controller_recording(folder, steps)
+    recordings = {part: RECORDINGS[part](folder, steps) for part in dict.fromkeys(s.part for s in every)}
 
     def on_host(subject: Subject) -> Array:
         progress(f"{subject.name}: on the host")
-        return run_on_host(subject, recordings[subject.controller])
+        return run_on_host(subject, recordings[subject.part])
 
     def away(job: tuple[Processor, Subject, Array]) -> Comparison | Check:
         processor, subject, expected = job
         progress(f"{subject.name}: on {processor.name}")
         try:
-            return compare(processor, subject, recordings[subject.controller], expected)
+            return compare(processor, subject, recordings[subject.part], expected)
         except UserError as error:
             return Check(f"E-F, {processor.name}", subject.name, "failed", "did not run to its end", HOW, (str(error),))
 

@@ -2,7 +2,7 @@
 
 A filter gets the start and the load step of the proof's trajectory, draws from the operating box, and inputs it must
 reject. A controller gets the phase currents of the simulated drive, with and without a sample of delay, sensorless
-and sensored, and phase currents that are out of range or no numbers.
+and sensored, and phase currents that are out of range or no numbers. A drive's are in ``drive_recording.py``.
 
 A segment sets only tuning (x_0, P_0, gains) and lets the generated ``_reset`` make the state from it, so nothing here
 depends on how a filter keeps its covariance.
@@ -43,7 +43,7 @@ class Segment:
     """Consecutive steps.
 
     ``inputs`` (N, 4); ``fields`` sets words of the struct by C name (``x_0[2]``) before the
-    filter's reset; ``option`` is the second argument of a controller's init (delay).
+    filter's reset; ``option`` is the second argument of a controller's or a drive's init (delay).
     """
 
     inputs: Array
@@ -81,7 +81,7 @@ def filter_recording(folder: GeneratedFolder, steps: int) -> Recording:
         Segment(spoil(rows[after]), _start(names, "", _truth(drive, names, trajectory, loaded.stop - 1))),
         *_box_segments(drive, names, left),
     ]
-    return _checked(segments, steps)
+    return checked(segments, steps)
 
 
 def controller_recording(folder: GeneratedFolder, steps: int) -> Recording:
@@ -90,7 +90,7 @@ def controller_recording(folder: GeneratedFolder, steps: int) -> Recording:
     names = run.state_names
     shares = [round(share * steps) for share in (0.4, 0.35, 0.15)]
     shares.append(steps - sum(shares))
-    rows = _phases_and_commands(folder, run)
+    rows = phases_and_commands(folder, run)
     at = round(LOAD_AT / folder.module.SAMPLE_TIME) - shares[1] // 4
     loaded, sensored = slice(at, at + shares[1]), slice(at + shares[1], at + shares[1] + shares[2])
     spoilt = slice(sensored.stop, sensored.stop + shares[3])
@@ -103,7 +103,7 @@ def controller_recording(folder: GeneratedFolder, steps: int) -> Recording:
         Segment(rows[sensored], {**_estimate(names, run, sensored.start), **sensors}),
         *_spoilt_segments(rows[spoilt], _estimate(names, run, spoilt.start)),
     ]
-    return _checked(segments, steps)
+    return checked(segments, steps)
 
 
 def spoil(rows: Array) -> Array:
@@ -163,8 +163,15 @@ def _simulated(folder: GeneratedFolder, steps: int) -> Run:
     return Simulator(folder, kind).run(task, Conditions())
 
 
-def _phases_and_commands(folder: GeneratedFolder, run: Run) -> Array:
-    """Rows i_a, i_b in A, speed reference in rad/s, DC link in V."""
+def phases_and_commands(folder: GeneratedFolder, run: Run) -> Array:
+    """Rows i_a, i_b in A, speed reference in rad/s, DC link in V, of a simulated run.
+
+    Parameters
+    ----------
+    folder : GeneratedFolder
+        Tells the DC link.
+    run : Run
+    """
     i_b = 0.5 * (np.sqrt(3) * run.i[:, 1] - run.i[:, 0])
     v_dc = np.full(len(run.t), folder.manifest["parameters"]["control"]["dc_link"])
     return np.column_stack([run.i[:, 0], i_b, run.scenario.speed_reference(run.t), v_dc])
@@ -178,7 +185,14 @@ def _gain(folder: GeneratedFolder, name: str) -> str:
     return f"gain[{folder.module.GAIN_NAMES.index(name)}]"
 
 
-def _checked(segments: Sequence[Segment], steps: int) -> Recording:
+def checked(segments: Sequence[Segment], steps: int) -> Recording:
+    """A recording of the segments that are not empty.
+
+    Raises
+    ------
+    ValueError
+        It has not the steps asked for.
+    """
     recording = Recording(tuple(segment for segment in segments if len(segment.inputs)))
     if recording.steps != steps:
         raise ValueError(f"recording has {recording.steps} steps, wanted {steps}")

@@ -1,5 +1,7 @@
 """The program run on a processor: one generated step function, its struct as a row of 32-bit words, and its files.
 
+A filter alone, the controller around it, or the whole drive with its supervisor.
+
 Nothing here knows a field by its meaning: every word of the struct is compared, whatever the generator put there.
 """
 
@@ -9,15 +11,22 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 from runtime.estimator.folder import GeneratedFolder
 
 #: The port header's names, as far as structs may use them; only float or not matters here.
 _TYPES = "typedef float float32; typedef int int16, int32; typedef unsigned Uint16, Uint32;"
 
-#: u and y of a filter; phase currents and commands of a controller.
+#: u and y of a filter; phase currents and commands of a controller or a drive.
 INPUTS = 4
+
+#: The end of a subject's name: a filter's, a controller's, a drive's.
+Part = Literal["", "foc", "drive"]
+#: What a part's struct is made of beside the filter's, in the order in which C declares it.
+_PIECES: Mapping[Part, tuple[str, ...]] = {"": (), "foc": ("foc",), "drive": ("foc", "supervisor", "drive")}
+#: Where the filter is in a part's struct.
+_FILTER: Mapping[Part, str] = {"": "", "foc": "filter.", "drive": "control.filter."}
 
 
 @dataclass(frozen=True)
@@ -33,18 +42,29 @@ class Field:
 class Subject:
     """One generated step function.
 
-    ``name`` is its prefix (``paper_spmsm_ickf``, ``paper_spmsm_ickf_foc``), ``sources`` the generated files it is
-    compiled from, unchanged, ``outputs`` the number of floats it writes beside its struct (duty cycles).
+    ``name`` is its prefix (``paper_spmsm_ickf``, ``paper_spmsm_ickf_foc``), ``part`` that prefix's end, ``sources`` the
+    generated files it is compiled from, unchanged, ``outputs`` the number of floats it writes beside its struct (duty
+    cycles).
     """
 
     name: str
-    controller: bool
+    part: Part
     sources: Mapping[str, str]
 
     @property
+    def controller(self) -> bool:
+        """Whether it takes phase currents and commands, and hands out duty cycles."""
+        return self.part != ""
+
+    @property
     def filter_name(self) -> str:
-        """C name of the filter, or of the filter within the controller."""
-        return self.name.removesuffix("_foc")
+        """C name of the filter, or of the filter within."""
+        return self.name.removesuffix(f"_{self.part}") if self.part else self.name
+
+    @property
+    def filter_place(self) -> str:
+        """Where the filter is in the struct, as C spells what comes before a field of it."""
+        return _FILTER[self.part]
 
     @property
     def outputs(self) -> int:
@@ -57,15 +77,15 @@ class Subject:
         import cffi
 
         ffi = cffi.FFI()
-        names = [self.filter_name, self.name] if self.controller else [self.name]
+        names = [self.filter_name, *(f"{self.filter_name}_{piece}" for piece in _PIECES[self.part])]
         ffi.cdef(_TYPES + "".join(_struct(self.sources[f"{name}.h"], name) for name in names))
         return tuple(_fields(ffi.typeof(f"{self.name}_t"), ""))
 
     @cached_property
     def words(self) -> tuple[str, ...]:
-        """A name for every word compared after a step: status, outputs, then the struct."""
+        """A name for every word compared after a step: what it returns, outputs, then the struct."""
         outputs = [f"duty[{k}]" for k in range(self.outputs)]
-        return ("status", *outputs, *self.struct_words)
+        return ("inverter" if self.part == "drive" else "status", *outputs, *self.struct_words)
 
     @cached_property
     def struct_words(self) -> tuple[str, ...]:
@@ -84,17 +104,19 @@ class Subject:
 
 
 def subjects(folder: GeneratedFolder) -> tuple[Subject, ...]:
-    """Every filter of a folder, then the controllers it has."""
-    port = {"pmsm_port.h": folder.text("pmsm_port.h")}
-    filters, controllers = [], []
-    for kind in folder.kinds:
-        name = f"{folder.drive}_{kind}"
-        files = {f"{name}{end}": folder.text(f"{name}{end}") for end in (".h", ".c")}
-        filters.append(Subject(name, False, {**port, **files}))
-        if f"{name}_foc.c" in folder.manifest["files"]:
-            foc = {f"{name}_foc{end}": folder.text(f"{name}_foc{end}") for end in (".h", ".c")}
-            controllers.append(Subject(f"{name}_foc", True, {**port, **files, **foc}))
-    return (*filters, *controllers)
+    """Every filter of a folder, then the controllers and the drives it has."""
+    return tuple(
+        Subject("_".join(filter(None, (folder.drive, kind, part))), part, _sources(folder, kind, part))
+        for part in _PIECES
+        for kind in folder.kinds
+        if not part or f"{folder.drive}_{kind}_{part}.c" in folder.manifest["files"]
+    )
+
+
+def _sources(folder: GeneratedFolder, kind: str, part: Part) -> dict[str, str]:
+    names = ["_".join(filter(None, (folder.drive, kind, piece))) for piece in ("", *_PIECES[part])]
+    files = ["pmsm_port.h", *(f"{name}{end}" for name in names for end in (".h", ".c"))]
+    return {name: folder.text(name) for name in files}
 
 
 def _struct(header: str, name: str) -> str:

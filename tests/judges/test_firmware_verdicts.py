@@ -128,7 +128,7 @@ def test_the_table_of_checks() -> None:
 
 def _comparison(divergence: Divergence | None = None, known: float = 1000.0, resolution: float = 0.0) -> Comparison:
     subject: Any = SimpleNamespace(
-        name="d_ickf", words=("x[0]", "x[1]", "status"), integers=(False, False, True), controller=False
+        name="d_ickf", words=("x[0]", "x[1]", "status"), integers=(False, False, True), part=""
     )
     processor: Any = SimpleNamespace(name="a chip", unit="cycles", known_loop=1000.0, resolution=resolution)
     found = Outcome(np.zeros(4, np.uint32), np.array([100.0, 120.0, 130.0, 1000.0]), known)
@@ -215,7 +215,7 @@ def test_every_subject_on_every_processor_and_one_that_does_not_end(monkeypatch:
     several: Any = [SimpleNamespace(**{**vars(one.subject), "name": name}) for name in names]
     words = np.array([[1, 2, link_ef.NAN]], np.uint32)
     monkeypatch.setattr(link_ef, "subjects", lambda folder: several)
-    monkeypatch.setattr(link_ef, "filter_recording", lambda folder, steps: SimpleNamespace(steps=1))
+    monkeypatch.setattr(link_ef, "RECORDINGS", {"": lambda folder, steps: SimpleNamespace(steps=1)})
     monkeypatch.setattr(link_ef, "run_on_host", lambda subject, recording: words)
     monkeypatch.setattr(link_ef, "missing_packages", lambda programs: ["a-package"] if programs == ("absent",) else [])
 

@@ -15,21 +15,23 @@ from typer.testing import CliRunner
 
 import runtime.firmware.gates
 import runtime.firmware.link_ef
+from codegen.render.drive import default_kind
 from runtime.cli import app
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.firmware.avr import Avr
 from runtime.firmware.cortex_m4 import CortexM4
+from runtime.firmware.drive_recording import CASES, PIECE
 from runtime.firmware.emulator import Processor, outcome
 from runtime.firmware.gates import check_firmware
 from runtime.firmware.host import run_on_host
-from runtime.firmware.link_ef import NAN, PROCESSORS, STEPS, Comparison, compare, link_ef
-from runtime.firmware.recording import BAD, Recording, Segment, controller_recording, filter_recording, spoil
+from runtime.firmware.link_ef import NAN, PROCESSORS, RECORDINGS, STEPS, Comparison, compare, link_ef
+from runtime.firmware.recording import BAD, Recording, Segment, spoil
 from runtime.firmware.static.check import Check
 from runtime.firmware.subject import Subject, subjects
 from runtime.firmware.tools import PACKAGES, find_tool
 from runtime.system.errors import UserError
-from tests.conftest import DRIVES, thoroughly
+from tests.conftest import DRIVES, EVERY_DRIVE, thoroughly
 from tests.target.need import need
 
 FOLDERS = {path.parent.name: find_folder(path.parent.name) for path in sorted(GENERATED.glob("*/manifest.json"))}
@@ -38,20 +40,26 @@ SUBJECTS = {subject.name: (drive, subject) for drive, folder in FOLDERS.items() 
 MANY = [
     name
     for name, (drive, subject) in SUBJECTS.items()
-    if "_ickf" in name and (subject.controller or drive == "ipmsm_flux")
+    if "_ickf" in name and (subject.part == "foc" or (drive == "ipmsm_flux" and not subject.part))
 ]
 #: Those of ``make test``.
 FEW = [f"{name}_ickf_foc" for name in DRIVES]
+#: Whole drives: one without a rival, one with.
+WHOLE = ("paper_spmsm_ickf_drive", "ipmsm_flux_ickf_drive")
 BOTH = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda processor: processor.programs[0])
 QUICK = 60
 #: A surface and a salient machine run all of the recording, others its first part.
 FULL, SHORT = ("paper_spmsm", "ipmsm_flux"), 200
 
 
+def whole(drive: str) -> str:
+    """The subject that is the whole drive, around the filter that is meant where none is named."""
+    return f"{drive}_{default_kind(FOLDERS[drive].kinds)}_drive"
+
+
 def recorded(name: str, steps: int) -> tuple[Subject, Recording]:
     drive, subject = SUBJECTS[name]
-    record = controller_recording if subject.controller else filter_recording
-    return subject, record(FOLDERS[drive], steps)
+    return subject, RECORDINGS[subject.part](FOLDERS[drive], steps)
 
 
 def run(name: str, processor: Processor, steps: int, target: Subject | None = None, *flags: str) -> Comparison:
@@ -82,6 +90,44 @@ def test_same_bits_over_many_steps(name: str, processor: Processor) -> None:
     assert np.all(found.outcome.cost > 0)
 
 
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize(
+    "name",
+    [*WHOLE, *thoroughly(*(name for name in map(whole, FOLDERS) if name not in WHOLE))],
+)
+def test_same_bits_through_every_transition(name: str, processor: Processor) -> None:
+    found = run(name, processor, PIECE * len(CASES))
+    assert found.divergence is None, str(found.divergence)
+    assert found.counted_exactly
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+def test_every_transition_of_the_modes_is_replayed(name: str) -> None:
+    """The drive's C, but that it keeps the transition's number where it keeps the step's status."""
+    subject, recording = recorded(whole(name), PIECE * len(CASES))
+    drive, call = f"{subject.name}.c", f"(void){subject.filter_name}_supervise("
+    assert subject.sources[drive].count(call) == 1
+    text = subject.sources[drive].replace(call, call.replace("(void)", "d->status = "))
+    words = run_on_host(replace(subject, sources={**subject.sources, drive: text}), recording)
+    taken = words[:, subject.words.index("status")]
+    numbers = set(map(int, re.findall(r"taken = ([1-9]\d*);", subject.sources[f"{subject.filter_name}_supervisor.c"])))
+    assert set(taken.tolist()) - {0} == numbers
+    assert numbers == set(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_count_that_ends_nowhere_stands_at_its_largest_number(name: str) -> None:
+    """What an int of 16 bits must hold is met, and held."""
+    subject, recording = recorded(name, PIECE * len(CASES))
+    most = FOLDERS[SUBJECTS[name][0]].module.MOST_SAMPLES
+    words = run_on_host(subject, recording)
+    for field in ("supervisor.since", "supervisor.gap"):
+        found = words[:, subject.words.index(field)].view(np.int32)
+        assert int(np.max(found)) == most == 32_000
+        assert np.count_nonzero(found == most) >= PIECE
+
+
 def test_no_iteration_means_a_constant_number_of_instructions() -> None:
     """Straight-line code: accepted steps of the CKF all cost the same, but for those that turn an angle widely."""
     found = run("paper_spmsm_ckf", CortexM4(), QUICK)
@@ -94,7 +140,7 @@ def test_no_iteration_means_a_constant_number_of_instructions() -> None:
 # --- what is compared
 
 
-@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "ipmsm_flux_ckf_foc"])
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "ipmsm_flux_ckf_foc", *WHOLE])
 def test_every_word_of_the_struct_is_compared(name: str) -> None:
     """Against the size of the struct, all of whose fields are four bytes wide on the host."""
     import cffi
@@ -107,7 +153,19 @@ def test_every_word_of_the_struct_is_compared(name: str) -> None:
     header = re.sub(r"/\*.*?\*/", "", subject.sources[f"{name}.h"])
     declared = re.findall(r"^    (?:float32|int) (\w+)", header, re.MULTILINE)
     assert set(declared) <= {re.sub(r"\[.*", "", word) for word in subject.struct_words}
-    assert {"filter.x[0]", "duty[2]"} <= set(subject.words) or {"x[0]", "iterations"} <= set(subject.words)
+    inside = {
+        "": {"status", "x[0]", "iterations"},
+        "foc": {"status", "filter.x[0]", "duty[2]"},
+        "drive": {"inverter", "status", "control.filter.x[0]", "control.v_queued[1]", "supervisor.since", "duty[2]"},
+    }
+    assert inside[subject.part] <= set(subject.words)
+    assert ("supervisor.rival.x[0]" in subject.words) == (name == "ipmsm_flux_ickf_drive")
+    assert len(set(subject.words)) == len(subject.words)
+
+
+def test_the_subjects_of_a_folder() -> None:
+    names = [subject.name.removeprefix("paper_spmsm_") for subject in subjects(FOLDERS["paper_spmsm"])]
+    assert names == ["ckf", "ickf", "ckf_foc", "ickf_foc", "ckf_drive", "ickf_drive"]
 
 
 def test_host_run_is_the_e_of_link_d_e() -> None:
@@ -126,7 +184,8 @@ def test_host_run_is_the_e_of_link_d_e() -> None:
 
 @pytest.mark.parametrize("steps", [1, 7, 60, STEPS])
 def test_recordings_have_the_steps_asked_for(steps: int) -> None:
-    for record in (filter_recording, controller_recording):
+    assert list(RECORDINGS) == ["", "foc", "drive"]
+    for record in RECORDINGS.values():
         assert record(FOLDERS["ipmsm_flux"], steps).steps == steps
 
 
@@ -146,8 +205,8 @@ def test_every_kind_of_bad_input_is_rejected_and_leaves_numbers() -> None:
 
 
 def mutants(subject: Subject) -> Iterator[Subject]:
-    """Each folded constant of the filter's or the controller's own file, one bit up."""
-    file = f"{subject.name}.c"
+    """Each folded constant of the filter's, the controller's or the supervisor's own file, one bit up."""
+    file = f"{subject.filter_name}_supervisor.c" if subject.part == "drive" else f"{subject.name}.c"
     text = subject.sources[file]
     for match in re.finditer(r"(?<=#define )(\w+ )([-+.e0-9]+)f", text):
         up = f"{match.group(1)}{np.nextafter(np.float32(match.group(2)), np.float32(np.inf)):.9g}f"
@@ -155,16 +214,17 @@ def mutants(subject: Subject) -> Iterator[Subject]:
 
 
 @BOTH
-@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "paper_spmsm_ickf_foc"])
+@pytest.mark.parametrize("name", ["paper_spmsm_ickf", "paper_spmsm_ickf_foc", "paper_spmsm_ickf_drive"])
 def test_a_constants_last_bit_is_caught_and_located(name: str, processor: Processor) -> None:
     """Step, word and both values are those of the mutant on the host, word by word."""
-    subject, recording = recorded(name, QUICK)
+    steps = PIECE * len(CASES) if SUBJECTS[name][1].part == "drive" else QUICK
+    subject, recording = recorded(name, steps)
     good = run_on_host(subject, recording)
     mutant = next(m for m in mutants(subject) if np.any(run_on_host(m, recording) != good))
     bad = run_on_host(mutant, recording)
     step = int(np.argmax(np.any(good != bad, axis=1)))
     k = int(np.argmax(good[step] != bad[step]))
-    found = run(name, processor, QUICK, mutant)
+    found = run(name, processor, steps, mutant)
     assert found.divergence is not None
     assert (found.divergence.step, found.divergence.word) == (step, subject.words[k])
     assert f"0x{good[step, k]:08x}" in found.divergence.expected
@@ -191,6 +251,23 @@ def test_an_int_of_16_bits_is_seen() -> None:
         divergence = compare(processor, subject, recording, expected).divergence
         assert (divergence is not None) == differs
         assert divergence is None or (divergence.word, divergence.found) == ("max_iterations", "-25536")
+
+
+def test_a_count_that_an_int_of_16_bits_does_not_hold_is_seen() -> None:
+    """A supervisor that counts to 40000: the host does, the AVR comes round and parts from it."""
+    subject, recording = recorded("paper_spmsm_ickf_drive", 3)
+    file = f"{subject.filter_name}_supervisor.c"
+    text = re.sub(r"(?<=#define MOST_SAMPLES )32000\b", "40000", subject.sources[file])
+    assert text != subject.sources[file]
+    wrong = replace(subject, sources={**subject.sources, file: text})
+    long = Recording((Segment(recording.segments[0].inputs, {"supervisor.since": 32766}),))
+    expected = run_on_host(wrong, long)
+    assert expected[:, wrong.words.index("supervisor.since")].tolist() == [32767, 32768, 32769]
+    for processor, differs in ((Avr(), True), (CortexM4(), False)):
+        need(*processor.programs)
+        divergence = compare(processor, wrong, long, expected).divergence
+        assert (divergence is not None) == differs
+        assert divergence is None or (divergence.step, divergence.word) == (1, "supervisor.since")
 
 
 # --- what cannot be run is said
