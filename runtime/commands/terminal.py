@@ -5,16 +5,36 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Self
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 
-from runtime.system.errors import stop_if_interrupted
+from runtime.system.errors import hold_interrupts, let_interrupts, stop_if_interrupted
+
+
+class Terminal(Console):
+    """A console that Ctrl-C finds between two things it shows, never within one.
+
+    Rich counts how deep it is in what it shows. An interrupt between the counting and its ``try`` leaves the
+    count wrong, and all that is shown later, how the command ended above all, stays in a buffer for good.
+    """
+
+    def __enter__(self) -> Self:
+        hold_interrupts()
+        super().__enter__()
+        return self
+
+    def __exit__(self, *raised: Any) -> None:
+        try:
+            super().__exit__(*raised)
+        finally:
+            let_interrupts()
+
 
 # Into a file or a pipe the tables keep their width, whatever the terminal behind it.
-console = Console() if sys.stdout.isatty() else Console(width=140)
+console = Terminal() if sys.stdout.isatty() else Terminal(width=140)
 
 
 @contextmanager

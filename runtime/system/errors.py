@@ -21,6 +21,8 @@ class UserError(Exception):
 
 _interrupted = threading.Event()
 _signals: list[int] = []
+_unbroken = 0  # things under way in the main thread that an interrupt must not cut in two
+_held_back = False
 
 
 def remember_interrupts() -> None:
@@ -30,9 +32,13 @@ def remember_interrupts() -> None:
     """
 
     def remember(number: int, frame: FrameType | None) -> None:
+        global _held_back
         _signals.append(number)
         _interrupted.set()
-        signal.default_int_handler(number, frame)
+        if _unbroken and not _held_back:  # the second one cuts: what is under way may have come to a stand
+            _held_back = True
+        else:
+            signal.default_int_handler(number, frame)
 
     def quiet(unraisable: Any) -> None:
         """Where Python cannot raise it, in a finaliser say, it would be printed: it is remembered, that is enough."""
@@ -43,6 +49,24 @@ def remember_interrupts() -> None:
         sys.unraisablehook = quiet
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, remember)
+
+
+def hold_interrupts() -> None:
+    """An interrupt waits until ``let_interrupts``: for what would be of no use any more if it were cut in two."""
+    global _unbroken
+    if threading.current_thread() is threading.main_thread():
+        _unbroken += 1
+
+
+def let_interrupts() -> None:
+    """The end of what ``hold_interrupts`` began; an interrupt that waited is raised here."""
+    global _unbroken, _held_back
+    if threading.current_thread() is not threading.main_thread():
+        return
+    _unbroken -= 1
+    if _held_back and not _unbroken:
+        _held_back = False
+        raise KeyboardInterrupt
 
 
 def was_interrupted() -> bool:

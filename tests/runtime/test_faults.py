@@ -202,6 +202,32 @@ def test_ctrl_c_is_one_line_whatever_becomes_of_the_exception(inside: str, tmp_p
     assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
+#: Ctrl-C where Rich has counted that it is within what it shows, and has not come to the ``try`` that counts back.
+INSIDE_A_LINE = """
+import os, signal
+from rich.console import Console
+from runtime.commands.terminal import console
+from runtime.system.errors import remember_interrupts
+enter = Console._enter_buffer
+def interrupted(self):
+    enter(self)
+    Console._enter_buffer = enter
+    os.kill(os.getpid(), signal.SIGINT)
+Console._enter_buffer = interrupted
+remember_interrupts()
+try:
+    console.print("the line itself")
+    print("nobody heard it")
+except KeyboardInterrupt:
+    console.print("what is said of it")
+"""
+
+
+def test_ctrl_c_within_a_line_leaves_the_terminal_in_order(tmp_path: Path) -> None:
+    code, out, err = finish(start("-c", INSIDE_A_LINE, cwd=tmp_path))
+    assert (code, out.splitlines(), err) == (0, ["the line itself", "what is said of it"], "")
+
+
 # --- ended ---
 
 MARK = "PMSM_ICKF_STARTED_BY"
