@@ -304,8 +304,7 @@ _GATES = {
     "runtime/firmware/static/eva_modes.py": (
         ("integers that no count overflows", "Frama_C_interval(-32768, 32767)", "Frama_C_interval(-999, 999)", (EVA_MODES,)),
         ("rivals as they begin", 'if re.search(rf"^    {prefix}_t rival;"', 'if not re.search(rf"^    {prefix}_t rival;"', (EVA_MODES,)),
-        ("intervals of zero voltage, one or more", "Interval(0.0, 32_767.0)", "Interval(1.0, 32_767.0)", (EVA_MODES,)),
-        ("a direction whatever the length", "    if length is None:\n        return source\n", "", (EVA_MODES,)),
+        ("a direction whatever the length", "\\* (?P=b), LEAST_SIZE", "\\* \\w+, LEAST_SIZE", (EVA_MODES,)),
         ("one supervisor is enough", "for kind in kinds]\n\n\n", "for kind in kinds[:1]]\n\n\n", (EVA_MODES,)),
         ("a machine of one's own is proved", "if not known_machine(manifest):", "if False:", (EVA_MODES,)),
     ),
@@ -316,7 +315,7 @@ _GATES = {
         ("the filter is not tuned", "for name, value in case.tuned.items()", "for name, value in case.ends.items()", (REPLAYED,)),
     ),
     "runtime/firmware/subject.py": (
-        ("no drive is replayed", 'for part in _PIECES\n', 'for part in ("", "foc")\n', (REPLAYED,)),
+        ("no drive is replayed", 'for part in _PIECES\n', 'for part in ("", "foc")\n', ("pytest tests/target/test_link_ef.py -k subjects_of_a_folder",)),
     ),
 }  # fmt: skip
 
