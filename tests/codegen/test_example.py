@@ -220,12 +220,10 @@ def test_telemetry_is_five_words_50_times_a_second(board: Board) -> None:
     for theta, turn in ((-0.1, 1 - 0.1 / (2 * math.pi)), (3.0, 3.0 / (2 * math.pi)), (0.0, 0.0)):
         board.setup()
         running(board)
-        board.interrupt(status=0, moves=1, omega=0.0, theta=theta)
-        sent = 0
-        while not sent and board.gates:
-            sent = "t" in board.interrupt()
-        if sent:
-            assert list(board.now.words)[1] == pytest.approx(turn, abs=1e-6)
+        assert spin(board, every, 0.0, stop="t")
+        spin(board, every - 1, 0.0)
+        assert "t" in board.interrupt(theta=theta), "and this is where the angle is by then"
+        assert list(board.now.words)[1] == pytest.approx(turn, abs=1e-6)
 
 
 # --- power-up

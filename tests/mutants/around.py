@@ -109,6 +109,7 @@ OPERATORS: dict[str, Operator] = {
 #: A change that says the same, by what stands in its line: why.
 SAME: tuple[tuple[str, str, str], ...] = (
     ("macro", r"#define WHOLE_CONTROLLER ", "any number but 0 asks for the whole controller"),
+    ("number", r"float32 v\[2\] = \{0\.0f, 0\.0f\};", "your_current_loop writes both before anybody reads them"),
     ("number", r"^judge_run\(.* -> 2$", "a truth is asked whether it is 0"),
     ("number", r"agrees\(.*, 0, 0\.0f\).* -> 1\.0+$", "nothing is allowed, with any tolerance"),
 )

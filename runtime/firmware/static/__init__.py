@@ -14,6 +14,7 @@ def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: N
     from runtime.firmware.static.bans import ban_checks
     from runtime.firmware.static.compilers import compiler_checks
     from runtime.firmware.static.eva import eva_checks
+    from runtime.firmware.static.eva_modes import mode_checks
     from runtime.firmware.static.misra import misra_checks
 
     checks: list[Check] = []
@@ -22,6 +23,7 @@ def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: N
         (ban_checks, "bans and divisions"),
         (misra_checks, "MISRA C:2012"),
         (eva_checks, "Frama-C's EVA"),
+        (mode_checks, "Frama-C's EVA on the modes"),
     ):
         progress(f"{folder.name}: {words}")
         checks += gate(folder)

@@ -228,6 +228,8 @@ _FIGURES = {
 
 STATIC = "pytest tests/target/test_static.py -k "
 DIVISIONS, EVA = "pytest tests/target/test_divisions.py", "pytest tests/target/test_eva.py"
+EVA_MODES = "pytest tests/target/test_eva_modes.py"
+REPLAYED = "pytest tests/target/test_link_ef.py -k 'replayed or largest or subjects'"
 MEASURE, LEDGER, FPU = (f"pytest tests/codegen/test_{name}.py" for name in ("measure", "ledger", "fpu32"))
 
 _EVIDENCE = {
@@ -298,6 +300,22 @@ _GATES = {
         ("a failed analysis is not proved", '    if verdict.failure:\n        return "failed"\n', "", (EVA,)),
         ("a step that never ends is proved", 'failure = "no execution reaches the end of the step"', 'failure = ""', (EVA,)),
         ("a division that may overflow is no alarm", '_ASKED = ("', '_ASKED = ("div_float", "', (EVA,)),
+    ),
+    "runtime/firmware/static/eva_modes.py": (
+        ("integers that no count overflows", "Frama_C_interval(-32768, 32767)", "Frama_C_interval(-999, 999)", (EVA_MODES,)),
+        ("rivals as they begin", 'if re.search(rf"^    {prefix}_t rival;"', 'if not re.search(rf"^    {prefix}_t rival;"', (EVA_MODES,)),
+        ("a direction whatever the length", "\\* (?P=b), LEAST_SIZE", "\\* \\w+, LEAST_SIZE", (EVA_MODES,)),
+        ("one supervisor is enough", "for kind in kinds]\n\n\n", "for kind in kinds[:1]]\n\n\n", (EVA_MODES,)),
+        ("a machine of one's own is proved", "if not known_machine(manifest):", "if False:", (EVA_MODES,)),
+    ),
+    "runtime/firmware/drive_recording.py": (
+        ("counts that do not end", "getattr(module, limit) - (name in COUNTED)", "getattr(module, limit) - 9", (REPLAYED,)),
+        ("modes without their filter", '("inverter", "runs", "torque", "rivals")', '("inverter", "torque", "rivals")', (REPLAYED,)),
+        ("no current trips", "NONE, TELLS, TRIPS = 0.01, 0.5, 2.0", "NONE, TELLS, TRIPS = 0.01, 0.5, 1.4", (REPLAYED,)),
+        ("the filter is not tuned", "for name, value in case.tuned.items()", "for name, value in case.ends.items()", (REPLAYED,)),
+    ),
+    "runtime/firmware/subject.py": (
+        ("no drive is replayed", 'for part in _PIECES\n', 'for part in ("", "foc")\n', ("pytest tests/target/test_link_ef.py -k subjects_of_a_folder",)),
     ),
 }  # fmt: skip
 
