@@ -1666,10 +1666,12 @@ REASON_BLIND = 2  # the filter rejected its inputs for too long
 REASON_DIVERGED = 3  # for too long the currents were not what voltages and motor data say
 REASON_RESTARTED = 4  # the filter's state was lost, and it began anew
 REASON_SLIPPED = 5  # the angle did not turn as the estimated speed says
-REASON_NOT_CAUGHT = 6  # the filter did not find the turning rotor in time
-REASON_NOT_STARTED = 7  # the rotor did not turn as either filter says
-REASON_SELF_TEST = 8  # the self-test failed: no acknowledgement helps
-REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "NOT_CAUGHT", "NOT_STARTED", "SELF_TEST")
+REASON_RUNAWAY = 6  # the estimated speed went beyond all that the motor can do
+REASON_PHASE = 7  # a phase carried no current while the others did and the rotor turned
+REASON_NOT_CAUGHT = 8  # the filter did not find the turning rotor in time
+REASON_NOT_STARTED = 9  # the rotor did not turn as either filter says
+REASON_SELF_TEST = 10  # the self-test failed: no acknowledgement helps
+REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "RUNAWAY", "PHASE", "NOT_CAUGHT", "NOT_STARTED", "SELF_TEST")
 MAX_REJECTED = 20  # inputs rejected in a row: no estimate is left
 MAX_DIVERGED = 1000  # steps in a row with PMSM_DIVERGED: less is ridden through
 MAX_EXCESS = 3  # samples in a row beyond the trip current
@@ -1690,6 +1692,8 @@ TRIP_SQUARED = 225.0  # (1.5 of the largest current)^2, A^2: no torque needs so 
 LEAST_SINE = 0.1  # of the angle between two readings: it tells the direction
 CATCH_JOLT_SQUARED = 0.010000000000000002  # rad^2: so far off may the angle be, beside half of what is stated
 RUN_JOLT_SQUARED = 0.09  # rad^2: the same in a window of RUNNING, where a jolt may come
+SILENT_TURN_SQUARED = 9.869604401089358  # rad^2: without a current in one phase alone it is open
+MOST_SPEED_SQUARED = 360000.0  # (rad/s)^2: no motor turns faster; thrice the box's
 UNKNOWN_SPEED = 10000.0  # (rad/s)^2: of a rotor that turns
 UNKNOWN_ANGLE = 0.01  # rad^2: what the probe leaves open
 WINDOW_SAMPLES = 223  # of STARTING at most: the rotor's time for a radian
@@ -1731,7 +1735,8 @@ def new_supervisor(dtype=np.float32):
         mirrored=np.int64(0),
         failures=np.int64(0),
         steady=np.int64(0),
-        turning=(dtype(0),) * 4,
+        turning=(dtype(0),) * 5,
+        silent=(dtype(0),) * 3,
         probe=(dtype(0),) * 2,
         reading=(dtype(0),) * 4,
         first=(dtype(0),) * 2,
@@ -1823,7 +1828,8 @@ def watch_turning(x, turning, math, stages=None):
     stated_now = stated + TURN_PER_SAMPLE * omega
     off = turned_now - stated_now
 
-    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now),)
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now),
+        TURN_PER_SAMPLE * omega,)
 
 
 def read_current(phase, first, math, stages=None):
@@ -1876,8 +1882,13 @@ def _fail(s, f, phase, where, math):
 
 def _forget(s, f, phase, where, math):
     """The next attempt is the first one again."""
+    silent = list(s.silent)
     s.failures = np.where(where, 0, s.failures)[()]
     s.reason = np.where(where, 0, s.reason)[()]
+    silent[0] = np.where(where, 0.0, silent[0])[()]
+    silent[1] = np.where(where, 0.0, silent[1])[()]
+    silent[2] = np.where(where, 0.0, silent[2])[()]
+    s.silent = tuple(silent)
 
 
 def _count_steady(s, f, phase, where, math):
@@ -2106,6 +2117,7 @@ def _watch(s, f, status, phase, reference, math):
     """Counts, in every mode, and of the step that ran."""
     probe = list(s.probe)
     turning = list(s.turning)
+    silent = list(s.silent)
     s.since = np.where((s.since < MOST_SAMPLES), s.since + 1, s.since)[()]
     hit_1 = reference < 0.0
     miss_1 = np.logical_not(reference < 0.0)
@@ -2146,8 +2158,19 @@ def _watch(s, f, status, phase, reference, math):
     s.content = np.where(miss_10, 0, s.content)[()]
     turning_new = watch_turning(f.x, turning, math)
     turning = list(_select(hit_7, turning_new, turning))
+    hit_11 = hit_7 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    silent[0] = np.where(hit_11, silent[0] + turning[4], silent[0])[()]
+    hit_12 = hit_11 & (phase[0] * phase[0] > ZERO_SQUARED)
+    silent[0] = np.where(hit_12, 0.0, silent[0])[()]
+    silent[1] = np.where(hit_11, silent[1] + turning[4], silent[1])[()]
+    hit_13 = hit_11 & (phase[1] * phase[1] > ZERO_SQUARED)
+    silent[1] = np.where(hit_13, 0.0, silent[1])[()]
+    silent[2] = np.where(hit_11, silent[2] + turning[4], silent[2])[()]
+    hit_14 = hit_11 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
+    silent[2] = np.where(hit_14, 0.0, silent[2])[()]
     s.probe = tuple(probe)
     s.turning = tuple(turning)
+    s.silent = tuple(silent)
 
 
 def supervise(s, f, status, phase, reference, math):
@@ -2175,15 +2198,19 @@ def supervise(s, f, status, phase, reference, math):
     found = np.where(s.excess >= MAX_EXCESS, 14, found)
     taken = np.where(s.mode == STARTING, found, taken)[()]
     found = 0
-    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 29, found)
+    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 31, found)
     taken = np.where(s.mode == FAULT, found, taken)[()]
     found = 0
-    found = np.where(s.since >= LOCKED_SAMPLES, 28, found)
-    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 27,
+    found = np.where(s.since >= LOCKED_SAMPLES, 30, found)
+    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 29,
         found))
-    found = np.where((status & RESTARTED) != 0, 26, found)
-    found = np.where(s.diverged >= MAX_DIVERGED, 25, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 24, found)
+    found = np.where((status & RESTARTED) != 0, 28, found)
+    found = np.where(s.diverged >= MAX_DIVERGED, 27, found)
+    found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 26, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 25, found)
+    found = (np.where((s.silent[0] * s.silent[0] >= SILENT_TURN_SQUARED) |
+        (s.silent[1] * s.silent[1] >= SILENT_TURN_SQUARED) |
+        (s.silent[2] * s.silent[2] >= SILENT_TURN_SQUARED), 24, found))
     found = np.where(s.excess >= MAX_EXCESS, 23, found)
     taken = np.where(s.mode == RUNNING, found, taken)[()]
     found = 0
@@ -2377,38 +2404,49 @@ def supervise(s, f, status, phase, reference, math):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
-    # RUNNING: the filter is blind.
+    # RUNNING: a phase is open: half a turn went by without a current in it.
     where = taken == 24
+    if np.any(where):
+        s.reason = np.where(where, REASON_PHASE, s.reason)[()]
+        _go(s, FAULT, where)
+    # RUNNING: the filter is blind.
+    where = taken == 25
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
+    # RUNNING: no motor turns as fast as is estimated.
+    where = taken == 26
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_RUNAWAY, s.reason)[()]
+        _go(s, RESTING, where)
     # RUNNING: currents, voltages and motor do not fit.
-    where = taken == 25
+    where = taken == 27
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_DIVERGED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the filter began anew.
-    where = taken == 26
+    where = taken == 28
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the angle does not turn as the speed says: the filter may be half a turn off.
-    where = taken == 27
+    where = taken == 29
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_SLIPPED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a window is over, and the next one begins.
-    where = taken == 28
+    where = taken == 30
     if np.any(where):
         _count_steady(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # FAULT: the fault is acknowledged.
-    where = taken == 29
+    where = taken == 31
     if np.any(where):
         _forget(s, f, phase, where, math)
         _go(s, RESTING, where)

@@ -54,7 +54,8 @@ typedef struct {
     int mirrored; /* 1: the guess was turned round already */
     int failures; /* attempts in a row that did not end in steady running */
     int steady; /* windows of RUNNING in a row */
-    float32 turning[4]; /* rad: the angle turned, and should have by the speed; the angle before; rad^2: doubt */
+    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
+    float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
     float32 reading[4]; /* cosine and sine of the current's angle; its size, A; sine of the angle since the first one */
     float32 first[2]; /* cosine and sine of the first current's angle */

@@ -136,8 +136,10 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 #define PMSM_REASON_DIVERGED 3 /* for too long the currents were not what voltages and motor data say */
 #define PMSM_REASON_RESTARTED 4 /* the filter's state was lost, and it began anew */
 #define PMSM_REASON_SLIPPED 5 /* the angle did not turn as the estimated speed says */
-#define PMSM_REASON_NOT_CAUGHT 6 /* the filter did not find the turning rotor in time */
-#define PMSM_REASON_NOT_STARTED 7 /* the rotor did not turn as either filter says */
-#define PMSM_REASON_SELF_TEST 8 /* the self-test failed: no acknowledgement helps */
+#define PMSM_REASON_RUNAWAY 6 /* the estimated speed went beyond all that the motor can do */
+#define PMSM_REASON_PHASE 7 /* a phase carried no current while the others did and the rotor turned */
+#define PMSM_REASON_NOT_CAUGHT 8 /* the filter did not find the turning rotor in time */
+#define PMSM_REASON_NOT_STARTED 9 /* the rotor did not turn as either filter says */
+#define PMSM_REASON_SELF_TEST 10 /* the self-test failed: no acknowledgement helps */
 
 #endif

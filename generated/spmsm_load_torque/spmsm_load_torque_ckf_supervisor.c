@@ -103,6 +103,8 @@
 #define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
+#define SILENT_TURN_SQUARED 9.869604f /* rad^2: without a current in one phase alone it is open */
+#define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
 #define WINDOW_SAMPLES 200 /* of STARTING at most: the rotor's time for a radian */
@@ -152,7 +154,7 @@ static float32 wrap_angle(float32 x)
 }
 
 /* How far the angle turned, and how far it should have by the speed */
-static void watch_turning(const float32 x[5], const float32 turning[4], float32 turning_out[4])
+static void watch_turning(const float32 x[5], const float32 turning[5], float32 turning_out[5])
 {
     const float32 omega = x[2];
     const float32 theta = x[3];
@@ -167,6 +169,7 @@ static void watch_turning(const float32 x[5], const float32 turning[4], float32 
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
+    turning_out[4] = TURN_PER_SAMPLE * omega;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -235,6 +238,9 @@ static void forget(spmsm_load_torque_ckf_supervisor_t *s)
 {
     s->failures = 0;
     s->reason = 0;
+    s->silent[0] = 0.0f;
+    s->silent[1] = 0.0f;
+    s->silent[2] = 0.0f;
 }
 
 /* After some windows in a row the attempts that went before are forgotten. */
@@ -509,6 +515,20 @@ static void watch(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque
             s->content = 0;
         }
         watch_turning(f->x, s->turning, s->turning);
+        if ((phase[0] * phase[0] > PROBE_SQUARED) || (phase[1] * phase[1] > PROBE_SQUARED)) {
+            s->silent[0] = s->silent[0] + s->turning[4];
+            if (phase[0] * phase[0] > ZERO_SQUARED) {
+                s->silent[0] = 0.0f;
+            }
+            s->silent[1] = s->silent[1] + s->turning[4];
+            if (phase[1] * phase[1] > ZERO_SQUARED) {
+                s->silent[1] = 0.0f;
+            }
+            s->silent[2] = s->silent[2] + s->turning[4];
+            if ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED) {
+                s->silent[2] = 0.0f;
+            }
+        }
     }
 }
 
@@ -538,6 +558,10 @@ void spmsm_load_torque_ckf_supervisor_init(spmsm_load_torque_ckf_supervisor_t *s
     s->turning[1] = 0.0f;
     s->turning[2] = 0.0f;
     s->turning[3] = 0.0f;
+    s->turning[4] = 0.0f;
+    s->silent[0] = 0.0f;
+    s->silent[1] = 0.0f;
+    s->silent[2] = 0.0f;
     s->probe[0] = 0.0f;
     s->probe[1] = 0.0f;
     s->reading[0] = 0.0f;
@@ -685,36 +709,50 @@ int spmsm_load_torque_ckf_supervise(
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
             taken = 23;
+        } else if ((s->silent[0] * s->silent[0] >= SILENT_TURN_SQUARED) ||
+                (s->silent[1] * s->silent[1] >= SILENT_TURN_SQUARED) ||
+                (s->silent[2] * s->silent[2] >= SILENT_TURN_SQUARED)) {
+            /* a phase is open: half a turn went by without a current in it */
+            s->reason = PMSM_REASON_PHASE;
+            go(s, PMSM_FAULT);
+            taken = 24;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 24;
+            taken = 25;
+        } else if (f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA] * f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA] > MOST_SPEED_SQUARED)
+                {
+            /* no motor turns as fast as is estimated */
+            fail(s);
+            s->reason = PMSM_REASON_RUNAWAY;
+            go(s, PMSM_RESTING);
+            taken = 26;
         } else if (s->diverged >= MAX_DIVERGED) {
             /* currents, voltages and motor do not fit */
             fail(s);
             s->reason = PMSM_REASON_DIVERGED;
             go(s, PMSM_RESTING);
-            taken = 25;
+            taken = 27;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 26;
+            taken = 28;
         } else if ((s->since >= LOCKED_SAMPLES) && !(s->turning[3] <= RUN_JOLT_SQUARED)) {
             /* the angle does not turn as the speed says: the filter may be half a turn off */
             fail(s);
             s->reason = PMSM_REASON_SLIPPED;
             go(s, PMSM_RESTING);
-            taken = 27;
+            taken = 29;
         } else if (s->since >= LOCKED_SAMPLES) {
             /* a window is over, and the next one begins */
             count_steady(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 28;
+            taken = 30;
         } else {
             /* the drive stays */
         }
@@ -723,7 +761,7 @@ int spmsm_load_torque_ckf_supervise(
             /* the fault is acknowledged */
             forget(s);
             go(s, PMSM_RESTING);
-            taken = 29;
+            taken = 31;
         } else {
             /* the drive stays */
         }

@@ -16,6 +16,7 @@ from model.filters.conditions import (
     Value,
     Whole,
     square,
+    total,
 )
 from model.filters.program import Call, Count, If, Node, Restart, Set
 from model.machines.state_space import StateSpaceModel
@@ -58,6 +59,10 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
                 _in_a_row("diverged", Reported(("DIVERGED",)), "MAX_DIVERGED"),
                 _in_a_row("content", good, "LOCKED_SAMPLES"),
                 Call(turning_block(drive, model)),
+                If(
+                    Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
+                    tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
+                ),
             ),
         ),
     )
@@ -66,6 +71,13 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
 def _in_a_row(counter: str, where: Condition, most: str) -> If:
     """One more in a row, or none; never beyond a limit, as an int that counts on would come round."""
     return If(where, (Count(counter, most),), (_clear(counter),))
+
+
+def _silent(k: int, current: Value) -> tuple[Set, If]:
+    """How far the rotor turned while this phase carried no current and another one did; i_c = -(i_a + i_b)."""
+    silent = Entry("silent", k)
+    more = Set(silent, Operation("+", silent, Entry("turning", 4)))
+    return more, If(Compare(">", square(current), Name("ZERO_SQUARED")), (Set(silent, Number(0.0)),))
 
 
 def _clear(counter: str) -> Set:
@@ -103,7 +115,11 @@ def _counting() -> tuple[Action, ...]:
     steady = Compare(">=", Entry("steady"), Name("STEADY_WINDOWS"))
     return (
         Action("fail", "One more attempt that failed.", (Count("failures", "MAX_FAILURES"),)),
-        Action("forget", "The next attempt is the first one again.", (_clear("failures"), _clear("reason"))),
+        Action(
+            "forget",
+            "The next attempt is the first one again.",
+            (_clear("failures"), _clear("reason"), *(Set(Entry("silent", k), Number(0.0)) for k in range(3))),
+        ),
         Action(
             "count_steady",
             "After some windows in a row the attempts that went before are forgotten.",

@@ -32,6 +32,9 @@ ZERO_CURRENT, PROBE_CURRENT, TRIP_CURRENT, UNKNOWN_SPEED, MIRROR_SPEED = 0.05, 0
 UNKNOWN_ANGLE, START_ANGLE = 0.01, 0.09
 #: rad: what a jolt may turn the angle by, beside half of what the speed says: while it is looked for, and in a window.
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
+#: rad: so far the rotor turns while a healthy phase carries no current: a third of that, as the others carry twice what
+#: reads as zero. Of the operating box's speed: beyond what field weakening reaches.
+SILENT_TURN, MOST_SPEED = math.pi, 3.0
 #: Share of their variance that adaptive states keep meanwhile.
 HELD = 1e-3
 #: Of a start: share of the largest current; s, least window; rad, what ends one, and what is motion enough to judge by;
@@ -172,6 +175,8 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
         Limit("LEAST_SINE", LEAST_SINE, "of the angle between two readings: it tells the direction"),
         Limit("CATCH_JOLT_SQUARED", CATCH_JOLT**2, "rad^2: so far off may the angle be, beside half of what is stated"),
         Limit("RUN_JOLT_SQUARED", RUN_JOLT**2, "rad^2: the same in a window of RUNNING, where a jolt may come"),
+        Limit("SILENT_TURN_SQUARED", SILENT_TURN**2, "rad^2: without a current in one phase alone it is open"),
+        Limit("MOST_SPEED_SQUARED", (MOST_SPEED * speed) ** 2, "(rad/s)^2: no motor turns faster; thrice the box's"),
         Limit("UNKNOWN_SPEED", (UNKNOWN_SPEED * speed) ** 2, "(rad/s)^2: of a rotor that turns"),
         Limit("UNKNOWN_ANGLE", UNKNOWN_ANGLE, "rad^2: what the probe leaves open"),
     )

@@ -77,6 +77,8 @@ REASONS = (
     Reason("DIVERGED", "for too long the currents were not what voltages and motor data say"),
     Reason("RESTARTED", "the filter's state was lost, and it began anew"),
     Reason("SLIPPED", "the angle did not turn as the estimated speed says"),
+    Reason("RUNAWAY", "the estimated speed went beyond all that the motor can do"),
+    Reason("PHASE", "a phase carried no current while the others did and the rotor turned"),
     Reason("NOT_CAUGHT", "the filter did not find the turning rotor in time"),
     Reason("NOT_STARTED", "the rotor did not turn as either filter says"),
     Reason("SELF_TEST", "the self-test failed: no acknowledgement helps"),
@@ -103,7 +105,8 @@ FIELDS = (
     Field("mirrored", "1: the guess was turned round already"),
     Field("failures", "attempts in a row that did not end in steady running"),
     Field("steady", "windows of RUNNING in a row"),
-    Field("turning", "rad: the angle turned, and should have by the speed; the angle before; rad^2: doubt", 4),
+    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),
+    Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
     Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),
     Field("reading", "cosine and sine of the current's angle; its size, A; sine of the angle since the first one", 4),
     Field("first", "cosine and sine of the first current's angle", 2),
@@ -159,7 +162,7 @@ def transitions(states: list[str], rivals: bool) -> tuple[Transition, ...]:
         *_from_rest(rivals),
         *_catching(),
         *(_starting(states) if rivals else ()),
-        *_running(),
+        *_running(states.index("omega")),
         Transition(
             "FAULT",
             "RESTING",
@@ -309,10 +312,24 @@ def _starting(states: list[str]) -> tuple[Transition, ...]:
     )
 
 
-def _running() -> tuple[Transition, ...]:
+def _running(omega: int) -> tuple[Transition, ...]:
+    half_turn = tuple(Compare(">=", square(Entry("silent", k)), Name("SILENT_TURN_SQUARED")) for k in range(3))
     return (
         _lost("RUNNING", at_least("excess", "MAX_EXCESS"), "a current is too large", "CURRENT"),
+        Transition(
+            "RUNNING",
+            "FAULT",
+            Either(half_turn),
+            "a phase is open: half a turn went by without a current in it",
+            reason="PHASE",
+        ),
         _lost("RUNNING", at_least("rejected", "MAX_REJECTED"), "the filter is blind", "BLIND"),
+        _lost(
+            "RUNNING",
+            Compare(">", square(Entry("x", omega)), Name("MOST_SPEED_SQUARED")),
+            "no motor turns as fast as is estimated",
+            "RUNAWAY",
+        ),
         _lost("RUNNING", at_least("diverged", "MAX_DIVERGED"), "currents, voltages and motor do not fit", "DIVERGED"),
         _lost("RUNNING", Reported(("RESTARTED",)), "the filter began anew", "RESTARTED"),
         _lost(

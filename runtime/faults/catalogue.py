@@ -33,14 +33,15 @@ class Circumstances:
 class Fault:
     """``rows`` makes a fault's samples, drawing what is random from a generator of its own.
 
-    One that is ``lasting`` (s: the run goes on so long) may end in FAULT, inverter off; ``at_start``: it is there from
-    power-up.
+    ``patience``: s beyond the usual that the run goes on, for what needs a start anew, under load. One that is
+    ``lasting`` (s: the run goes on so long) may end in FAULT, inverter off; ``at_start``: it is there from power-up.
     """
 
     name: str
     title: str
     rows: Callable[[Circumstances, np.random.Generator], Array]
     lasting: float = 0.0
+    patience: float = 0.0
     at_start: bool = False
 
 
@@ -288,8 +289,8 @@ FAULTS = (
     _fault("gain_jump", "sensor gain 1.5, 50 ms", wrong_gain, 50e-3, 1.5),
     _fault("offset_jump", "sensor offset 50 ms", offset, 50e-3, 0.5),
     _fault("offset_drift", "offset drifts 200 ms", drifting_offset, 200e-3, 0.5),
-    _fault("stalled", "rotor held 100 ms", marked, 100e-3, STALL),
-    _fault("overload", "load 1.2 of most 50 ms", overload, 50e-3, 1.2),
+    _fault("stalled", "rotor held 100 ms", marked, 100e-3, STALL, patience=0.5),
+    _fault("overload", "load 1.2 of most 50 ms", overload, 50e-3, 1.2, patience=0.5),
     _fault("phase_lost", "phase a open", marked, LASTING, OPEN_A, lasting=LASTING),
     _fault("swapped", "sensors swapped", marked, LASTING, SWAP, lasting=LASTING, at_start=True),
 )

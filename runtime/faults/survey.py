@@ -159,7 +159,7 @@ def run_fault(loop: FaultyLoop, fault: Fault, scenario: Scenario, seed: int, rea
     """One run; the seed makes the noise, the instant of the fault and what is random about it."""
     rng = np.random.default_rng([seed, 1])
     at = 0.0 if fault.at_start else scenario.load_at + FAULT_AFTER + rng.uniform(0.0, FAULT_SPREAD)
-    scenario = replace(scenario, duration=max(scenario.duration, fault.lasting))
+    scenario = replace(scenario, duration=max(scenario.duration + fault.patience, fault.lasting))
     rows = fault.rows(circumstances(loop.folder, scenario), rng)
     return loop.run(scenario, rows, at, seed=seed, reacting=reacting)
 

@@ -32,6 +32,8 @@ ANGLE = 2.0
 COUNTED = ("since", "quiet", "gap", "rejected", "diverged", "excess", "content")
 #: rad: how far the angle turned, and should have by the speed.
 AGREE, DIFFER = (1.2, 1.2), (1.2, -1.2)
+#: rad/s: no motor turns so fast; and A^2: variances of the sensors by which the filter keeps what it begins with.
+BEYOND, NOISE = 2e5, 1e9
 #: Shares of the largest current: reads as zero, tells that the rotor turns, trips.
 NONE, TELLS, TRIPS = 0.01, 0.5, 2.0
 
@@ -98,6 +100,8 @@ CASES = (
     Case("STARTING", given=_turned(DIFFER)),
     Case("STARTING", ends={"since": "WINDOW_SAMPLES"}),
     *_lost("RUNNING"),
+    Case("RUNNING", given={"silent[1]": 4.0}),
+    Case("RUNNING", tuned={"x_0[2]": BEYOND, "R[0]": NOISE, "R[1]": NOISE}),
     Case("RUNNING", ends={"diverged": "MAX_DIVERGED"}, tuned={"nis_max": -1.0}),
     Case("RUNNING", ends={"since": "LOCKED_SAMPLES"}, given=_turned(DIFFER)),
     Case("RUNNING", ends={"since": "LOCKED_SAMPLES", "steady": "STEADY_WINDOWS"}, given={"failures": 3}),

@@ -19,6 +19,8 @@ from runtime.proof.result import Link, Row
 
 #: Where no gate may be on, whatever else is declared.
 OFF = ("RESTING", "WAITING", "FAULT")
+#: Reasons that no further attempt can mend.
+AT_ONCE = ("PHASE",)
 #: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
 #: and the one that ends it.
 ENOUGH = 2
@@ -252,7 +254,12 @@ def _out(found: Explored) -> Iterator[Row]:
 
 
 def _failures(found: Explored) -> Iterator[Row]:
-    """An attempt that fails is counted; so many in a row end in FAULT, and nothing but success forgets them."""
+    """An attempt that fails is counted; so many in a row end in FAULT, and nothing but success forgets them.
+
+    What no attempt can mend ends there at once.
+    """
+    rows = enumerate(found.machine.machine.transitions, start=1)
+    at_once = {number for number, row in rows if row.target == "FAULT" and row.reason in AT_ONCE}
     most = found.machine.limits["MAX_FAILURES"]
     uncounted = forgotten = missed = entered = 0
     for state, edges in found.edges.items():
@@ -267,12 +274,17 @@ def _failures(found: Explored) -> Iterator[Row]:
                 entered += 1
                 missed += one.after[0] != "FAULT"
             else:
-                missed += one.after[0] == "FAULT" and state[0] != "FAULT"
+                missed += one.after[0] == "FAULT" and state[0] != "FAULT" and one.number not in at_once
     count = sum(map(len, found.edges.values()))
     yield _row("every attempt that fails is counted", "that are not", uncounted, count)
     yield _row("only success or an acknowledgement forgets", "interrupts that do else", forgotten, count)
     missed += entered == 0
-    yield _row("so many failures in a row, and no fewer, end in FAULT", "interrupts that do else", missed, entered)
+    yield _row(
+        "so many failures in a row, or an open phase, and nothing else, end in FAULT",
+        "interrupts that do else",
+        missed,
+        entered,
+    )
 
 
 def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int]) -> Iterator[Row]:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.inverter import lost_volts
+from runtime.proof.mode_memory import CARRIES, Filter, Memory, Said
 from runtime.proof.mode_walk import Walk
-from runtime.proof.modes import CARRIES, Filter, Memory, Modes, Said
+from runtime.proof.modes import Modes
 from runtime.proof.motors import Plant
 from runtime.proof.result import Link, Row
 

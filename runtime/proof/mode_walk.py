@@ -111,6 +111,7 @@ class Walk:
         self._set_counts()
         self._set_estimates()
         self._set_turning()
+        self._set_silent()
         phase = self._phase(), self._phase()
         self._set_readings(phase)
         rng, speed = self.rng, self.known.speed
@@ -224,7 +225,13 @@ class Walk:
         values = [sign * turned, sign * stated, before]
         turning = [np.where(self.where, self._real(v), b) for v, b in zip(values, self.s.turning, strict=False)]
         off = turning[0] - turning[1]
-        self.s.turning = (*turning, self._real(off * off - 0.25 * turning[1] * turning[1]))
+        self.s.turning = (*turning, self._real(off * off - 0.25 * turning[1] * turning[1]), self.s.turning[4])
+
+    def _set_silent(self) -> None:
+        """Half a turn without a current in a phase, or nearly; most phases are never silent so long."""
+        rng, shape = self.rng, (3, self.lanes)
+        silent = numbers.SILENT_TURN * (1 + rng.choice(NEAR, shape)) * rng.choice([-1.0, 1.0], shape)
+        self._set(self.s, "silent", np.where(rng.random(shape) < 0.1, silent, 0.0))
 
     def _set_readings(self, phase: tuple[Array, Array]) -> None:
         """The first current's direction: anywhere, or where the sine from there to this one's is about what tells."""
@@ -245,6 +252,9 @@ class Walk:
             x = np.array(one.x, dtype=np.float64) if one is self.f else rng.uniform(-1, 1, (len(one.x), self.lanes))
             x[:2] = rng.uniform(-1, 1, (2, self.lanes)) * known.most
             x[2] = known.speed * rng.uniform(-1, 1, self.lanes)
+            far = self.where & (rng.random(self.lanes) < 0.3)
+            most = numbers.RUNAWAY_SPEED * known.speed * np.copysign(1 + rng.choice(NEAR, self.lanes), x[2])
+            x[2] = np.where(far, most, x[2])
             x[2, rng.random(self.lanes) < 0.01] = np.nan
             x[3] = np.where(rng.random(self.lanes) < 0.5, self.s.turning[2] + known.p * known.T * x[2], x[3])
             x[3] = np.clip(np.nan_to_num(x[3]), -3.1, 3.1)

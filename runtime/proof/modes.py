@@ -10,10 +10,9 @@ import cmath
 import math
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
-from typing import Any
 
 from runtime.proof.control import clarke
+from runtime.proof.mode_memory import CARRIES, Filter, Memory, Said
 from runtime.proof.mode_numbers import (
     ADRIFT,
     BETTER,
@@ -33,8 +32,10 @@ from runtime.proof.mode_numbers import (
     READ_SPEED,
     REST,
     RUN_JOLT,
+    RUNAWAY_SPEED,
     SETTLE,
     SHOWS,
+    SILENT_TURN,
     START_ANGLE,
     STEADY,
     TELLS,
@@ -59,58 +60,12 @@ EVENTS = {
         *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
         *("rival is better", "found", "as stated", "not as stated", "nothing turned"),
     ),
-    "RUNNING": ("lost, CURRENT", "lost, BLIND", "lost, DIVERGED", "lost, RESTARTED", "lost, SLIPPED", "steady"),
+    "RUNNING": (
+        *("lost, CURRENT", "open", "lost, BLIND", "lost, RUNAWAY", "lost, DIVERGED", "lost, RESTARTED"),
+        *("lost, SLIPPED", "steady"),
+    ),
     "FAULT": ("acknowledged",),
 }
-
-#: In the place of the first two states: whatever carries the measured currents where the rotor is placed.
-CARRIES = None
-
-
-@dataclass
-class Filter:
-    """A filter: state, variances (D of L D L^T) and the words beside them, where it begins; ``rest`` is all else."""
-
-    x: list[Any]
-    variances: list[float]
-    beside: list[float]
-    nis: float
-    x_0: list[float]
-    P_0: list[float]
-    rest: dict[str, Any] = field(default_factory=dict)
-
-    def begin(self, rotor: tuple[float, float] | None = None) -> None:
-        """x_0 and P_0; with speed (rad/s) and angle (rad) of a rotor, at these.
-
-        Parameters
-        ----------
-        rotor : tuple of float, optional
-        """
-        self.x, self.variances, self.nis = list(self.x_0), list(self.P_0), 0.0
-        self.beside = [0.0] * len(self.beside)
-        self.rest["u_held"], self.rest["iterations"] = [0.0, 0.0], 0
-        if rotor is not None:
-            self.x[:4] = [CARRIES, CARRIES, *rotor]
-
-
-@dataclass
-class Memory:
-    """The machine's own fields, by their names in the header; mode and reason by name."""
-
-    mode: str
-    reason: str
-    rival: Filter | None = None
-    whole: dict[str, int] = field(default_factory=dict)
-    arrays: dict[str, list[Any]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Said:
-    """What the filter's step reported of itself."""
-
-    rejected: bool = False
-    diverged: bool = False
-    restarted: bool = False
 
 
 class Modes(Numbers):
@@ -180,12 +135,17 @@ class Modes(Numbers):
         self._row(m, "diverged", said.diverged, self.samples(ADRIFT))
         good = not (said.rejected or said.diverged or said.restarted)
         self._row(m, "content", good, self.samples(LOCKED))
-        turned, stated, before, _ = m.arrays["turning"]
+        turned, stated, before = m.arrays["turning"][:3]
         omega, theta = f.x[2], f.x[3]
         turned += math.remainder(theta - before, 2 * math.pi)
         stated += self.p * omega * self.T
         off, half = turned - stated, stated / 2
-        m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half)]
+        now = self.p * omega * self.T
+        m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half), now]
+        i_a, i_b = phase
+        if any(abs(i) > SHOWS * self.most for i in phase):
+            turns = zip((i_a, i_b, -i_a - i_b), m.arrays["silent"], strict=True)
+            m.arrays["silent"] = [0.0 if abs(i) > ZERO * self.most else turn + now for i, turn in turns]
 
     @staticmethod
     def _as_stated(m: Memory, jolt: float) -> bool:
@@ -369,9 +329,14 @@ class Modes(Numbers):
     def _running(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         n = m.whole
         over = n["since"] >= self.samples(LOCKED)
+        if n["excess"] < EXCESS and any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]):
+            m.reason = "PHASE"
+            self._go(m, "FAULT")
+            return "open"
         for blame, lost in (
             ("CURRENT", n["excess"] >= EXCESS),
             ("BLIND", n["rejected"] >= self.samples(BLIND)),
+            ("RUNAWAY", abs(f.x[2]) > RUNAWAY_SPEED * self.speed),
             ("DIVERGED", n["diverged"] >= self.samples(ADRIFT)),
             ("RESTARTED", said.restarted),
             ("SLIPPED", over and not self._as_stated(m, RUN_JOLT)),
@@ -391,6 +356,6 @@ class Modes(Numbers):
     def _fault(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         if m.whole["acknowledged"] != 1 or m.reason == "SELF_TEST":
             return ""
-        m.whole["failures"], m.reason = 0, "NONE"
+        m.whole["failures"], m.reason, m.arrays["silent"] = 0, "NONE", [0.0, 0.0, 0.0]
         self._go(m, "RESTING")
         return "acknowledged"

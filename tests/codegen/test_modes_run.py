@@ -6,6 +6,7 @@ docs/firmware.md states; nothing of the supervisor's own numbers is read here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -138,6 +139,52 @@ def test_a_jolt_while_running(board: Board, drift: float, good: bool) -> None:
     count, tiny = board.interrupts(LOCKED), rate(board, LOCKED, 1e-4)
     spin(board, count - 1, tiny)
     assert spin(board, count, tiny, ratio=1 + drift / 1e-4, stop="0") == (0 if good else count)
+
+
+@pytest.mark.parametrize("phase", range(3))
+def test_an_open_phase_ends_in_fault_after_half_a_turn(board: Board, phase: int) -> None:
+    """Its current reads nothing, the others' are opposite; the angle turns as stated."""
+    running(board)
+    count = 3 * board.interrupts(LOCKED)
+    turn = rate(board, LOCKED, 1.0)
+    other = 0.5 * ampere(board, 1.0)
+    board.now.phase[:] = [(0.0, other), (other, 0.0), (other, -other)][phase]
+    half_turn = math.ceil(math.pi / (board.drive.motor.pole_pairs * board.T * turn))
+    assert spin(board, half_turn + count, turn, stop="0") in {half_turn, half_turn + 1}
+    assert (board.mode, board.reason) == ("FAULT", "PHASE")
+    board.interrupt(20 * board.interrupts(REST), phase=(0.0, 0.0))
+    assert not board.gates, "no attempt follows"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9 * SHOWS])
+def test_small_currents_are_no_open_phase(board: Board, share: float) -> None:
+    running(board)
+    board.now.phase[:] = 0.0, share * ampere(board, 1.0)
+    assert spin(board, 10 * board.interrupts(LOCKED), rate(board, LOCKED, 1.0), stop="0") == 0
+
+
+def test_a_phase_that_carries_current_once_in_a_while_is_not_open(board: Board) -> None:
+    running(board)
+    count, turn = board.interrupts(LOCKED), rate(board, LOCKED, 1.0)
+    for _ in range(5):
+        board.now.phase[:] = 0.0, 0.5 * ampere(board, 1.0)
+        assert spin(board, 3 * count - 2, turn, stop="0") == 0
+        board.now.phase[:] = 1.01 * ampere(board, ZERO), 0.5 * ampere(board, 1.0)
+        assert spin(board, 1, turn, stop="0") == 0
+
+
+def test_a_current_that_stands_is_no_open_phase(board: Board) -> None:
+    """At standstill a phase may have none for ever: where the angle does not turn nothing is open."""
+    running(board)
+    board.now.phase[:] = 0.0, 0.9 * ampere(board, 1.0)
+    assert spin(board, 20 * board.interrupts(LOCKED), 0.0, stop="0") == 0
+
+
+@pytest.mark.parametrize(("share", "good"), [(2.99, True), (3.01, False), (-2.99, True), (-3.01, False)])
+def test_no_motor_turns_as_fast_as_a_runaway_estimate(board: Board, share: float, good: bool) -> None:
+    running(board)
+    assert spin(board, 2, share * board.drive.operating_box.speed, stop="0") == (0 if good else 1)
+    assert board.reason == ("NONE" if good else "RUNAWAY")
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])

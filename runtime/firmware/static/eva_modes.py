@@ -2,7 +2,8 @@
 
 The supervisor's integers may be all that 16 bits hold, modes and counts that are none among them: so no count
 overflows the chip's int, from any memory. Its reals lie in :data:`REALS`, far beyond what they reach; filter and rival
-in the box of the filter's own proof (:mod:`runtime.firmware.static.box`), currents to twice what a filter accepts.
+in the box of the filter's own proof (:mod:`runtime.firmware.static.box`), but for the speed, which may have run away;
+currents to twice what a filter accepts.
 
 Beside the facts about sine and cosine that :mod:`runtime.firmware.static.eva` hands over there is one more. In
 ``size = sqrt(larger(a a + b b, least))`` intervals forget that a a is part of what the root is of, so ``a / size`` may
@@ -24,7 +25,8 @@ from runtime.firmware.static.tool import missing
 
 #: Of what the supervisor keeps, by field and place in it.
 REALS: Mapping[str, tuple[Interval, ...]] = {
-    "turning": (*[Interval.within(1e5)] * 2, Interval.within(10.0), Interval.within(1e11)),
+    "turning": (*[Interval.within(1e5)] * 2, Interval.within(10.0), Interval.within(1e11), Interval.within(1e5)),
+    "silent": (Interval.within(1e5),) * 3,
     "probe": (Interval.within(1.0), Interval(0.0, 32_767.0)),
     "reading": (*[Interval.within(1.1)] * 2, Interval(0.0, 1e6), Interval.within(3.0)),
     "first": (Interval.within(1.1),) * 2,
@@ -37,6 +39,8 @@ MOST_OF_LENGTH = 1.001
 _LENGTH = re.compile(
     r"const float32 size = PMSM_SQRT\(larger\((?P<a>\w+) \* (?P=a) \+ (?P<b>\w+) \* (?P=b), LEAST_SIZE\)\);"
 )
+#: An estimated speed that has run away, rad/s.
+RUNAWAY = Interval.within(1e6)
 #: Speed reference, rad/s.
 REFERENCE = Interval.within(1e6)
 
@@ -111,7 +115,9 @@ def driver(folder: Path, prefix: str) -> str:
         Of the filter.
     """
     header = (folder / f"{prefix}_supervisor.h").read_text(encoding="utf-8")
-    box = filter_box(read_manifest(folder), covariance_field(folder, prefix)).places
+    manifest = read_manifest(folder)
+    speed = [state["name"] for state in manifest["states"]].index("omega")
+    box = filter_box(manifest, covariance_field(folder, prefix)).replaced(**{f"f.x[{speed}]": RUNAWAY}).places
     current = box["y[0]"]
     places = {place: interval for place, interval in box.items() if place.startswith("f.")}
     if re.search(rf"^    {prefix}_t rival;", header, re.M):
