@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.commands.terminal import console, working
+from runtime.commands.terminal import console, say, working
 from runtime.commands.words import DRIVE, Json
 from runtime.system.verdicts import all_hold
 
@@ -39,6 +39,6 @@ def compare(
     if json is not None:
         write_json(subjects, json)
     if out is not None:
-        console.print(f"Page: {write_comparison(subjects, out)}", highlight=False, soft_wrap=True)
+        say(f"Page: {write_comparison(subjects, out)}")
     if not all_hold(run.good for subject in subjects for run in subject.runs):
         raise typer.Exit(1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from runtime.commands.terminal import console, counting, working
+from runtime.commands.terminal import console, counting, say, working
 from runtime.commands.words import Json
 from runtime.system.errors import UserError
 from runtime.system.files import write_text
@@ -87,7 +87,7 @@ def carry_out(
         write_text(json, json_module.dumps(trial_facts(trial, chosen), indent=2) + "\n")
     for path in (out, write):
         if path is not None:
-            console.print(f"Drive file: {path}", highlight=False, soft_wrap=True, markup=False)
+            say(f"Drive file: {path}")
     style, word = ("green", "holds") if trial.holds else ("bold red", "does NOT hold")
     console.print(
         f"{known.name}: [{style}]{word}[/{style}] at a tenth of rated speed and above; "

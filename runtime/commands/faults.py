@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from runtime.commands.terminal import console, working
+from runtime.commands.numbers import ANY
+from runtime.commands.terminal import console, say, working
 from runtime.commands.words import Drives
 from runtime.system.verdicts import all_hold
 
@@ -19,8 +20,10 @@ def faults(
     ] = None,
     only: Annotated[str | None, typer.Option(metavar="NAMES", help="Comma-separated: some of the faults.")] = None,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each fault: noise, instant, garbage.")] = 20,
-    load: Annotated[float | None, typer.Option(metavar="NM", help="Load torque; default: rated.")] = None,
-    speed: Annotated[float | None, typer.Option(metavar="RPM", help="Speed reference; default: rated.")] = None,
+    load: Annotated[float | None, typer.Option(metavar="NM", callback=ANY, help="Load torque; default: rated.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(metavar="RPM", callback=ANY, help="Speed reference; default: rated.")
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every run's figures.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a figure a drive (svg).")] = None,
 ) -> None:
@@ -51,6 +54,6 @@ def faults(
         write_outcomes(outcomes, json)
     if out is not None:
         for path in write_fault_figures(outcomes, out):
-            console.print(f"Figure: {path}", highlight=False, soft_wrap=True)
+            say(f"Figure: {path}")
     if not all_hold(outcome.recovered for outcome in outcomes):
         raise typer.Exit(1)

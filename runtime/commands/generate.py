@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.commands.terminal import console, working
+from runtime.commands.terminal import say, working
 from runtime.commands.words import Drives, caution, show_written
 from runtime.folders.generate import generate_drives
 
@@ -36,7 +36,7 @@ def generate(
     if check:
         for item in written:
             if item.diff:
-                console.print(item.diff, markup=False, highlight=False, soft_wrap=True)
+                say(item.diff)
     show_written(written)
     if any(item.state == "stale" for item in written):
         raise typer.Exit(1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from runtime.commands.design import Draws, Seed, carry_out
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, say
 from runtime.commands.words import Json
 from runtime.system.errors import UserError, take_interrupt
 from runtime.system.files import write_text
@@ -60,12 +60,12 @@ def new(
         raise UserError(f"the answers end before the facts are whole.{_kept(tables, facts_out)}") from None
     except KeyboardInterrupt:
         take_interrupt()
-        _say(f"\n{_kept(tables, facts_out).strip()}")
+        say(f"\n{_kept(tables, facts_out).strip()}")
         raise
     known = parse_facts(tables, facts_out.name)
     console.print(facts_table(known))
     write_text(facts_out, facts_text(tables))
-    _say(f"Facts file: {facts_out}. What is wrong there can be changed; then: pmsm-ickf design {facts_out} --out {out}")
+    say(f"Facts file: {facts_out}. What is wrong there can be changed; then: pmsm-ickf design {facts_out} --out {out}")
     carry_out(known, facts_out.name, out, None, draws, seed, json)
 
 
@@ -89,12 +89,12 @@ def _way_of(question: Question) -> tuple[str, ...]:
 
     if len(question.ways) == 1:
         return question.ways[0]
-    _say("Which of these do you know?")
+    say("Which of these do you know?")
     for number, way in enumerate(question.ways, start=1):
-        _say(f"  {number}  {' and '.join(meaning(question.section, key) for key in way)}")
+        say(f"  {number}  {' and '.join(meaning(question.section, key) for key in way)}")
     numbers = [str(number) for number in range(1, len(question.ways) + 1)]
     while (answer := _answer(f"{', '.join(numbers[:-1])} or {numbers[-1]}")) not in numbers:
-        _say(f"'{answer}' is none of {', '.join(numbers)}.")
+        say(f"'{answer}' is none of {', '.join(numbers)}.")
     return question.ways[int(answer) - 1]
 
 
@@ -115,7 +115,7 @@ def _ask_for(tables: Tables, section: str, key: str, last: bool = False) -> None
         if why is None:
             return
         into.pop(key, None)
-        _say(why)
+        say(why)
 
 
 def _may_be_written(path: Path) -> None:
@@ -130,7 +130,7 @@ def _may_be_written(path: Path) -> None:
 
 def _answer(question: str) -> str:
     """A line of standard input; EOFError after the last."""
-    console.print(f"{question}:", end=" ", highlight=False, markup=False, soft_wrap=True)
+    say(f"{question}:", end=" ")
     try:
         line = sys.stdin.readline()
     except UnicodeDecodeError:
@@ -139,7 +139,7 @@ def _answer(question: str) -> str:
         console.print()
         raise EOFError
     if not sys.stdin.isatty():  # so that what is shown reads as in a terminal
-        _say(line.strip())
+        say(line.strip())
     return line.strip()
 
 
@@ -152,7 +152,3 @@ def _kept(tables: Tables, facts_out: Path | None) -> str:
     part = facts_out.with_suffix(".part.toml")
     write_text(part, facts_text(tables))
     return f" What was answered lies in {part}: complete it (docs/design.md), then: pmsm-ickf design {part}"
-
-
-def _say(text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 
 from runtime.board.pil import PilResult
+from runtime.commands.numbers import within
 from runtime.commands.serial import Baud, Port
 from runtime.commands.terminal import console, counting
 from runtime.commands.words import DRIVE, Json
@@ -47,10 +48,13 @@ def pil(
     backend: Annotated[str, typer.Option(metavar="NAME", help="The host's side: numpy or c.")] = "numpy",
     ticks_hz: Annotated[
         float | None,
-        typer.Option("--ticks-hz", metavar="HZ", min=1.0, help="Rate of the board's timer, to give times."),
+        typer.Option(
+            "--ticks-hz", metavar="HZ", callback=within(1.0, 1e12), help="Rate of the board's timer, to give times."
+        ),
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option(metavar="S", min=0.001, help="Silence after which a request is sent again.")
+        float | None,
+        typer.Option(metavar="S", callback=within(1e-3, 1e3), help="Silence after which a request is sent again."),
     ] = None,
     attempts: Annotated[int, typer.Option(min=1, help="How often a step is sent before it is lost.")] = 20,
     json: Json = None,

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from runtime.commands.numbers import within
 from runtime.commands.serial import Baud, Port
-from runtime.commands.terminal import console
+from runtime.commands.terminal import console, say
 from runtime.system.errors import UserError
 
 
@@ -20,7 +21,7 @@ def record(
     baud: Baud = 115200,
     out: Annotated[Path, typer.Option(metavar="FILE", help="Recorded data: .npz or .csv.")] = Path("recorded.npz"),
     seconds: Annotated[
-        float | None, typer.Option(metavar="S", min=0.1, help="How long. Default: until Ctrl-C.")
+        float | None, typer.Option(metavar="S", callback=within(0.1, 1e6), help="How long. Default: until Ctrl-C.")
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Live curves, where there is a display.")] = False,
 ) -> None:
@@ -43,4 +44,4 @@ def record(
     if not recording.rows:
         out.unlink(missing_ok=True)
         raise UserError("nothing was received: does the board poll pmsm_telemetry, at this --baud?")
-    console.print(f"Recorded: {out}", highlight=False, soft_wrap=True)
+    say(f"Recorded: {out}")

@@ -9,9 +9,10 @@ import typer
 from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
-from runtime.commands.terminal import console, counting
+from runtime.commands.numbers import ANGLE
+from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Json
-from runtime.system.errors import UserError
+from runtime.system.values import read_number
 
 if TYPE_CHECKING:
     from runtime.replay.replay import Replay
@@ -35,7 +36,8 @@ def replay(
     ] = None,
     x0: Annotated[str | None, typer.Option(metavar="A,B,...", help="Start from this state, in state order.")] = None,
     theta0: Annotated[
-        float | None, typer.Option(metavar="RAD", help="Start at standstill, the rotor at this electrical angle.")
+        float | None,
+        typer.Option(metavar="RAD", callback=ANGLE, help="Start at standstill, the rotor at this electrical angle."),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="F.npz", help="Write t, x, P, status.")] = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
@@ -72,7 +74,7 @@ def replay(
         result.write_json(json)
     if plots is not None:
         for path in write_figures(result, plots):
-            console.print(f"Figure: {path}", highlight=False, soft_wrap=True)
+            say(f"Figure: {path}")
     if not result.finite:
         console.print("[bold red]the estimate did not stay a number[/bold red]", highlight=False)
         raise typer.Exit(1)
@@ -89,7 +91,4 @@ def _show(result: Replay) -> None:
 def _numbers(text: str | None) -> tuple[float, ...] | None:
     if text is None:
         return None
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise UserError(f"--x0 '{text}' is not a list of numbers such as 0,0,104.7,1.2.") from None
+    return tuple(read_number(part.strip(), f"--x0 '{text}':") for part in text.split(","))

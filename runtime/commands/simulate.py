@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from runtime.commands.numbers import ANGLE, ANY, POSITIVE, SECONDS, within
 from runtime.commands.terminal import console, working
 from runtime.commands.words import DRIVE, Json, caution
 from runtime.drive.simulate import simulate_drive
 from runtime.system.verdicts import all_hold
 
 Theta = Annotated[
-    float, typer.Option(metavar="RAD", help="Rotor's electrical angle at the start; other than 0: --supervised.")
+    float,
+    typer.Option(
+        metavar="RAD", callback=ANGLE, help="Rotor's electrical angle at the start; other than 0: --supervised."
+    ),
 ]
 Supervised = Annotated[
     bool | None,
@@ -27,24 +31,29 @@ def simulate(
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
     dead_time: Annotated[
-        float | None, typer.Option(metavar="S", min=0, max=1e-4, help="Dead time in s; default: the drive file's.")
+        float | None,
+        typer.Option(metavar="S", callback=within(0.0, 1e-4), help="Dead time in s; default: the drive file's."),
     ] = None,
     switch_drop: Annotated[
-        float | None, typer.Option(metavar="V", min=0, help="Drop of a switch in V; default: the drive file's.")
+        float | None,
+        typer.Option(metavar="V", callback=POSITIVE, help="Drop of a switch in V; default: the drive file's."),
     ] = None,
-    min_pulse: Annotated[float, typer.Option(metavar="S", min=0, help="Shortest pulse in s (pwm).")] = 0.0,
+    min_pulse: Annotated[float, typer.Option(metavar="S", callback=POSITIVE, help="Shortest pulse in s (pwm).")] = 0.0,
     delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
     noise: Annotated[
-        float | None, typer.Option(metavar="A", min=0, help="Current sensor noise, rms; 0.05 or the filter's if less.")
+        float | None,
+        typer.Option(metavar="A", callback=POSITIVE, help="Current sensor noise, rms; 0.05 or the filter's if less."),
     ] = None,
     bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
-    offset: Annotated[float, typer.Option(metavar="A", help="Offset of phase a's current sensor.")] = 0.0,
+    offset: Annotated[float, typer.Option(metavar="A", callback=ANY, help="Offset of phase a's current sensor.")] = 0.0,
     sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
     theta: Theta = 0.0,
     supervised: Supervised = None,
-    speed: Annotated[float | None, typer.Option(metavar="R/MIN", help="Default: rated speed.")] = None,
-    load: Annotated[float | None, typer.Option(metavar="N_M", help="Of the load step; default: rated torque.")] = None,
-    ramp: Annotated[float | None, typer.Option(metavar="S", help="From standstill to speed.")] = None,
+    speed: Annotated[float | None, typer.Option(metavar="R/MIN", callback=ANY, help="Default: rated speed.")] = None,
+    load: Annotated[
+        float | None, typer.Option(metavar="N_M", callback=ANY, help="Of the load step; default: rated torque.")
+    ] = None,
+    ramp: Annotated[float | None, typer.Option(metavar="S", callback=SECONDS, help="From standstill to speed.")] = None,
     factors: Annotated[
         str, typer.Option(metavar="R=1.1,...", help="True motor's R, L, L_d, L_q, psi_m, J over the filter's.")
     ] = "",

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 from model.drives.load import shipped_drives
-from runtime.commands.terminal import console, work_bar
+from runtime.commands.terminal import console, say, work_bar
 from runtime.commands.words import Drives, Json
 from runtime.system.files import write_text
 from runtime.system.verdicts import all_hold
@@ -51,7 +51,7 @@ def soak(
     for line, style in soaks_verdict(soaks):
         console.print(f"[{style}]{escape(line)}[/{style}]", highlight=False, soft_wrap=True)
     if plots is not None:
-        console.print(f"Figure: {write_soak_figure(soaks, plots)}", highlight=False, soft_wrap=True)
+        say(f"Figure: {write_soak_figure(soaks, plots)}")
     if json is not None:
         write_text(json, json_module.dumps(soak_facts(soaks), indent=2) + "\n")
     if not all_hold(not result.failures() for result in soaks):

@@ -13,7 +13,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from model.drives.load import shipped_drives
-from runtime.commands.terminal import console, counting
+from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Drives, Json
 from runtime.study.statement import USUAL, VARIABLES
 from runtime.system.files import write_text
@@ -39,7 +39,7 @@ app = typer.Typer(
 VARY_HELP = (
     "NAME=LOW:HIGH (evenly), NAME=LOW:HIGH:log, or NAME=VALUE; repeat it. ':rated' behind noise, load or speed: in "
     "shares of what suits the drive. NAME: "
-    + ", ".join(f"{name} ({unit})" for name, (unit, _) in VARIABLES.items())
+    + ", ".join(f"{name} ({unit})" for name, (unit, *_) in VARIABLES.items())
     + "."
 )
 Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn: same seed, same runs, anywhere.")]
@@ -87,7 +87,7 @@ def run(
             console.print()
             console.print(paired)
         paths = write_figures(study)
-        console.print(f"Figures: {', '.join(path.name for path in paths)}", highlight=False, soft_wrap=True)
+        say(f"Figures: {', '.join(path.name for path in paths)}")
     if json is not None:
         json.write_text(json_module.dumps(study_facts(study), indent=2) + "\n")
     if study.interrupted:
@@ -99,7 +99,7 @@ def run(
             soft_wrap=True,
         )
         raise typer.Exit(130)
-    console.print(f"Runs: {out}", highlight=False, soft_wrap=True)
+    say(f"Runs: {out}")
 
 
 @app.command("tune")
@@ -143,7 +143,7 @@ def tune(
         console.print("\nFor the drive file, section \\[filter]:")
         console.print(tuned.lines, highlight=False, markup=False)
     paths = write_front(tuned, tuned.folder)
-    console.print(f"\nTrials and {paths[0].name}: {tuned.folder}", highlight=False, soft_wrap=True)
+    say(f"\nTrials and {paths[0].name}: {tuned.folder}")
     if json is not None:
         json.write_text(json_module.dumps(tuned_facts(tuned), indent=2) + "\n")
     if tuned.interrupted:
@@ -183,7 +183,7 @@ def draw_map(
         highlight=False,
     )
     page = write_map(found, out or Path("build") / "map" / found.drive)
-    console.print(f"Page: {page}", highlight=False, soft_wrap=True, markup=False)
+    say(f"Page: {page}")
     if json is not None:
         write_text(json, json_module.dumps(map_facts(found), indent=2) + "\n")
 

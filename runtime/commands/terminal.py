@@ -37,6 +37,18 @@ class Terminal(Console):
 console = Terminal() if sys.stdout.isatty() else Terminal(width=140)
 
 
+def say(text: str, end: str = "\n") -> None:
+    """A line as it is: names and paths are the user's, and square brackets in them are no markup.
+
+    Parameters
+    ----------
+    text : str
+    end : str, optional
+        What follows it.
+    """
+    console.print(text, end=end, highlight=False, markup=False, soft_wrap=True)
+
+
 @contextmanager
 def working() -> Iterator[Callable[[str], None]]:
     """A spinner that says what is going on; plain lines where there is no terminal."""

@@ -42,7 +42,7 @@ def show_written(written: list[Written]) -> None:
     table = columns_table("drive", "files", "folder", "", left=range(4))
     for item in written:
         style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
-        table.add_row(item.drive, str(item.files), str(item.folder), f"[{style}]{item.state}[/{style}]")
+        table.add_row(item.drive, str(item.files), escape(str(item.folder)), f"[{style}]{item.state}[/{style}]")
     console.print(table)
 
 

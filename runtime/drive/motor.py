@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.estimator.folder import GeneratedFolder
 from runtime.system.errors import UserError
+from runtime.system.values import read_number
 
 Array = NDArray[Any]
 
@@ -20,6 +20,8 @@ LONGEST_STEP, STEP_SHARE = 12.5e-6, 0.05
 #: Steps a sample at most.
 MOST_STEPS = 5000
 
+#: What a factor on a datum may be.
+FACTOR_RANGE = (1e-3, 1e3)
 #: Motor data that may differ from the filter's.
 FACTORS = ("R", "L_d", "L_q", "psi_m", "J")
 
@@ -40,16 +42,13 @@ def parse_factors(text: str) -> dict[str, float]:
     found: dict[str, float] = {}
     for entry in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = (part.strip() for part in entry.partition("="))
-        try:
-            factor = float(value)
-        except ValueError:
-            raise UserError(f"--factors '{entry}' is not NAME=FACTOR, such as R=1.1.") from None
+        if not value:
+            raise UserError(f"--factors '{entry}' is not NAME=FACTOR, such as R=1.1.")
+        factor = read_number(value, f"--factors {name}:", *FACTOR_RANGE)
         for datum in ("L_d", "L_q") if name == "L" else (name,):
             if datum not in FACTORS:
                 raise UserError(f"--factors: no motor datum '{name}'; there are: L, {', '.join(FACTORS)}.")
             found[datum] = factor
-        if not (math.isfinite(factor) and factor > 0):
-            raise UserError(f"--factors {name}={value}: a factor is a positive number.")
     return found
 
 

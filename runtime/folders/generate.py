@@ -9,7 +9,7 @@ from pathlib import Path
 
 from codegen.evidence.budget import check_budget
 from codegen.evidence.measure import Measurer, kept_records
-from codegen.generate import generate
+from codegen.generate import FORMS, generate
 from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import MANIFEST, difference, write_folder
 from model.drives.load import shipped_drives
@@ -59,6 +59,8 @@ def generate_drives(
     progress : Progress, optional
         Told how far the work is.
     """
+    if form not in FORMS:
+        raise UserError(f"no form '{form}'; there are: {', '.join(FORMS)}.")
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
     chosen = [find_drive(word) for word in drives or shipped_drives()]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -14,23 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.drive.fleet import Cases
+from runtime.drive.motor import FACTOR_RANGE
 from runtime.drive.scenario import Scenario
 from runtime.system.errors import UserError
+from runtime.system.values import MOST, read_number
 
 Array = NDArray[Any]
 
-#: The quantities that may vary: unit and the least it may be. Motor data are factors on the drive file's.
-VARIABLES: dict[str, tuple[str, float]] = {
-    "noise": ("A rms", 0.0),
-    "theta": ("deg", -math.inf),
-    "R": ("of the drive file's", 1e-3),
-    "L": ("of the drive file's", 1e-3),
-    "L_d": ("of the drive file's", 1e-3),
-    "L_q": ("of the drive file's", 1e-3),
-    "psi_m": ("of the drive file's", 1e-3),
-    "J": ("of the drive file's", 1e-3),
-    "load": ("N m", -math.inf),
-    "speed": ("r/min", -math.inf),
+#: The quantities that may vary: unit, the least and the most it may be. Motor data are factors on the drive file's.
+VARIABLES: dict[str, tuple[str, float, float]] = {
+    "noise": ("A rms", 0.0, MOST),
+    "theta": ("deg", -MOST, MOST),
+    "R": ("of the drive file's", *FACTOR_RANGE),
+    "L": ("of the drive file's", *FACTOR_RANGE),
+    "L_d": ("of the drive file's", *FACTOR_RANGE),
+    "L_q": ("of the drive file's", *FACTOR_RANGE),
+    "psi_m": ("of the drive file's", *FACTOR_RANGE),
+    "J": ("of the drive file's", *FACTOR_RANGE),
+    "load": ("N m", -MOST, MOST),
+    "speed": ("r/min", -MOST, MOST),
 }
 
 #: Those that may be given as shares of what suits the drive: its sensors' noise, its rated torque and speed.
@@ -117,14 +118,11 @@ def parse_range(text: str) -> Range:
         raise UserError(f"--vary '{text}': no rated {name} is known; there are those of {', '.join(OF_RATED)}.")
     parts = parts[:-1] if rated else parts
     log = len(parts) == 3 and parts[2] == "log"
-    try:
-        numbers = [float(part) for part in parts[: 2 if log else 3]]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (1, 2) or not all(math.isfinite(number) for number in numbers):
+    unit, least, most = VARIABLES[name]
+    numbers = [read_number(part, f"--vary '{text}':", high=most) for part in parts[: 2 if log else 3]]
+    if len(numbers) not in (1, 2):
         raise UserError(f"--vary '{text}' is not {name}=LOW:HIGH, {name}=LOW:HIGH:log or {name}=VALUE.")
     low, high = numbers[0], numbers[-1]
-    unit, least = VARIABLES[name]
     if low > high:
         raise UserError(f"--vary '{text}': {low:g} is more than {high:g}; write {name}={high:g}:{low:g}.")
     if low < least:

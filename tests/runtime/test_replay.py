@@ -282,7 +282,7 @@ def test_replay_command(run: Run, tmp_path: Path) -> None:
         (("spmsm_load_torque", "run.npz", "--backend", "rust"), "backend 'rust' is not numpy or c"),
         (("spmsm_load_torque", "run.npz", "--dtype", "half"), "dtype 'half' is not float32 or float64"),
         (("spmsm_load_torque", "run.npz", "--out", "est.csv"), "estimates are written as .npz"),
-        (("spmsm_load_torque", "run.npz", "--x0", "a,b"), "is not a list of numbers"),
+        (("spmsm_load_torque", "run.npz", "--x0", "a,b"), "'a' is not a number"),
         (("mine.toml", "run.npz"), "is not generated yet: no generated folder"),
     ],
 )

@@ -1,0 +1,78 @@
+"""Numbers from outside: every option that takes one refuses what is none, in one line, before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args, get_type_hints
+
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from runtime.cli import app
+from runtime.drive.motor import parse_factors
+from runtime.study.statement import parse_range
+from runtime.system.errors import UserError
+from runtime.system.values import MOST, read_number
+
+
+def options(commands: typer.Typer, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Every option of every command that takes a float, as the words that name it."""
+    for group in commands.registered_groups:
+        assert group.typer_instance is not None
+        yield from options(group.typer_instance, (*path, str(group.name)))
+    for command in commands.registered_commands:
+        assert command.callback is not None
+        name = command.name or command.callback.__name__.replace("_", "-")
+        for word, hint in get_type_hints(command.callback, include_extras=True).items():
+            kind, *_ = get_args(hint) or (hint,)
+            if float in (kind, *get_args(kind)):
+                yield *path, name, f"--{word.replace('_', '-')}"
+
+
+NUMBERS = list(options(app))
+
+
+def test_options_are_found() -> None:
+    assert {("simulate", "--noise"), ("replay", "--theta0"), ("faults", "--speed"), ("pil", "--timeout")} <= {*NUMBERS}
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e308", "1e400"])
+@pytest.mark.parametrize("words", NUMBERS, ids=" ".join)
+def test_what_is_no_number_is_refused_by_the_options_own_name(words: tuple[str, ...], text: str) -> None:
+    done = CliRunner().invoke(app, [*words[:-1], f"{words[-1]}={text}"])
+    assert isinstance(done.exception, UserError), done.output
+    (line,) = str(done.exception).splitlines()
+    assert line.startswith(f"{words[-1]} ")
+
+
+def number_or_line(text: str) -> float | str:
+    try:
+        return read_number(text, "--noise", 0.0)
+    except UserError as error:
+        return str(error)
+
+
+@given(st.text(max_size=30) | st.floats().map(str))
+def test_any_text_is_a_number_within_or_one_line(text: str) -> None:
+    found = number_or_line(text)
+    assert 0.0 <= found <= MOST if isinstance(found, float) else len(found.splitlines()) == 1
+
+
+@pytest.mark.parametrize("text", ["0", "1e-6", " 2.5 ", "1e9", "1_000"])
+def test_numbers_are_numbers(text: str) -> None:
+    assert number_or_line(text) == float(text)
+
+
+@pytest.mark.parametrize("text", ["R=nan", "R=1e308", "R=0", "R=-1", "J=1e-9", "R=", "R"])
+def test_factors_on_the_motor_are_numbers_that_can_be_meant(text: str) -> None:
+    with pytest.raises(UserError, match="--factors"):
+        parse_factors(text)
+
+
+@pytest.mark.parametrize("text", ["R=1e308", "R=nan", "R=0.8:inf", "load=1e300", "noise=-1", "theta=x"])
+def test_ranges_are_of_numbers_that_can_be_meant(text: str) -> None:
+    with pytest.raises(UserError, match="--vary"):
+        parse_range(text)
