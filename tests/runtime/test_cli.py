@@ -39,32 +39,6 @@ def test_own_motor_from_toml_to_folder(tmp_path: Path) -> None:
     assert "is stale" in refused.stderr
 
 
-#: To Rich an end of a style that never began, and a style that is none.
-BRACKETS = "a[/b]c[red]"
-
-
-def test_square_brackets_in_a_path_are_letters(tmp_path: Path) -> None:
-    text = PAPER.replace("paper_spmsm", "mine")
-    (tmp_path / f"{BRACKETS}.toml").parent.mkdir(parents=True)
-    (tmp_path / f"{BRACKETS}.toml").write_text(text)
-    made = call("generate", f"{BRACKETS}.toml", "--out", f"{BRACKETS}/[/]", cwd=tmp_path)
-    assert made.returncode == 0, made.stderr
-    folder = f"{BRACKETS}/[/]/mine"
-    assert (tmp_path / folder / "mine_ckf.c").is_file()
-    assert folder in made.stdout.replace("\n", "")
-    page = call("compare", folder, "paper_spmsm", "--out", f"{BRACKETS}.html", cwd=tmp_path)
-    assert f"Page: {BRACKETS}.html" in page.stdout, page.stderr
-    assert (tmp_path / f"{BRACKETS}.html").exists()
-
-
-@pytest.mark.parametrize("arguments", [("generate", "--form", "slow"), ("generate", "--form", "", "--out", "x")])
-def test_a_form_that_is_none_is_one_line(arguments: tuple[str, ...], tmp_path: Path) -> None:
-    done = call(*arguments, "paper_spmsm", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("pmsm-ickf: no form '")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.thorough
 def test_hand_edits_survive_generate(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(PAPER.replace("paper_spmsm", "mine"))

@@ -1,8 +1,9 @@
-"""Numbers from outside: every option that takes one refuses what is none, in one line, before any work."""
+"""Words from outside: what is no number, no form, or no path is refused in one line; square brackets are letters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
@@ -16,6 +17,8 @@ from runtime.drive.motor import parse_factors
 from runtime.study.statement import parse_range
 from runtime.system.errors import UserError
 from runtime.system.values import MOST, read_number
+from tests.runtime.processes import PAPER
+from tests.runtime.test_cli import call
 
 
 def options(commands: typer.Typer, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -76,3 +79,29 @@ def test_factors_on_the_motor_are_numbers_that_can_be_meant(text: str) -> None:
 def test_ranges_are_of_numbers_that_can_be_meant(text: str) -> None:
     with pytest.raises(UserError, match="--vary"):
         parse_range(text)
+
+
+#: To Rich an end of a style that never began, and a style that is none.
+BRACKETS = "a[/b]c[red]"
+
+
+def test_square_brackets_in_a_path_are_letters(tmp_path: Path) -> None:
+    text = PAPER.replace("paper_spmsm", "mine")
+    (tmp_path / f"{BRACKETS}.toml").parent.mkdir(parents=True)
+    (tmp_path / f"{BRACKETS}.toml").write_text(text)
+    made = call("generate", f"{BRACKETS}.toml", "--out", f"{BRACKETS}/[/]", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    folder = f"{BRACKETS}/[/]/mine"
+    assert (tmp_path / folder / "mine_ckf.c").is_file()
+    assert folder in made.stdout.replace("\n", "")
+    page = call("compare", folder, "paper_spmsm", "--out", f"{BRACKETS}.html", cwd=tmp_path)
+    assert f"Page: {BRACKETS}.html" in page.stdout, page.stderr
+    assert (tmp_path / f"{BRACKETS}.html").exists()
+
+
+@pytest.mark.parametrize("arguments", [("generate", "--form", "slow"), ("generate", "--form", "", "--out", "x")])
+def test_a_form_that_is_none_is_one_line(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    done = call(*arguments, "paper_spmsm", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("pmsm-ickf: no form '")
+    assert not list(tmp_path.iterdir())
