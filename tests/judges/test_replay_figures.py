@@ -81,6 +81,12 @@ def test_too_few_measurements_have_no_statistics() -> None:
     [
         (2.0, (0.5, 0.5), "innovations of the size the filter expects, white"),
         (2.6, (0.5, 0.5), "innovations larger than the filter expects: P, Q or R are too small for this data, white"),
+        (
+            31.0,
+            (0.5, 0.5),
+            "innovations far larger than the filter expects: currents, voltages and motor do not fit each other, white",
+        ),
+        (29.0, (0.5, 0.5), "innovations larger than the filter expects: P, Q or R are too small for this data, white"),
         (1.4, (0.5, 0.5), "innovations smaller than the filter expects: P, Q or R are too large for this data, white"),
         (2.0, (0.5, 0.009), "innovations of the size the filter expects, correlated in time"),
         (2.0, (0.009, 0.5), "innovations of the size the filter expects, correlated in time"),
@@ -312,9 +318,9 @@ def test_replay_ends_with_1_if_the_estimate_is_no_number(
     original = runtime.replay.replay._run
 
     def spoiled(*rest: Any) -> Any:
-        x, words, status = original(*rest)
+        x, *others = original(*rest)
         x[-500, 1] = np.inf
-        return x, words, status
+        return x, *others
 
     monkeypatch.setattr(runtime.replay.replay, "_run", spoiled)
     code, said = command("replay", "paper_spmsm", str(recording), "--json", "r.json")

@@ -224,10 +224,13 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("degrees of half a turn", "_TURN = math.pi / 180", "_TURN = math.pi / 360", "test_a_unit_is_what_it_is"),
         ("rad/s in r/min", "RPM = 30 / math.pi", "RPM = 60 / math.pi", "test_a_thousand_turns_a_minute"),
     )),
-    "runtime/recorded/data.py": ("units", (
-        ("line voltages by phase", "((2 * ab + bc) / 3, bc / _SQRT3)", "(ab, bc / _SQRT3)", "test_frames_against_phasors"),
+    "runtime/recorded/frames.py": ("units", (
+        ("line voltages by phase", "return (2 * ab + bc) / 3, bc / _SQRT3", "return ab, bc / _SQRT3", "test_frames_against_phasors"),
         ("two phases as three", "(a, (a + 2 * b) / _SQRT3)", "(a, (a + b) / _SQRT3)", "test_frames_against_phasors"),
-        ("a factor is not applied", "values[name] = values[name] * factors[name]", "pass", "test_columns_arrive_in_si"),
+        ("an order read backwards", "zip(order, recorded, strict=True)", "zip(order, recorded[::-1], strict=True)", "test_a_wiring_is_what_its_word_says"),
+    )),
+    "runtime/recorded/data.py": ("units", (
+        ("a factor is not applied", "values[name] = values[name] * factor[name]", "pass", "test_columns_arrive_in_si"),
     )),
     "runtime/recorded/truth.py": ("drive_figures", (
         ("rms without the root", "return float(np.sqrt(np.mean(e**2)))", "return float(np.mean(e**2))", "tests/judges/test_truth_figures.py::test_errors_of_an_estimate_sample_by_sample"),
