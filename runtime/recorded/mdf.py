@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import gc
+import logging
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +34,7 @@ def read_mdf(path: Path) -> Source:
         from asammdf import MDF
     except ImportError:
         raise UserError("an MDF file needs asammdf: pip install 'pmsm-ickf[mdf]'.") from None
-    try:
-        with MDF(path) as file:
-            channels = _channels(file)
-    except Exception as error:  # asammdf has many, and lets those of struct through
-        raise unreadable(path, error) from None
+    channels = _read(path, MDF, _channels)
     places = [place for _, _, place in channels]
     names = [name for name, _, _ in channels]
     units = ["" if unit.strip().lower() in _NO_UNIT else unit for _, unit, _ in channels]
@@ -44,11 +43,9 @@ def read_mdf(path: Path) -> Source:
     master = None if own_time else len(places)
 
     def load(chosen: Sequence[int]) -> list[Array]:
-        try:
-            with MDF(path) as file:
-                signals = {k: _signal(file, *places[k]) for k in chosen if k != master}
-        except Exception as error:
-            raise unreadable(path, error) from None
+        numbers = [k for k in chosen if k != master]
+        read = _read(path, MDF, lambda file: [_signal(file, *places[k]) for k in numbers])
+        signals = dict(zip(numbers, read, strict=True))
         rasters = [(names[k], times) for k, (times, _) in signals.items()]
         _check_rasters(path, rasters)
         columns = {k: checked_column(path, names[k], values) for k, (_, values) in signals.items()}
@@ -58,6 +55,21 @@ def read_mdf(path: Path) -> Source:
         return [columns[k] for k in chosen]
 
     return Source(path, tuple(names), tuple(units), load, tuple(names))
+
+
+def _read(path: Path, mdf: Any, take: Callable[[Any], list[Any]]) -> list[Any]:
+    """What is taken of a file. asammdf logs, and complains once more of a damaged file when it lets go of it."""
+    hook, logger = sys.unraisablehook, logging.getLogger("asammdf")
+    sys.unraisablehook, disabled, logger.disabled = lambda _: None, logger.disabled, True
+    try:
+        with mdf(path) as file:
+            return take(file)
+    except Exception as error:  # asammdf has many, and lets those of struct through
+        refusal = unreadable(path, error)
+    finally:
+        gc.collect()
+        sys.unraisablehook, logger.disabled = hook, disabled
+    raise refusal
 
 
 def _channels(file: Any) -> list[tuple[str, str, tuple[int, int]]]:

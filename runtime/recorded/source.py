@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from runtime.system.errors import UserError
@@ -104,19 +103,3 @@ def unreadable(path: Path, error: Exception) -> UserError:
     """
     said = " ".join(str(error).split())[:200] or type(error).__name__
     return UserError(f"'{path}' cannot be read as recorded data: {said}")
-
-
-def no_samples(path: Path, values: Array) -> None:
-    """Refuse an empty column.
-
-    Parameters
-    ----------
-    path : Path
-    values : ndarray
-
-    Raises
-    ------
-    UserError
-    """
-    if not np.size(values):
-        raise UserError(f"'{path}' holds no samples.")

@@ -11,18 +11,20 @@ from numpy.typing import NDArray
 
 from runtime.recorded.data import Recorded
 from runtime.recorded.truth import LOST
-from runtime.replay.statistics import MISFIT, Consistency
+from runtime.replay.statistics import Consistency
 
 Array = NDArray[Any]
 
-#: Rows that are compared at most, of the last three quarters of a recording.
+#: Rows that are compared at most, of the second half of a recording.
 ROWS = 20_000
 #: Two angles go together where the mean of exp(j difference) is so long.
 TOGETHER = 0.99
 #: A rotor whose own mean of exp(j theta) is longer has hardly turned: any convention would fit.
 STANDS = 0.9
-#: A ratio of speeds is one of the known ones within this.
-CLOSE = 0.02
+#: A ratio of speeds is one of the known ones within this, and the next one is twice as far.
+CLOSE = 0.04
+#: Speeds that differ by less agree, and those that differ by more in the course of time have no ratio.
+DIFFERS = 0.1
 #: An angle that is constant within so many degrees of the estimate's is the same.
 SAME_DEGREES = 3.0
 
@@ -43,9 +45,9 @@ def conventions(recorded: Recorded, x: Array, consistency: Consistency | None, p
     dict of str to str
         Quantity, and what is to be told of it; empty where the truth agrees, or no convention explains it.
     """
-    if consistency is None or not consistency.nis_mean <= MISFIT:
+    if consistency is None or not consistency.fits:
         return {}
-    rows = np.unique(np.linspace(len(x) // 4, len(x) - 1, ROWS).astype(int))
+    rows = np.unique(np.linspace(len(x) // 2, len(x) - 1, ROWS).astype(int))
     found = {}
     for name, state, find in (("omega", 2, _speed), ("theta", 3, _angle)):
         if name in recorded.truth:
@@ -62,11 +64,11 @@ def _speed(truth: Array, estimate: Array, p: int) -> tuple[float, float, str] | 
     power = float(truth @ truth)
     ratio = float(truth @ estimate) / power if power else 0.0
     rest = float(np.sqrt(np.mean((estimate - ratio * truth) ** 2)))
-    if abs(ratio - 1.0) <= 5 * CLOSE or rest > 0.1 * float(np.sqrt(np.mean(estimate**2))):
+    if abs(ratio - 1.0) <= DIFFERS or not rest <= DIFFERS * float(np.sqrt(np.mean(estimate**2))):
         return None
     known = _speeds(p)
-    near = min(known, key=lambda factor: abs(ratio / factor - 1.0))
-    if abs(ratio / near - 1.0) > CLOSE:
+    near, next_one = sorted(known, key=lambda factor: abs(ratio / factor - 1.0))[:2]
+    if abs(ratio / near - 1.0) > min(CLOSE, abs(ratio / next_one - 1.0) / 2):
         return None
     return near, 0.0, f"omega of the truth is {known[near]} as it seems: times {near:.6g} it is the estimated speed"
 

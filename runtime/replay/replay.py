@@ -20,8 +20,8 @@ from runtime.recorded.data import Recorded
 from runtime.recorded.truth import Errors, errors
 from runtime.replay.conventions import conventions
 from runtime.replay.innovations import Expectations, Innovations
-from runtime.replay.statistics import MISFIT, Consistency, consistency
-from runtime.replay.wiring import TRIED, find_wiring
+from runtime.replay.statistics import Consistency, consistency
+from runtime.replay.wiring import MISFIT_WORDS, TRIED, find_wiring
 from runtime.replay.words import Inputs, Words
 from runtime.system.errors import UserError
 from runtime.system.files import whole_file, write_text
@@ -195,13 +195,15 @@ def replay(
     inputs = Inputs(recorded.u, recorded.y, clock, np.dtype(settings.dtype))
     x, words, status, found = _run(estimator, folder.module, inputs, CHUNK[settings.backend], progress)
     judged = consistency(found)
+    wired = None
+    if judged is not None and judged.suspicious:
+        wired = find_wiring(recorded, TRIED[settings.backend], lambda head: _innovations_of(folder, head, settings))
+        if wired is None and not judged.fits:
+            wired = f"{MISFIT_WORDS}, nor in another order or sign of the phases: units, motor data, --x0, --theta0?"
     pole_pairs = int(folder.manifest["parameters"]["motor"]["pole_pairs"])
-    others = conventions(recorded, x, judged, pole_pairs)
+    others = {} if wired else conventions(recorded, x, judged, pole_pairs)
     notes = [*recorded.notes, *clock.notes, *_rejections(recorded, status, estimator.tuning), *others.values()]
-    if judged is not None and not judged.nis_mean <= MISFIT:
-        notes.append(
-            find_wiring(recorded, TRIED[settings.backend], lambda head: _innovations_of(folder, head, settings))
-        )
+    notes += [wired] if wired else []
     return Replay(
         drive=folder.drive,
         kind=estimator.filter,

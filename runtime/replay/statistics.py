@@ -20,6 +20,8 @@ Array = NDArray[Any]
 LAGS = 20
 #: Beyond this mean of the normalised innovation squared no tuning makes up for what is wrong.
 MISFIT = 30.0
+#: An autocorrelation beyond this is not that of noise of the wrong size.
+PERSISTENT = 0.5
 #: Steps taken at once: their arrays stay in the processor's cache.
 BLOCK = 8192
 #: Two-sided 95 % of a normal variable.
@@ -50,10 +52,20 @@ class Consistency:
     ljung_box: tuple[float, ...]
 
     @property
+    def fits(self) -> bool:
+        """Whether currents, voltages and motor may be of one machine, as far as any tuning goes."""
+        return self.nis_mean <= MISFIT
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether innovations are too large and go on in one direction: wrong data, not wrong noise."""
+        return not self.fits or (self.nis_mean > self.nis_band[1] and max(map(max, self.correlation)) > PERSISTENT)
+
+    @property
     def verdict(self) -> str:
         """In words."""
         low, high = self.nis_band
-        if not self.nis_mean <= MISFIT:
+        if not self.fits:
             size = "innovations far larger than the filter expects: currents, voltages and motor do not fit each other"
         elif self.nis_mean > high:
             size = "innovations larger than the filter expects: P, Q or R are too small for this data"
