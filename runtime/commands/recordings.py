@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runtime.commands.terminal import working
+
 if TYPE_CHECKING:
     from runtime.estimator.folder import GeneratedFolder
     from runtime.recorded.data import Recorded
+
+#: Bytes of a file that takes seconds to read.
+LONG = 100_000_000
 
 Rename = Annotated[
     list[str] | None,
@@ -53,5 +60,17 @@ def read(
 
     offsets, wiring, begins, dc_link = corrections
     asked = Corrections(offsets or (), wiring, begins, dc_link)
-    recorded = read_recorded(data, rename or (), scale or (), corrections=asked)
-    return recorded if onto is None else resample(recorded, onto.module.SAMPLE_TIME, onto.drive)
+    with _said(data):
+        recorded = read_recorded(data, rename or (), scale or (), corrections=asked)
+        return recorded if onto is None else resample(recorded, onto.module.SAMPLE_TIME, onto.drive)
+
+
+@contextmanager
+def _said(data: Path) -> Iterator[None]:
+    """Say that a file is being read, where that takes its time."""
+    if data.is_file() and data.stat().st_size > LONG:
+        with working() as say:
+            say(f"reading {data}")
+            yield
+    else:
+        yield

@@ -66,7 +66,7 @@ def find_rest(u: Array) -> slice | None:
     slice or None
         None if it is shorter than :data:`SHORTEST` rows, or if there is no voltage anywhere.
     """
-    size = np.max(np.abs(u), axis=1)
+    size = np.maximum(np.abs(u[:, 0]), np.abs(u[:, 1]))
     top = float(np.max(size, initial=0.0, where=np.isfinite(size)))
     if top == 0.0:
         return None

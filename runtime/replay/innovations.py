@@ -48,6 +48,23 @@ class Innovations:
         z_0 = nu[:, 0] / c_00
         return np.column_stack([z_0, (nu[:, 1] - c_10 * z_0) / c_11])
 
+    def squared(self) -> Array:
+        """Normalised innovation squared (N,), block by block."""
+        blocks = (self.whitened(slice(first, first + BLOCK)) for first in range(0, len(self.nu), BLOCK))
+        return np.concatenate([np.empty(0), *(block[:, 0] ** 2 + block[:, 1] ** 2 for block in blocks)])
+
+
+def within(pairs: Array, limit: float) -> Array:
+    """Say which rows a filter accepts: both within the limit, and numbers.
+
+    Parameters
+    ----------
+    pairs : ndarray, (N, 2)
+    limit : float
+    """
+    first, second = np.abs(pairs).T
+    return np.asarray((first <= limit) & (second <= limit))
+
 
 def held_inputs(u: Array, u_max: float, before: Array | None = None) -> Array:
     """Return the inputs as the filter takes them: a rejected row holds the last good one, at first zero.
@@ -61,7 +78,7 @@ def held_inputs(u: Array, u_max: float, before: Array | None = None) -> Array:
     before : ndarray, (2,), optional
         The last good one before these rows.
     """
-    good = np.all(np.abs(u) <= u_max, axis=1)  # False for NaN
+    good = within(u, u_max)
     if good.all():
         return u
     last = np.maximum.accumulate(np.where(good, np.arange(len(u)), -1))
@@ -94,7 +111,7 @@ class Expectations:
             Its states and covariance words before each step.
         """
         limits = self._module.DEFAULTS
-        accepted = np.all(np.abs(u) <= limits["u_max"], axis=1) & np.all(np.abs(y) <= limits["y_max"], axis=1)
+        accepted = within(u, limits["u_max"]) & within(y, limits["y_max"])
         inputs = held_inputs(u, limits["u_max"], self._held)
         self._held = inputs[-1]
         nu, S = np.empty((len(u), 2), dtype=u.dtype), np.empty((len(u), 3), dtype=u.dtype)

@@ -92,11 +92,10 @@ def consistency(innovations: Innovations) -> Consistency | None:
     z, steps, inside, total = np.empty((2, N)), 0, 0, 0.0
     for first in range(0, N, BLOCK):
         rows = slice(first, min(first + BLOCK, N))
-        block = innovations.whitened(rows)
-        good = np.all(np.isfinite(block), axis=1)
-        block[~good] = 0.0
-        z[:, rows] = block.T
-        nis = np.sum(block[good] ** 2, axis=1)
+        block = innovations.whitened(rows).T
+        good = np.isfinite(block[0]) & np.isfinite(block[1])
+        z[:, rows] = np.where(good, block, 0.0)
+        nis = (block[0] ** 2 + block[1] ** 2)[good]
         steps, total = steps + len(nis), total + float(nis.sum())
         inside += int(np.count_nonzero((nis >= low) & (nis <= high)))
     if steps <= 2 * LAGS:

@@ -58,6 +58,6 @@ def _others(head: Recorded) -> Iterator[tuple[str, Recorded]]:
 
 def _misfit(found: Innovations) -> float:
     """Mean normalised innovation squared over the second half, where a filter has settled."""
-    nis = np.sum(found.whitened(slice(len(found.nu) // 2, None)) ** 2, axis=1)
+    nis = found.squared()[len(found.nu) // 2 :]
     good = nis[np.isfinite(nis)]
     return float(np.mean(good)) if len(good) > len(nis) // 2 else np.inf

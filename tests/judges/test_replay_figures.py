@@ -328,6 +328,19 @@ def test_replay_ends_with_1_if_the_estimate_is_no_number(
     assert "the estimate did not stay a number" in said
 
 
+def test_a_run_of_which_most_was_rejected_ends_with_1(recording: Path, here: Path) -> None:
+    with np.load(recording) as file:
+        columns = {name: file[name].copy() for name in file.files}
+    N = len(columns["t"])
+    for bad, expected in ((0.51, 1), (0.49, 0)):
+        columns["i_alpha"][-int(bad * N) :] = 1e9
+        np.savez("bad.npz", **columns)
+        columns["i_alpha"][:] = 0.0
+        code, said = command("replay", "paper_spmsm", "bad.npz")
+        assert code == expected
+        assert ("most rows were rejected" in said) is bool(expected)
+
+
 def test_rows_that_are_rejected_are_counted_and_bridged(recording: Path, here: Path) -> None:
     with np.load(recording) as file:
         columns = {name: file[name].copy() for name in file.files}

@@ -184,6 +184,11 @@ def test_a_convention_is_not_blamed_for_what_is_none(columns: dict[str, np.ndarr
         assert found.conventions == {}, what
         assert found.errors is not None
         assert found.errors.lost is (what not in {"right", "a bias of the estimate"}), what
+    rest = {name: 0 * column for name, column in columns.items()} | {"t": columns["t"]}
+    standing = replayed(tmp_path, rest | {"theta": np.full(STEPS, 1.0)})
+    assert standing.conventions == {}, "any convention fits a rotor that stands"
+    assert standing.errors is not None
+    assert standing.errors.lost
     for omega in (0.9 * columns["omega"], 1.5 * columns["omega"], np.zeros(STEPS), np.full(STEPS, np.nan)):
         assert replayed(tmp_path, columns | {"omega": omega}).conventions == {}
 
