@@ -248,7 +248,7 @@ def missing(source: Source, columns: Mapping[str, int], lacking: Sequence[str]) 
     """
     if source.hint:
         return source.hint
-    taken = {source.names[k] for k in columns.values()}
+    taken = {source.names[k] for k in columns.values() if k >= 0}
     proposals = []
     for ours, aliases in _ALIASES.items():
         near = [name for name in source.names if name and name not in taken and _letters(name) in aliases]

@@ -111,11 +111,12 @@ def read_recorded(
         u = _pair(frames["u"], values, "u", notes)
         notes += offset_notes(u, {name: values[name] for name in frames["i"]})
         y = _pair(frames["i"], values, "i", notes)
+        if corrections.wiring is not None:
+            y = rewired(y, corrections.wiring)
         truth = _truth(values)
     if not len(u):
         raise UserError(f"'{path}' holds no samples.")
     if corrections.wiring is not None:
-        y = rewired(y, corrections.wiring)
         notes.append(f"i_alpha, i_beta: current sensors wired as {corrections.wiring}")
     applied = {name: (factor[name], offset.get(name, 0.0)) for name in wanted}
     recorded = Recorded(path, values.get("t", np.empty(0)), u, y, truth, notes, applied)

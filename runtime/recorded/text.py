@@ -182,7 +182,9 @@ def _header(before: Sequence[str], separator: str, width: int) -> Header:
             below = row
             continue
         given = {
-            name: float(cell) for name, cell in zip(row, below, strict=False) if name and is_number(cell, separator)
+            name: float(cell.replace(",", "."))
+            for name, cell in zip(row, below, strict=False)
+            if name and is_number(cell, separator)
         }
         given |= {m[1]: float(m[2]) for cell in row if (m := _GIVEN.fullmatch(cell)) and is_number(m[2], separator)}
         filled = [k for k, cell in enumerate(row) if cell and cell not in given and not _GIVEN.fullmatch(cell)]

@@ -113,6 +113,10 @@ def test_the_clock_of_a_recording() -> None:
             check_clock(wrong, T, where, "d")
     with pytest.raises(UserError, match="more is missing than recorded"):
         check_clock(np.r_[0, T, 2 * T, 30 * T, 31 * T, 32 * T], T, where, "d")
+    as_many = check_clock(T * np.r_[0:3, 9:12], T, where, "d")
+    assert as_many.notes[0].startswith("1 gaps, 6 samples missing"), "as much is missing as was recorded"
+    with pytest.raises(UserError, match="more is missing than recorded"):
+        check_clock(T * np.r_[0:3, 10:13], T, where, "d")
     alone = check_clock(np.zeros(1), T, where, "d")
     assert (alone.steps, alone.count) == (None, 1)
     rms = 0.1 * math.sqrt(100 / 2)  # one late row makes two intervals, each off by it

@@ -13,7 +13,7 @@ from model.schema import Rated
 from runtime.drive.scenario import SCENARIOS, Scenario, find_scenario, scenarios, step_start
 from runtime.recorded.data import read_recorded
 from runtime.recorded.frames import FRAMES, WIRINGS, rewired
-from runtime.recorded.units import RPM, SI, UNITS, find_unit
+from runtime.recorded.units import RPM, SI, UNITS, find_unit, split_unit
 from runtime.system.errors import UserError
 from tests.judges.made import run
 
@@ -85,6 +85,15 @@ def test_no_unit_is_left_out_and_no_other_is_known() -> None:
         unit = find_unit(name)
         assert unit is not None
         assert (unit.quantity, unit.factor) == (quantity, 1.0)
+
+
+def test_a_letter_behind_an_underscore_is_a_phase_and_two_are_a_unit() -> None:
+    assert [split_unit(cell) for cell in ("I_A", "u_V", "t_s", "duty_%")] == [
+        (c, "") for c in ("I_A", "u_V", "t_s", "duty_%")
+    ]
+    assert [split_unit(cell) for cell in ("I_A_mA", "t_ms", "n_rpm", "w_rad/s")] == [
+        ("I_A", "mA"), ("t", "ms"), ("n", "rpm"), ("w", "rad/s")
+    ]  # fmt: skip
 
 
 def test_a_thousand_turns_a_minute() -> None:
