@@ -18,6 +18,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from model.drives.text import EncodingError, read_text
 from model.inverter import lost_voltage
 from model.machines import MACHINES, MachineError, find_machine
 from model.machines.mechanics import MECHANICS
@@ -177,15 +178,14 @@ def load_drive(drive: str | Path) -> Drive:
     """
     path = drive_path(drive)
     try:
-        raw = path.read_bytes()
-        data = tomllib.loads(raw.decode("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+        data = tomllib.loads(text)
+    except (OSError, EncodingError) as error:
         raise DriveError(f"drive '{path.name}': cannot be read: {error}") from None
     except (ValueError, RecursionError) as error:  # tomllib's own, a number or a nesting beyond all bounds
         raise DriveError(f"drive '{path.name}': not valid TOML: {error}") from None
-    text = _unix(raw)
     machine_text = _machine_file(data, path)
-    digest = hashlib.sha256(text + machine_text.encode()).hexdigest()
+    digest = hashlib.sha256((text + machine_text).encode()).hexdigest()
     return parse_drive(data, path.name, digest, machine_text)
 
 
@@ -234,11 +234,6 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
     return drive
 
 
-def _unix(raw: bytes) -> bytes:
-    r"""A check-out that turned \n into \r\n must not change the hash in the generated header."""
-    return raw.replace(b"\r\n", b"\n")
-
-
 def _machine_file(data: dict[str, Any], path: Path) -> str:
     """The text of the machine file a drive file names, if it names one."""
     section = data.get("model")
@@ -247,11 +242,11 @@ def _machine_file(data: dict[str, Any], path: Path) -> str:
         own = read_word(word) if isinstance(word, str) else None
         if own is None:
             return ""
-        return _unix((path.parent / own.file).read_bytes()).decode("utf-8")
+        return read_text(path.parent / own.file)
     except MachineError as error:
         raise DriveError(f"drive '{path.name}': {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
+    except (OSError, EncodingError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
         raise DriveError(
             f"drive '{path.name}': machine file '{own.file if own else word}' cannot be read: {reason}. "
             "Its path is relative to the drive file."

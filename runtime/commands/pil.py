@@ -15,6 +15,17 @@ from runtime.commands.terminal import console, counting
 from runtime.commands.words import DRIVE, Json
 from runtime.system.errors import UserError
 
+TicksHz = Annotated[
+    float | None,
+    typer.Option(
+        "--ticks-hz", metavar="HZ", callback=within(1.0, 1e12), help="Rate of the board's timer, to give times."
+    ),
+]
+Timeout = Annotated[
+    float | None,
+    typer.Option(metavar="S", callback=within(1e-3, 1e3), help="Silence after which a request is sent again."),
+]
+
 
 def pil(
     port: Port,
@@ -46,16 +57,8 @@ def pil(
         ),
     ] = None,
     backend: Annotated[str, typer.Option(metavar="NAME", help="The host's side: numpy or c.")] = "numpy",
-    ticks_hz: Annotated[
-        float | None,
-        typer.Option(
-            "--ticks-hz", metavar="HZ", callback=within(1.0, 1e12), help="Rate of the board's timer, to give times."
-        ),
-    ] = None,
-    timeout: Annotated[
-        float | None,
-        typer.Option(metavar="S", callback=within(1e-3, 1e3), help="Silence after which a request is sent again."),
-    ] = None,
+    ticks_hz: TicksHz = None,
+    timeout: Timeout = None,
     attempts: Annotated[int, typer.Option(min=1, help="How often a step is sent before it is lost.")] = 20,
     json: Json = None,
 ) -> None:

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
 from runtime.commands.numbers import ANGLE
+from runtime.commands.recordings import Begins, DcLink, Offset, Rename, Scale, Wiring, read
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Json
 from runtime.system.values import read_number
@@ -20,20 +21,23 @@ if TYPE_CHECKING:
 
 def replay(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Recorded data, .npz or a .csv from anywhere.")],
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="Recorded data: .npz, .mat, .mf4 or a .csv from anywhere.")
+    ],
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
     ] = None,
     backend: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     dtype: Annotated[str, typer.Option(metavar="NAME", help="float32: the firmware's bits; or float64.")] = "float32",
-    rename: Annotated[
-        list[str] | None,
-        typer.Option(metavar="THEIRS=OURS", help="A column's name here, such as Time=t or Ia=i_a; repeatable."),
-    ] = None,
-    scale: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=FACTOR", help="i_alpha=1e-3, or a unit: theta=deg, t=ms; repeatable."),
-    ] = None,
+    rename: Rename = None,
+    scale: Scale = None,
+    offset: Offset = None,
+    wiring: Wiring = None,
+    begins: Begins = False,
+    dc_link: DcLink = None,
+    resample: Annotated[
+        bool, typer.Option("--resample", help="Data sampled faster than the drive steps: u averaged, i at the end.")
+    ] = False,
     x0: Annotated[str | None, typer.Option(metavar="A,B,...", help="Start from this state, in state order.")] = None,
     theta0: Annotated[
         float | None,
@@ -46,38 +50,45 @@ def replay(
     """Run recorded data through a generated filter and judge whether it is right about them.
 
     DATA has columns t s; u_alpha, u_beta V, mean over the interval ending at t; i_alpha, i_beta A at t. Phase currents
-    i_a, i_b[, i_c] and voltages u_a, u_b, u_c (to any common point) or u_ab, u_bc will do. With omega (rad/s,
-    mechanical), theta (rad, electrical) or load_torque (N m) as truth, errors are shown. Exit code 1: the estimate did
-    not stay a number.
+    i_a, i_b[, i_c] and voltages u_a, u_b, u_c (to any common point) or u_ab, u_bc will do, as will duty_a, duty_b,
+    duty_c and u_dc. With omega (rad/s, mechanical), theta (rad, electrical) or load_torque (N m) as truth, errors are
+    shown. Exit code 1: the estimate did not stay a number, or most rows were rejected.
     """
     from runtime.folders.resolve import drive_folder
-    from runtime.recorded.data import read_recorded
     from runtime.replay.replay import Settings, check_estimates
     from runtime.replay.replay import replay as run
 
     if out is not None:
         check_estimates(out)
     if plots is not None:
-        from runtime.replay.figures import write_figures
         from runtime.style.figures import pyplot
 
         pyplot()  # what is missing is said before the work
     folder = drive_folder(drive)
     settings = Settings(kind, backend, dtype, _numbers(x0), theta0)
-    recorded = read_recorded(data, rename or [], scale or [])
+    recorded = read(data, rename, scale, (offset, wiring, begins, dc_link), folder if resample else None)
     with counting("replaying", TaskProgressColumn(), total=1.0) as update:
         result = run(folder, recorded, settings, lambda share: update(completed=share))
     _show(result)
+    _write(result, out, json, plots)
+    if not result.finite:
+        console.print("[bold red]the estimate did not stay a number[/bold red]", highlight=False)
+    if result.unused:
+        console.print("[bold red]most rows were rejected: an estimate of next to nothing[/bold red]", highlight=False)
+    if result.unused or not result.finite:
+        raise typer.Exit(1)
+
+
+def _write(result: Replay, out: Path | None, json: Path | None, plots: Path | None) -> None:
     if out is not None:
         result.write_estimates(out)
     if json is not None:
         result.write_json(json)
     if plots is not None:
+        from runtime.replay.figures import write_figures
+
         for path in write_figures(result, plots):
             say(f"Figure: {path}")
-    if not result.finite:
-        console.print("[bold red]the estimate did not stay a number[/bold red]", highlight=False)
-        raise typer.Exit(1)
 
 
 def _show(result: Replay) -> None:

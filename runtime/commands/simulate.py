@@ -23,6 +23,28 @@ Supervised = Annotated[
     bool | None,
     typer.Option("--supervised/--alone", help="From power-up, with the supervisor; or the controller alone."),
 ]
+DeadTime = Annotated[
+    float | None,
+    typer.Option(metavar="S", callback=within(0.0, 1e-4), help="Dead time in s; default: the drive file's."),
+]
+SwitchDrop = Annotated[
+    float | None,
+    typer.Option(metavar="V", callback=POSITIVE, help="Drop of a switch in V; default: the drive file's."),
+]
+Noise = Annotated[
+    float | None,
+    typer.Option(metavar="A", callback=POSITIVE, help="Current sensor noise, rms; 0.05 or the filter's if less."),
+]
+Speed = Annotated[float | None, typer.Option(metavar="R/MIN", callback=ANY, help="Default: rated speed.")]
+Load = Annotated[
+    float | None, typer.Option(metavar="N_M", callback=ANY, help="Of the load step; default: rated torque.")
+]
+Ramp = Annotated[float | None, typer.Option(metavar="S", callback=SECONDS, help="From standstill to speed.")]
+Factors = Annotated[
+    str, typer.Option(metavar="R=1.1,...", help="True motor's R, L, L_d, L_q, psi_m, J over the filter's.")
+]
+SensorOffset = Annotated[float, typer.Option(metavar="A", callback=ANY, help="Offset of phase a's current sensor.")]
+MinPulse = Annotated[float, typer.Option(metavar="S", callback=POSITIVE, help="Shortest pulse in s (pwm).")]
 
 
 def simulate(
@@ -30,33 +52,20 @@ def simulate(
     scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load, load_step, or all.")] = "all",
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     inverter: Annotated[str, typer.Option(metavar="NAME", help="averaged or pwm.")] = "averaged",
-    dead_time: Annotated[
-        float | None,
-        typer.Option(metavar="S", callback=within(0.0, 1e-4), help="Dead time in s; default: the drive file's."),
-    ] = None,
-    switch_drop: Annotated[
-        float | None,
-        typer.Option(metavar="V", callback=POSITIVE, help="Drop of a switch in V; default: the drive file's."),
-    ] = None,
-    min_pulse: Annotated[float, typer.Option(metavar="S", callback=POSITIVE, help="Shortest pulse in s (pwm).")] = 0.0,
+    dead_time: DeadTime = None,
+    switch_drop: SwitchDrop = None,
+    min_pulse: MinPulse = 0.0,
     delay: Annotated[int, typer.Option(min=0, max=1, help="Samples from measuring to acting.")] = 0,
-    noise: Annotated[
-        float | None,
-        typer.Option(metavar="A", callback=POSITIVE, help="Current sensor noise, rms; 0.05 or the filter's if less."),
-    ] = None,
+    noise: Noise = None,
     bits: Annotated[int, typer.Option(min=0, max=24, help="Converter resolution; 0: no quantisation.")] = 0,
-    offset: Annotated[float, typer.Option(metavar="A", callback=ANY, help="Offset of phase a's current sensor.")] = 0.0,
+    offset: SensorOffset = 0.0,
     sensored: Annotated[bool, typer.Option("--sensored", help="Close the loops with true speed and angle.")] = False,
     theta: Theta = 0.0,
     supervised: Supervised = None,
-    speed: Annotated[float | None, typer.Option(metavar="R/MIN", callback=ANY, help="Default: rated speed.")] = None,
-    load: Annotated[
-        float | None, typer.Option(metavar="N_M", callback=ANY, help="Of the load step; default: rated torque.")
-    ] = None,
-    ramp: Annotated[float | None, typer.Option(metavar="S", callback=SECONDS, help="From standstill to speed.")] = None,
-    factors: Annotated[
-        str, typer.Option(metavar="R=1.1,...", help="True motor's R, L, L_d, L_q, psi_m, J over the filter's.")
-    ] = "",
+    speed: Speed = None,
+    load: Load = None,
+    ramp: Ramp = None,
+    factors: Factors = "",
     seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
     controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,

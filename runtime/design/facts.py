@@ -17,6 +17,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from model.drives.load import explain
+from model.drives.text import EncodingError, read_text
 from model.schema import (
     Current,
     FluxLinkage,
@@ -320,9 +321,9 @@ def read_facts(path: Path) -> Facts:
         One line that names file, key, unit and range.
     """
     try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
+        data = tomllib.loads(read_text(path))
+    except (OSError, EncodingError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
         raise UserError(f"facts '{path.name}': cannot be read: {reason}.") from None
     except (ValueError, RecursionError) as error:
         raise UserError(f"facts '{path.name}': not valid TOML: {error}") from None

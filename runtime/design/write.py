@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from model.drives.text import EncodingError, read_text
 from runtime.design.questions import meaning
 from runtime.design.rules import Choice, Design
 from runtime.system.errors import UserError
@@ -97,10 +98,10 @@ def edit_drive(design: Design, path: Path) -> str:
     except ImportError:
         raise UserError("--write needs tomlkit: pip install 'pmsm-ickf[design]'. --out needs nothing.") from None
     try:
-        document = tomlkit.parse(path.read_text(encoding="utf-8"))
+        document = tomlkit.parse(read_text(path))
     except OSError as error:
         raise UserError(f"'{path}' cannot be read: {error.strerror}. --out writes a new file.") from None
-    except (TOMLKitError, UnicodeDecodeError) as error:
+    except (TOMLKitError, EncodingError) as error:
         raise UserError(f"'{path}' is not valid TOML: {error}") from None
     if document.get("name") != design.name:
         raise UserError(

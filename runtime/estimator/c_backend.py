@@ -111,6 +111,19 @@ class CBackend:
             return self._x[0].copy(), self._words[0].copy()
         return self._x.T.copy(), self._words.T.copy()
 
+    def snapshot(self) -> bytes:
+        """Copy the structs."""
+        return bytes(self._ffi.buffer(self._filters))
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go back to where a snapshot was taken; see :meth:`Backend.restore`.
+
+        Parameters
+        ----------
+        snapshot : bytes
+        """
+        self._ffi.buffer(self._filters)[:] = snapshot
+
     def estimate(self) -> Array:
         """Copy x."""
         return (self._x.T if self._batch else self._x[0]).copy()

@@ -72,6 +72,18 @@ class Backend(Protocol):
     def state(self) -> tuple[Array, Array]:
         """x and the covariance words, copies."""
 
+    def snapshot(self) -> Any:
+        """All that the next step depends on; :meth:`restore` goes on from it."""
+
+    def restore(self, snapshot: Any) -> None:
+        """Go back to where a snapshot was taken; not across a reset.
+
+        Parameters
+        ----------
+        snapshot : Any
+            What :meth:`snapshot` gave.
+        """
+
     def estimate(self) -> Array:
         """x, a copy."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from types import ModuleType
 from typing import Any
 
@@ -43,6 +44,19 @@ class NumpyBackend:
     def state(self) -> tuple[Array, Array]:
         """Copy x and the covariance words."""
         return self.estimate(), np.array(getattr(self.filter, self._covariance), dtype=self.math.dtype)
+
+    def snapshot(self) -> Any:
+        """Copy the filter; its fields are replaced by every step, never changed."""
+        return copy.copy(self.filter)
+
+    def restore(self, snapshot: Any) -> None:
+        """Go back to where a snapshot was taken; see :meth:`Backend.restore`.
+
+        Parameters
+        ----------
+        snapshot : Any
+        """
+        self.filter = copy.copy(snapshot)
 
     def estimate(self) -> Array:
         """Copy x."""

@@ -1,63 +1,35 @@
 """The recorded-data format, the one place that knows it.
 
 Columns: ``t`` s; ``u_alpha``, ``u_beta`` V, mean over the interval ending at t; ``i_alpha``, ``i_beta`` A at t. Truth,
-where it is known: ``omega`` rad/s mechanical, ``theta`` rad electrical, ``load_torque`` N m. As .npz, or as .csv with a
-header. Files from elsewhere are renamed, scaled and brought to the alpha-beta frame while they are read.
+where it is known: ``omega`` rad/s mechanical, ``theta`` rad electrical, ``load_torque`` N m. Written as .npz, or as
+.csv with a header. Files from elsewhere (``formats.py``) are renamed, scaled and brought to the alpha-beta frame while
+they are read; nothing is mended that nobody asked for.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.recorded.text import read_csv
-from runtime.recorded.units import SI, find_unit
+from runtime.recorded.columns import RESOLVER, TRUTH, factors, find_frame, missing, offsets, own_columns
+from runtime.recorded.formats import read_source
+from runtime.recorded.frames import DUTY, FRAMES, WIRINGS, rewired
+from runtime.recorded.rest import offset_notes
+from runtime.recorded.source import Source
 from runtime.system.errors import UserError
 from runtime.system.files import whole_file
 
 Array = NDArray[Any]
 
-INPUTS = ("u_alpha", "u_beta", "i_alpha", "i_beta")
-TRUTH = ("omega", "theta", "load_torque")
+#: What recorded data can be written as.
 SUFFIXES = (".npz", ".csv")
-
-_SQRT3 = np.sqrt(3.0)
-
-#: Other quantities a pair (alpha, beta) can be made of, the best first: amplitude-invariant Clarke transforms.
-FRAMES: dict[str, dict[tuple[str, ...], Callable[..., tuple[Array, Array]]]] = {
-    "i": {
-        ("i_a", "i_b", "i_c"): lambda a, b, c: ((2 * a - b - c) / 3, (b - c) / _SQRT3),
-        ("i_a", "i_b"): lambda a, b: (a, (a + 2 * b) / _SQRT3),
-    },
-    "u": {
-        ("u_a", "u_b", "u_c"): lambda a, b, c: ((2 * a - b - c) / 3, (b - c) / _SQRT3),
-        ("u_ab", "u_bc"): lambda ab, bc: ((2 * ab + bc) / 3, bc / _SQRT3),
-    },
-}
-
-QUANTITIES = {"t": "time", "omega": "speed", "theta": "angle", "load_torque": "torque"} | {
-    name: quantity
-    for kind, quantity in (("u", "voltage"), ("i", "current"))
-    for name in (f"{kind}_alpha", f"{kind}_beta", *dict.fromkeys(n for names in FRAMES[kind] for n in names))
-}
-
-#: Names of the columns elsewhere, letters and figures only; used to propose a --rename, never silently.
-_ALIASES = {
-    "t": ("t", "time", "times", "seconds", "zeit"),
-    "omega": ("omega", "omegam", "speed", "wm", "w", "n", "rpm"),
-    "theta": ("theta", "thetae", "angle", "position"),
-    "load_torque": ("loadtorque", "torque", "tl", "tload", "load"),
-} | {
-    name: tuple(letter + name[1:].replace("_", "") for letter in ({"u": "uv", "i": "i"}[name[0]]))
-    for name in QUANTITIES
-    if name[0] in "ui" and name[1] == "_"
-}
+#: The largest duty cycle that is rounded from 1.
+DUTY_REACH = 1.01
 
 
 @dataclass(frozen=True)
@@ -65,7 +37,8 @@ class Recorded:
     """Recorded data of N samples.
 
     t (N,) s, u (N, 2) V, y (N, 2) A; ``truth`` has what is known of
-    omega rad/s, theta rad, load_torque N m. ``notes`` say what was converted.
+    omega rad/s, theta rad, load_torque N m. ``notes`` say what was converted; ``applied`` has
+    for each column that was read what the file's numbers were multiplied with, and what was added then.
     """
 
     path: Path
@@ -74,59 +47,165 @@ class Recorded:
     y: Array
     truth: dict[str, Array]
     notes: list[str] = field(default_factory=list)
+    applied: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Source:
-    """A file's columns before they are understood."""
+class Corrections:
+    """What is asked for beyond names and units.
 
-    path: Path
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    load: Callable[[Sequence[int]], list[Array]]
+    ``offsets``: "name=value", added to a column in SI; ``wiring``: order and sign of the current sensors, such as "bac"
+    or "-abc"; ``begins``: voltages and duty cycles of a row are those of the interval that begins at its t; ``dc_link``
+    V, where the file has no u_dc.
+    """
+
+    offsets: Sequence[str] = ()
+    wiring: str | None = None
+    begins: bool = False
+    dc_link: float | None = None
 
 
 def read_recorded(
-    path: Path, renames: Sequence[str] = (), scales: Sequence[str] = (), need_time: bool = True
+    path: Path,
+    renames: Sequence[str] = (),
+    scales: Sequence[str] = (),
+    need_time: bool = True,
+    corrections: Corrections = Corrections(),
 ) -> Recorded:
-    """Read .npz or .csv.
+    """Read a recording of any known format.
 
     Parameters
     ----------
+    path : Path
     renames : sequence of "theirs=ours"
     scales : sequence of "name=factor"
         The factor may be a unit, such as ``theta=deg``; it replaces the one beside the column's name.
     need_time : bool
         Without, rows alone count and ``t`` is empty.
+    corrections : Corrections
 
     Raises
     ------
     UserError
         If the file cannot be read, lacks a column, or a column is empty or not numbers.
     """
-    source = _npz(path) if path.suffix == ".npz" else _csv(path)
-    columns = _ours(source, renames)
-    factors = _factors(source, columns, scales)
-    frames = {kind: _frame(source, columns, kind, need_time) for kind in ("u", "i")}
+    _check(corrections)
+    source = read_source(path)
+    columns, notes = own_columns(source, renames)
+    factor = factors(source, columns, scales)
+    offset = offsets(source, columns, corrections.offsets)
+    if corrections.dc_link is not None:
+        columns.setdefault("u_dc", -1)
+    frames = {kind: find_frame(source, columns, kind, need_time) for kind in ("u", "i")}
     if need_time and "t" not in columns:
-        raise UserError(_missing(source, columns, ["t"]))
-    wanted = ["t"] if need_time else []
-    wanted += [name for names in frames.values() for name in names] + [name for name in TRUTH if name in columns]
+        raise UserError(missing(source, columns, ["t"]))
+    wanted = _wanted(columns, frames, need_time)
     values = dict(zip(wanted, source.load([columns[name] for name in wanted]), strict=True))
-    notes = []
-    for name in wanted:
-        if factors[name] != 1.0:
-            notes.append(f"{name}: '{source.names[columns[name]]}' times {factors[name]:.6g}")
-            values[name] = values[name] * factors[name]
-    pairs = []
-    for kind, names in frames.items():
-        pairs.append(np.column_stack(_to_alpha_beta(kind, names, [values[name] for name in names])))
-        if len(names) != 2 or names[0] != f"{kind}_alpha":
-            notes.append(f"{kind}_alpha, {kind}_beta: by Clarke of {', '.join(names)}")
-    if not len(pairs[0]):
+    notes += source.notes
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond a number is rejected by the filter
+        notes += _scaled(source, columns, values, factor, offset)
+        if "duty_a" in frames["u"]:
+            _check_duty(source, values, asked=any(factor[name] != 1.0 for name in DUTY))
+            if "u_dc" not in values:
+                values["u_dc"] = np.full(len(values["duty_a"]), corrections.dc_link)
+        u = _pair(frames["u"], values, "u", notes)
+        notes += offset_notes(u, {name: values[name] for name in frames["i"]})
+        y = _pair(frames["i"], values, "i", notes)
+        if corrections.wiring is not None:
+            y = rewired(y, corrections.wiring)
+        truth = _truth(values)
+    if not len(u):
         raise UserError(f"'{path}' holds no samples.")
+    if corrections.wiring is not None:
+        notes.append(f"i_alpha, i_beta: current sensors wired as {corrections.wiring}")
+    applied = {name: (factor[name], offset.get(name, 0.0)) for name in wanted}
+    recorded = Recorded(path, values.get("t", np.empty(0)), u, y, truth, notes, applied)
+    return _one_row_later(recorded) if corrections.begins else recorded
+
+
+def _check(corrections: Corrections) -> None:
+    if corrections.wiring is not None and corrections.wiring not in WIRINGS:
+        raise UserError(f"--wiring '{corrections.wiring}' is none of {', '.join(WIRINGS)}.")
+    if corrections.dc_link is not None and not 0.0 < corrections.dc_link < 1e6:
+        raise UserError(f"--dc-link {corrections.dc_link:g} is no voltage of a dc link, 0 .. 1e6 V.")
+
+
+def _wanted(columns: Mapping[str, int], frames: Mapping[str, Sequence[str]], need_time: bool) -> list[str]:
+    wanted = ["t"] if need_time else []
+    wanted += [name for names in frames.values() for name in names if columns[name] >= 0]
+    wanted += [name for name in TRUTH if name in columns]
+    if "theta" not in columns and all(name in columns for name in RESOLVER):
+        wanted += RESOLVER
+    return wanted
+
+
+def _scaled(
+    source: Source,
+    columns: Mapping[str, int],
+    values: dict[str, Array],
+    factor: Mapping[str, float],
+    offset: Mapping[str, float],
+) -> list[str]:
+    """Bring values to SI, in place; what was done."""
+    notes = []
+    for name in values:
+        if factor[name] != 1.0:
+            notes.append(f"{name}: '{source.names[columns[name]]}' times {factor[name]:.6g}")
+            values[name] = values[name] * factor[name]
+        if name in offset:
+            notes.append(f"{name}: {offset[name]:+.6g} added")
+            values[name] = values[name] + offset[name]
+    return notes
+
+
+def _check_duty(source: Source, values: Mapping[str, Array], asked: bool) -> None:
+    """Duty cycles are shares of 1: anything else is refused with the factor that it looks like.
+
+    ``asked``: somebody said the factor, so that -0.5 .. 0.5 is as good; the middle is in all three and cancels.
+    """
+    duty = np.concatenate([values[name] for name in DUTY])
+    duty = duty[np.isfinite(duty)]
+    low, high = (float(duty.min()), float(duty.max())) if len(duty) else (0.0, 0.0)
+    if (-DUTY_REACH if asked else 1.0 - DUTY_REACH) <= low and high <= DUTY_REACH:
+        return
+    if low >= -DUTY_REACH and high <= DUTY_REACH:
+        factor, what = "0.5", "a modulation of -1 .. 1"
+    elif low >= 0.0 and high <= 100.0 * DUTY_REACH:
+        factor, what = "%", "per cent"
+    else:
+        factor, what = "1/COUNTS", "counts of a timer"
+    said = " ".join(f"--scale {name}={factor}" for name in DUTY)
+    raise UserError(
+        f"'{source.path}': duty cycles reach from {low:.4g} to {high:.4g}, not from 0 to 1. If they are {what}: {said}."
+    )
+
+
+def _pair(names: Sequence[str], values: dict[str, Array], kind: str, notes: list[str]) -> Array:
+    """(N, 2) alpha and beta; the columns it is made of are let go."""
+    columns = [values.pop(name) for name in names]
+    transform = FRAMES[kind].get(tuple(names))
+    if transform is None:
+        return np.column_stack(columns)
+    notes.append(f"{kind}_alpha, {kind}_beta: by Clarke of {', '.join(names)}")
+    if "u_dc" in names:
+        notes.append("a duty cycle is taken for that of the interval that ends at its t; else say --begins")
+    return np.column_stack(transform(*columns))
+
+
+def _truth(values: Mapping[str, Array]) -> dict[str, Array]:
     truth = {name: values[name] for name in TRUTH if name in values}
-    return Recorded(path, values.get("t", np.empty(0)), pairs[0], pairs[1], truth, notes)
+    if RESOLVER[0] in values:
+        truth["theta"] = np.arctan2(values[RESOLVER[1]], values[RESOLVER[0]])
+    return truth
+
+
+def _one_row_later(recorded: Recorded) -> Recorded:
+    """Voltages of the interval that begins at a row, on the row at which it ends; the first row has none."""
+    if len(recorded.u) < 2:
+        raise UserError(f"'{recorded.path}': of one row there is no voltage over the interval before it.")
+    truth = {name: values[1:] for name, values in recorded.truth.items()}
+    notes = [*recorded.notes, "u_alpha, u_beta: of the interval that begins at t, moved to the row that ends it"]
+    return replace(recorded, t=recorded.t[1:], u=recorded.u[:-1], y=recorded.y[1:], truth=truth, notes=notes)
 
 
 def write_recorded(path: Path, columns: Mapping[str, Array]) -> None:
@@ -149,7 +228,7 @@ def write_recorded(path: Path, columns: Mapping[str, Array]) -> None:
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a path that is neither .npz nor .csv.
+    """Refuse a path to write to that is neither .npz nor .csv.
 
     Parameters
     ----------
@@ -162,128 +241,3 @@ def check_suffix(path: Path) -> None:
     """
     if path.suffix not in SUFFIXES:
         raise UserError(f"'{path}': recorded data is .npz or .csv.")
-
-
-def _npz(path: Path) -> Source:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name]) for name in file.files}
-    except (OSError, ValueError, AttributeError, EOFError) as error:
-        raise UserError(f"'{path}' cannot be read as recorded data: {error}") from None
-    except Exception as error:  # zipfile and zlib have their own, for a damaged archive
-        raise UserError(f"'{path}' cannot be read as recorded data: {error}") from None
-
-    def load(chosen: Sequence[int]) -> list[Array]:
-        names = [list(arrays)[k] for k in chosen]
-        for name in names:
-            if arrays[name].ndim != 1 or arrays[name].dtype.kind not in "fiub":
-                shape, kind = arrays[name].shape, arrays[name].dtype
-                raise UserError(f"'{path}': {name} has shape {shape} and type {kind}; a column is numbers (N,).")
-        lengths = {name: len(arrays[name]) for name in names}
-        if len(set(lengths.values())) > 1:
-            said = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise UserError(f"'{path}': the columns have different lengths: {said}.")
-        return [arrays[name].astype(float) for name in names]
-
-    return Source(path, tuple(arrays), ("",) * len(arrays), load)
-
-
-def _csv(path: Path) -> Source:
-    table = read_csv(path)
-    return Source(path, table.names, table.units, table.columns)
-
-
-def _pairs(given: Sequence[str], option: str, example: str) -> list[tuple[str, str]]:
-    for text in given:
-        if not re.fullmatch(r".+=.+", text):
-            raise UserError(f"{option} '{text}' is not of the form {example}.")
-    return [(left.strip(), right.strip()) for left, _, right in (text.rpartition("=") for text in given)]
-
-
-def _ours(source: Source, renames: Sequence[str]) -> dict[str, int]:
-    """Our names -> column numbers."""
-    names = list(source.names)
-    for theirs, ours in _pairs(renames, "--rename", "theirs=ours"):
-        if ours not in QUANTITIES:
-            raise UserError(f"--rename {theirs}={ours}: '{ours}' is no column here; there are {', '.join(QUANTITIES)}.")
-        if theirs not in source.names:
-            raise UserError(f"--rename {theirs}={ours}: '{source.path}' has no '{theirs}'; it has {_listed(source)}.")
-        if ours in names and ours != theirs:
-            names[names.index(ours)] = ""
-        names[source.names.index(theirs)] = ours
-    doubled = [name for name in QUANTITIES if names.count(name) > 1]
-    if doubled:
-        raise UserError(f"'{source.path}' has the column '{doubled[0]}' {names.count(doubled[0])} times.")
-    return {name: k for k, name in enumerate(names) if name in QUANTITIES}
-
-
-def _factors(source: Source, columns: Mapping[str, int], scales: Sequence[str]) -> dict[str, float]:
-    """The factor of each column, from --scale or the unit beside its name."""
-    asked = {}
-    for name, text in _pairs(scales, "--scale", "name=factor, such as i_alpha=1e-3 or theta=deg"):
-        ours = next((own for own, k in columns.items() if name in {own, source.names[k]}), None)
-        if ours is None:
-            raise UserError(f"--scale {name}={text}: '{source.path}' has no '{name}'; it has {_listed(source)}.")
-        asked[ours] = _factor(ours, text)
-    factors = {}
-    for name, k in columns.items():
-        unit = source.units[k]
-        factors[name] = asked[name] if name in asked else _factor(name, unit, source.path) if unit else 1.0
-    return factors
-
-
-def _factor(name: str, text: str, path: Path | None = None) -> float:
-    """A number or a unit as a factor; ``path`` for a unit that stands in a file's header."""
-    quantity = QUANTITIES[name]
-    unit = find_unit(text)
-    if unit is not None and unit.quantity == quantity:
-        return unit.factor
-    where = f"--scale {name}={text}" if path is None else f"'{path}': the column for {name} is in '{text}'"
-    if unit is not None:
-        remedy = f"; if it is a probe's, give its factor: --scale {name}={SI[quantity]}_PER_{text}" if path else ""
-        raise UserError(f"{where}: that is a unit of {unit.quantity}, {name} is in {SI[quantity]}{remedy}.")
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = np.nan
-    if not np.isfinite(factor) or factor == 0.0:
-        raise UserError(f"{where}: neither a unit of {quantity} nor a number; say its factor with --scale {name}=...")
-    return factor
-
-
-def _frame(source: Source, columns: Mapping[str, int], kind: str, need_time: bool) -> tuple[str, ...]:
-    """The columns that voltage or current is made of."""
-    direct = (f"{kind}_alpha", f"{kind}_beta")
-    for names in (direct, *FRAMES[kind]):
-        if all(name in columns for name in names):
-            return names
-    needed = (["t"] if need_time else []) + list(INPUTS)
-    raise UserError(_missing(source, columns, [name for name in needed if name not in columns]))
-
-
-def _to_alpha_beta(kind: str, names: tuple[str, ...], values: list[Array]) -> tuple[Array, Array]:
-    transform = FRAMES[kind].get(names)
-    return transform(*values) if transform is not None else (values[0], values[1])
-
-
-def _missing(source: Source, columns: Mapping[str, int], missing: Sequence[str]) -> str:
-    taken = {source.names[k] for k in columns.values()}
-    proposals = []
-    for ours, aliases in _ALIASES.items():
-        near = [n for n in source.names if n not in taken and re.sub(r"[^a-z0-9]", "", n.lower()) in aliases]
-        if near and ours not in columns:
-            proposals.append(f"--rename {_quoted(near[0])}={ours}")
-    lacks = f"'{source.path}' lacks the column {', '.join(missing)}; it has {_listed(source)}."
-    frames = " Currents may also be i_a, i_b[, i_c], voltages u_a, u_b, u_c or u_ab, u_bc."
-    return lacks + (
-        f" Did you mean {' '.join(proposals)}?" if proposals else f" Name them: --rename theirs=ours.{frames}"
-    )
-
-
-def _quoted(name: str) -> str:
-    return f"'{name}'" if re.search(r"\s", name) else name
-
-
-def _listed(source: Source) -> str:
-    names = [name for name in source.names if name]
-    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "") if names else "no column"

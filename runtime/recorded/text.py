@@ -1,93 +1,50 @@
-"""A CSV file as scopes, loggers and spreadsheets write it: find the header and the dialect, then read fast.
+"""A CSV file as scopes, loggers and spreadsheets write it: find the header and the dialect.
 
 Comma, semicolon, tab or blanks between cells; decimal point or comma; comment lines (# % //), lines before the header,
-a line of units after it, quotes, a byte order mark, any line ends.
+a line of units after it, quotes, a byte order mark, any line ends; the time as start and increment. Columns without a
+header have numbers for names.
 """
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.recorded.cells import COMMENT, Dialect, cells, is_mark, is_number, read_cells
+from runtime.recorded.source import Array, Source
 from runtime.recorded.units import is_unit, split_unit
 from runtime.system.errors import UserError
 
-Array = NDArray[Any]
-
-COMMENT = re.compile(r"\s*(#|%|//)\s*")
 #: Separators by preference: a line with tabs may hold commas as decimals, never the other way round.
 SEPARATORS = ("\t", ";", ",", " ")
-#: The header is looked for in so much of the file.
+#: The header is looked for in so many bytes.
 HEAD = 1 << 18
+#: What stands in a line of units above a column that counts samples.
+_COUNT = re.compile(r"sequence|samples?|index|#|point|pts", re.IGNORECASE)
+_START = re.compile(r"start|t0", re.IGNORECASE)
+_STEP = re.compile(r"increment|t_?inc|dt|delta", re.IGNORECASE)
+_GIVEN = re.compile(r"(\w+)\s*=\s*([-+.\deE]+)\s*s?")
 
 
 @dataclass(frozen=True)
-class CsvTable:
-    """A CSV file with its header understood. ``units``: as written beside the names, "" where there is none."""
+class Header:
+    """Cells above the numbers: ``given`` are numbers that the header itself holds, by the name they stand under.
 
-    path: Path
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    separator: str
-    body: str
-    first_line: int
+    ``counter`` is the column that counts the samples, None if there is none.
+    """
 
-    def columns(self, chosen: Sequence[int]) -> list[Array]:
-        """Read columns by their numbers.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-
-        Raises
-        ------
-        UserError
-            Naming line and column of the first cell that is not a number.
-        """
-        text = self.body.replace(",", ".") if self.separator != "," and "," in self.body else self.body
-        if any(mark in text for mark in ("#", "%", "//")):
-            text = re.sub(r"(?m)^[ \t]*(#|%|//).*$", "", text)
-        try:
-            table = np.loadtxt(
-                io.StringIO(text.replace('"', "")),
-                delimiter=None if self.separator == " " else self.separator,
-                usecols=list(chosen),
-                comments=None,
-                ndmin=2,
-            )
-        except (ValueError, IndexError) as error:
-            raise UserError(self._first_fault(chosen) or f"'{self.path}' cannot be read as a table: {error}") from None
-        return list(table.T)
-
-    def _first_fault(self, chosen: Sequence[int]) -> str | None:
-        for number, line in enumerate(self.body.split("\n"), self.first_line):
-            if not line.strip() or COMMENT.match(line):
-                continue
-            row = cells(line, self.separator)
-            if len(row) <= max(chosen):
-                return (
-                    f"'{self.path}' line {number} has {len(row)} columns, the header has {len(self.names)}: "
-                    "was the file cut off there? Remove or complete the line."
-                )
-            for column in chosen:
-                if not is_number(row[column], self.separator):
-                    what = f"is '{row[column]}', not a number" if row[column] else "is empty"
-                    return (
-                        f"'{self.path}' line {number}, column '{self.names[column]}' {what}; "
-                        "write nan where a sample is missing."
-                    )
-        return None
+    written: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+    counter: int | None = None
 
 
-def read_csv(path: Path) -> CsvTable:
-    """Find header and dialect of a file; the numbers are read by :meth:`CsvTable.columns`.
+def read_text(path: Path) -> Source:
+    """Find header and dialect of a text file; its numbers are read when columns are asked for.
 
     Parameters
     ----------
@@ -96,64 +53,105 @@ def read_csv(path: Path) -> CsvTable:
     Raises
     ------
     UserError
-        If it is not text, holds no numbers, or has no header.
+        If it is not text or holds no row of numbers.
     """
-    text = _decoded(path)
-    lines = text[:HEAD].split("\n")
-    found = next(((k, separator) for k, line in enumerate(lines) if (separator := _separator(line))), None)
-    if found is None:
-        raise UserError(f"'{path}' has no row of numbers (at least two columns, separated by comma, semicolon or tab).")
-    first, separator = found
+    encoding, lines = _head(path)
+    first, separator = _first_row(path, lines)
     width = len(cells(lines[first], separator))
-    names, units = _header(path, lines[:first], separator, width)
-    body = text[sum(len(line) + 1 for line in lines[:first]) :]
-    return CsvTable(path, names, units, separator, body, first + 1)
+    header = _header(lines[:first], separator, width)
+    known = [_split(cell, header.written) for cell in header.written]
+    names = tuple(name for name, _ in known) or tuple(str(k + 1) for k in range(width))
+    units = tuple(beside or below for (_, beside), below in zip(known, header.units, strict=True)) or ("",) * width
+    written = header.written or names
+    dialect = Dialect(path, encoding, separator, names, first + 1)
+    hint = "" if header.written else _no_header(path, width)
+    start, step = _time(header.given)
+    if step is None:
+        return Source(path, names, units, lambda chosen: read_cells(dialect, chosen), written, hint=hint)
+    return _counted(Source(path, names, units, lambda _: [], written), dialect, header.counter, start, step)
 
 
-def _decoded(path: Path) -> str:
+def _counted(source: Source, dialect: Dialect, counter: int | None, start: float, step: float) -> Source:
+    """A file whose header holds when its samples begin and how far they are apart."""
+    time = len(source.names) if counter is None else counter
+
+    def load(chosen: Sequence[int]) -> list[Array]:
+        read = read_cells(dialect, [k for k in chosen if k != len(source.names)] or [0])
+        columns = dict(zip([k for k in chosen if k != len(source.names)], read, strict=False))
+        if counter is None:
+            columns[time] = np.arange(len(read[0]), dtype=float)
+        return [start + step * columns[k] if k == time else columns[k] for k in chosen]
+
+    names, units = list(source.names), list(source.units)
+    if counter is None:
+        names, units = [*names, "t"], [*units, ""]
+    units[time] = ""
+    what = f"{start:.9g} s + {step:.9g} s a row, as the header says"
+    note = f"t: {what}" if counter is None else f"'{names[time]}' counts rows; as a time it is {what}"
+    written = (*source.written, *(["t"] if counter is None else []))
+    return Source(source.path, tuple(names), tuple(units), load, written, [note])
+
+
+def _time(given: Mapping[str, float]) -> tuple[float, float | None]:
+    """Start and increment of the time, s; no increment where the header holds none."""
+    start = next((value for name, value in given.items() if _START.fullmatch(name)), 0.0)
+    step = next((value for name, value in given.items() if _STEP.fullmatch(name)), None)
+    return start, step if step is not None and np.isfinite(step) and step > 0.0 and np.isfinite(start) else None
+
+
+def _no_header(path: Path, width: int) -> str:
+    return (
+        f"'{path}' has no header: its first line names the {width} columns, such as t,u_alpha,u_beta,i_alpha,i_beta; "
+        "or name them by number: --rename 1=t."
+    )
+
+
+def _split(cell: str, row: Sequence[str]) -> tuple[str, str]:
+    """Name and unit of a cell; the whole cell where others would have the same name without what is behind it."""
+    name, unit = split_unit(cell)
+    if name != cell and sum(split_unit(other)[0] == name for other in row) > 1:
+        return cell, ""
+    return name, unit
+
+
+def _head(path: Path) -> tuple[str, list[str]]:
+    """Encoding and first lines."""
     try:
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(HEAD)
     except OSError as error:
         raise UserError(f"'{path}' cannot be read as recorded data: {error.strerror}.") from None
     if raw[:2] in {b"\xff\xfe", b"\xfe\xff"}:
-        text = raw.decode("utf-16", errors="replace")
-    elif b"\x00" in raw[:HEAD]:
-        raise UserError(f"'{path}' is not text: recorded data is .npz, or .csv with a header.")
+        encoding = "utf-16"
+    elif b"\x00" in raw:
+        raise UserError(f"'{path}' is not text: recorded data is .npz, .mat, .mf4, or .csv with a header.")
     else:
+        encoding = "utf-8-sig"
+        whole = raw if len(raw) < HEAD else raw[: max(raw.rfind(b"\n"), raw.rfind(b"\r")) + 1]
         try:
-            text = raw.decode("utf-8-sig")
+            whole.decode(encoding)
         except UnicodeDecodeError:
-            text = raw.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+            encoding = "latin-1"
+    text = raw.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    return encoding, text.split("\n")
 
 
-def cells(line: str, separator: str) -> list[str]:
-    """Split a line into cells, without quotes and blanks.
-
-    Parameters
-    ----------
-    line : str
-    separator : str
-    """
-    if separator == " ":
-        return line.replace('"', "").split()
-    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
-
-
-def is_number(cell: str, separator: str) -> bool:
-    """Whether NumPy's reader will take a cell as a number.
-
-    Parameters
-    ----------
-    cell : str
-    separator : str
-        Between cells; a comma as decimal mark is read where it is another.
-    """
-    try:
-        float(cell if separator == "," else cell.replace(",", "."))
-    except ValueError:
-        return False
-    return "_" not in cell
+def _first_row(path: Path, lines: Sequence[str]) -> tuple[int, str]:
+    """The first line of numbers, and its separator."""
+    rows = ((k, separator) for k, line in enumerate(lines) if (separator := _separator(line)))
+    for k, separator in rows:
+        below = (cells(line, separator) for line in lines[k + 1 :] if line.strip())
+        here, after, later = cells(lines[k], separator), next(below, []), next(below, [])
+        if _is_unit_row(after) and not _is_unit_row(later):
+            continue  # names that are numbers
+        if k and _is_unit_row(here) and not _is_unit_row(after):
+            continue  # numbers among the units
+        above = any(sum(map(bool, row)) > 1 for row in _header_rows(lines[:k], separator))
+        words = (not is_number(a, separator) and not is_mark(a) for a in here)
+        if not above and any(word and is_number(b, separator) for word, b in zip(words, after, strict=False)):
+            continue  # a word above numbers is a name
+        return k, separator
+    raise UserError(f"'{path}' has no row of numbers (at least two columns, separated by comma, semicolon or tab).")
 
 
 def _separator(line: str) -> str | None:
@@ -163,27 +161,42 @@ def _separator(line: str) -> str | None:
     for separator in SEPARATORS:
         row = [cell for cell in cells(line, separator) if cell]
         numbers = sum(is_number(cell, separator) for cell in row)
-        if numbers >= 2 and 2 * numbers > len(row):
+        if numbers >= 2 and 2 * (numbers + sum(map(is_mark, row))) > len(row):
             return separator
     return None
 
 
-def _header(path: Path, before: Sequence[str], separator: str, width: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _is_unit_row(row: Sequence[str]) -> bool:
+    """Units alone, or what counts samples, or numbers that belong to the header; of units at least one."""
+    filled = [cell for cell in row if cell]
+    units = [is_unit(cell) for cell in filled]
+    others = (_COUNT.fullmatch(cell) or is_number(cell, ",") for cell in filled)
+    return any(units) and all(unit or other for unit, other in zip(units, others, strict=True))
+
+
+def _header(before: Sequence[str], separator: str, width: int) -> Header:
     """Names and units: the nearest line above the numbers with names in it, a commented one if there is no other."""
-    unit_row: list[str] = []
+    below: list[str] = []
     for row in _header_rows(before, separator):
-        filled = [cell for cell in row if cell]
-        if len(filled) < 2 or len(filled) > width:
+        if not below and _is_unit_row(row):
+            below = row
             continue
-        if not unit_row and all(is_unit(cell) for cell in filled):
-            unit_row = row
+        given = {
+            name: float(cell.replace(",", "."))
+            for name, cell in zip(row, below, strict=False)
+            if name and is_number(cell, separator)
+        }
+        given |= {m[1]: float(m[2]) for cell in row if (m := _GIVEN.fullmatch(cell)) and is_number(m[2], separator)}
+        filled = [k for k, cell in enumerate(row) if cell and cell not in given and not _GIVEN.fullmatch(cell)]
+        if len(filled) < 2 or max(filled) >= width:
             continue
-        split = [split_unit(cell) for cell in row[:width]] + [("", "")] * (width - len(row))
-        beside = [cell.strip("()[] ") for cell in unit_row] + [""] * width
-        return tuple(name for name, _ in split), tuple(u or v for (_, u), v in zip(split, beside, strict=False))
-    raise UserError(
-        f"'{path}' has no header: its first line names the {width} columns, such as t,u_alpha,u_beta,i_alpha,i_beta."
-    )
+        written = [row[k] if k in filled else "" for k in range(min(width, len(row)))]
+        written += [""] * (width - len(written))
+        beside = [cell.strip("()[] ") for cell in below] + [""] * width
+        units = tuple(unit if is_unit(unit) else "" for unit in beside[:width])
+        counter = next((k for k in filled if k < len(below) and _COUNT.fullmatch(below[k])), None)
+        return Header(tuple(written), units, given, counter)
+    return Header()
 
 
 def _header_rows(before: Sequence[str], separator: str) -> Iterator[list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,7 @@ def innovation_figure(replay: Replay) -> str:
         axis.plot(t[thin], two_sigma, color=BAND, lw=0.9, ls="--", label="2 sigma expected")
         axis.plot(t[thin], -two_sigma, color=BAND, lw=0.9, ls="--")
         axis.set_ylabel(f"innovation {name}, A", fontsize=8)
-    nis = np.sum(found.whitened() ** 2, axis=1)
+    nis = found.squared()
     width = max(1, len(t) // SLICES)
     axes[2].plot(*_slice_means(t, nis, width), color=ESTIMATE, lw=1.0, label=f"mean over {width} steps")
     axes[2].axhline(2.0, color=TRUTH, lw=0.8, label="expected: 2")
@@ -176,21 +177,24 @@ def _band(axis: Any, t: Array, values: Array, colour: str, label: str) -> None:
         axis.plot(t, values, color=colour, lw=0.8, label=label)
         return
     width = len(t) // SLICES
-    count = len(t) // width * width
-    slices = np.asarray(values[:count], dtype=float).reshape(-1, width)
-    slices = np.where(np.isfinite(slices), slices, np.nan)
-    empty = np.all(np.isnan(slices), axis=1)
-    low = np.where(empty, np.nan, np.min(np.where(np.isnan(slices), np.inf, slices), axis=1))
-    high = np.where(empty, np.nan, np.max(np.where(np.isnan(slices), -np.inf, slices), axis=1))
-    axis.fill_between(t[:count:width], low, high, color=colour, lw=0.8, alpha=0.85, label=label)
+    low, high = (_by_slices(values, width, extreme) for extreme in (np.min, np.max))
+    axis.fill_between(t[: len(low) * width : width], low, high, color=colour, lw=0.8, alpha=0.85, label=label)
 
 
 def _slice_means(t: Array, values: Array, width: int) -> tuple[Array, Array]:
-    count = len(t) // width * width
-    slices, good = values[:count].reshape(-1, width), np.isfinite(values[:count]).reshape(-1, width)
-    counts = good.sum(axis=1)
-    sums = np.where(good, slices, 0.0).sum(axis=1)
-    return t[:count:width], np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+    means = _by_slices(values, width, np.mean)
+    return t[: len(means) * width : width], means
+
+
+def _by_slices(values: Array, width: int, figure: Callable[[Array], Any]) -> Array:
+    """A figure of each whole slice of so many values, of those that are numbers; a long record is never copied."""
+    found = np.full(len(values) // width, np.nan)
+    for k in range(len(found)):
+        piece = values[k * width : (k + 1) * width].astype(float)
+        piece = piece[np.isfinite(piece)]
+        if len(piece):
+            found[k] = figure(piece)
+    return found
 
 
 def _limits(axis: Any, e: Array, two_sigma: Array) -> None:

@@ -33,16 +33,40 @@ class Innovations:
     nu: Array
     S: Array
 
-    def whitened(self) -> Array:
-        """C^-1 nu (N, 2) with C C^T = S: of unit variance and white, if the filter is right."""
-        c_00 = np.sqrt(self.S[:, 0])
-        c_10 = self.S[:, 1] / c_00
-        c_11 = np.sqrt(self.S[:, 2] - c_10**2)
-        z_0 = self.nu[:, 0] / c_00
-        return np.column_stack([z_0, (self.nu[:, 1] - c_10 * z_0) / c_11])
+    def whitened(self, rows: slice = slice(None)) -> Array:
+        """C^-1 nu (., 2) with C C^T = S: of unit variance and white, if the filter is right.
+
+        Parameters
+        ----------
+        rows : slice
+            Default: all.
+        """
+        nu, S = self.nu[rows].astype(float), self.S[rows].astype(float)
+        c_00 = np.sqrt(S[:, 0])
+        c_10 = S[:, 1] / c_00
+        c_11 = np.sqrt(S[:, 2] - c_10**2)
+        z_0 = nu[:, 0] / c_00
+        return np.column_stack([z_0, (nu[:, 1] - c_10 * z_0) / c_11])
+
+    def squared(self) -> Array:
+        """Normalised innovation squared (N,), block by block."""
+        blocks = (self.whitened(slice(first, first + BLOCK)) for first in range(0, len(self.nu), BLOCK))
+        return np.concatenate([np.empty(0), *(block[:, 0] ** 2 + block[:, 1] ** 2 for block in blocks)])
 
 
-def held_inputs(u: Array, u_max: float) -> Array:
+def within(pairs: Array, limit: float) -> Array:
+    """Say which rows a filter accepts: both within the limit, and numbers.
+
+    Parameters
+    ----------
+    pairs : ndarray, (N, 2)
+    limit : float
+    """
+    first, second = np.abs(pairs).T
+    return np.asarray((first <= limit) & (second <= limit))
+
+
+def held_inputs(u: Array, u_max: float, before: Array | None = None) -> Array:
     """Return the inputs as the filter takes them: a rejected row holds the last good one, at first zero.
 
     Parameters
@@ -51,37 +75,54 @@ def held_inputs(u: Array, u_max: float) -> Array:
         Voltages, V.
     u_max : float
         Limit of each, V.
+    before : ndarray, (2,), optional
+        The last good one before these rows.
     """
-    good = np.all(np.abs(u) <= u_max, axis=1)  # False for NaN
+    good = within(u, u_max)
+    if good.all():
+        return u
     last = np.maximum.accumulate(np.where(good, np.arange(len(u)), -1))
-    return np.where(last[:, None] >= 0, u[last], u.dtype.type(0))
+    return np.where(last[:, None] >= 0, u[last], u.dtype.type(0) if before is None else before)
 
 
-def innovations(module: ModuleType, kind: str, dtype: str, u: Array, y: Array, x: Array, words: Array) -> Innovations:
-    """Expected measurements of a run, mean and covariance by the cubature rule (eq. 19-22).
+class Expectations:
+    """What a filter expected of the measurements of a run, mean and covariance by the cubature rule (eq. 19-22).
 
     Parameters
     ----------
     module : the generated Python module
     kind, dtype : str
         The filter that ran.
-    u, y : (N, 2) V, A
-        What it was given.
-    x, words : (N + 1, n), (N + 1, n(n+1)/2)
-        Its states and covariance words: at the start, then after each step.
     """
-    u_max, y_max = module.DEFAULTS["u_max"], module.DEFAULTS["y_max"]
-    accepted = np.all(np.abs(u) <= u_max, axis=1) & np.all(np.abs(y) <= y_max, axis=1)
-    inputs = held_inputs(u.astype(dtype), u_max)
-    predictor = NumpyBackend(module, kind, dtype)
-    nu, S = np.empty((len(u), 2)), np.empty((len(u), 3))
-    for first in range(0, len(u), BLOCK):
-        rows = slice(first, min(first + BLOCK, len(u)))
-        x_pred, words_pred = _predicted(predictor, inputs[rows], x[rows], words[rows])
-        y_pred, S[rows] = _expected(module, x_pred, words_pred)
-        nu[rows] = y[rows] - y_pred
-    nu[~accepted], S[~accepted] = np.nan, np.nan
-    return Innovations(nu, S)
+
+    def __init__(self, module: ModuleType, kind: str, dtype: str) -> None:
+        self._module = module
+        self._predictor = NumpyBackend(module, kind, dtype)
+        self._held = np.zeros(2, dtype=dtype)
+
+    def innovations(self, u: Array, y: Array, x: Array, words: Array) -> Innovations:
+        """Work out the next rows of the run.
+
+        Parameters
+        ----------
+        u, y : (N, 2) V, A
+            What it was given.
+        x, words : (N, n), (N, n(n+1)/2)
+            Its states and covariance words before each step.
+        """
+        limits = self._module.DEFAULTS
+        accepted = within(u, limits["u_max"]) & within(y, limits["y_max"])
+        inputs = held_inputs(u, limits["u_max"], self._held)
+        self._held = inputs[-1]
+        nu, S = np.empty((len(u), 2), dtype=u.dtype), np.empty((len(u), 3), dtype=u.dtype)
+        for first in range(0, len(u), BLOCK):
+            rows = slice(first, min(first + BLOCK, len(u)))
+            x_pred, words_pred = _predicted(self._predictor, inputs[rows], x[rows], words[rows])
+            y_pred, S[rows] = _expected(self._module, x_pred, words_pred)
+            nu[rows] = y[rows] - y_pred
+        if not accepted.all():
+            nu[~accepted], S[~accepted] = np.nan, np.nan
+        return Innovations(nu, S)
 
 
 def _predicted(predictor: NumpyBackend, u: Array, x: Array, words: Array) -> tuple[Array, Array]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,11 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.recorded.clock import Clock, check_clock
 from runtime.recorded.data import Recorded
 from runtime.recorded.truth import Errors, errors
-from runtime.replay.innovations import Innovations, innovations
+from runtime.replay.conventions import conventions
+from runtime.replay.innovations import Expectations, Innovations
 from runtime.replay.statistics import Consistency, consistency
+from runtime.replay.wiring import MISFIT_WORDS, TRIED, find_wiring
+from runtime.replay.words import Inputs, Words
 from runtime.system.errors import UserError
 from runtime.system.files import whole_file, write_text
 
@@ -26,11 +30,13 @@ Array = NDArray[Any]
 Progress = Callable[[float], None]
 
 #: Steps between two reports of progress, by back end.
-CHUNK = {"c": 200_000, "numpy": 1_000}
+CHUNK = {"c": 131_072, "numpy": 1_000}
 #: Rows of P worked out at once while they are written.
 BLOCK = 16_384
 
 REJECTED, NOT_CONVERGED = 1, 2
+#: An angle beyond it, rad, has lost the digits within a turn.
+FARTHEST = 1e6
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class Replay:
-    """A run over recorded data of N rows: x (N, n), status (N,), covariance ``words`` that :meth:`P` unpacks."""
+    """A run over recorded data of N rows: x (N, n), status (N,), covariance ``words`` that :meth:`P` unpacks.
+
+    ``conventions``: what a truth seems to be, by its name, where it is of another convention than the estimate.
+    """
 
     drive: str
     kind: str
@@ -57,13 +66,14 @@ class Replay:
     state_units: tuple[str, ...]
     recorded: Recorded
     x: Array
-    words: Array
+    words: Words | Array
     status: Array
     unpack: Callable[[Array], Array]
     notes: list[str]
     errors: Errors | None
     innovations: Innovations
     consistency: Consistency | None
+    conventions: dict[str, str] = field(default_factory=dict)
 
     def P(self, rows: slice | Array) -> Array:
         """Work out the covariances (., n, n) of some rows.
@@ -78,6 +88,11 @@ class Replay:
     def finite(self) -> bool:
         """Whether every estimate is a number."""
         return bool(np.all(np.isfinite(self.x)))
+
+    @property
+    def unused(self) -> bool:
+        """Whether the filter rejected most rows."""
+        return 2 * self.count(REJECTED) > len(self.status)
 
     def count(self, bit: int) -> int:
         """Count the rows whose status has a bit.
@@ -177,13 +192,18 @@ def replay(
     estimator = load_folder(folder, settings.kind, settings.backend, settings.dtype)
     clock = check_clock(recorded.t, estimator.sample_time, recorded.path, folder.drive)
     estimator.reset(x0=start(estimator, settings))
-    u, y = (_on_steps(values.astype(settings.dtype), clock) for values in (recorded.u, recorded.y))
-    x, words, status = _run(estimator, u, y, CHUNK[settings.backend], progress)
-    found = innovations(folder.module, estimator.filter, settings.dtype, u, y, x[:-1], words[:-1])
-    x, words = x[1:], words[1:]
-    if clock.gaps:
-        x, words, status = x[clock.steps], words[clock.steps], status[clock.steps]
-        found = Innovations(found.nu[clock.steps], found.S[clock.steps])
+    inputs = Inputs(recorded.u, recorded.y, clock, np.dtype(settings.dtype))
+    x, words, status, found = _run(estimator, folder.module, inputs, CHUNK[settings.backend], progress)
+    judged = consistency(found)
+    wired = None
+    if judged is not None and judged.suspicious:
+        wired = find_wiring(recorded, TRIED[settings.backend], lambda head: _innovations_of(folder, head, settings))
+        if wired is None and not judged.fits:
+            wired = f"{MISFIT_WORDS}, nor in another order or sign of the phases: units, motor data, --x0, --theta0?"
+    pole_pairs = int(folder.manifest["parameters"]["motor"]["pole_pairs"])
+    others = {} if wired else conventions(recorded, x, judged, pole_pairs)
+    notes = [*recorded.notes, *clock.notes, *_rejections(recorded, status, estimator.tuning), *others.values()]
+    notes += [wired] if wired else []
     return Replay(
         drive=folder.drive,
         kind=estimator.filter,
@@ -197,11 +217,20 @@ def replay(
         words=words,
         status=status,
         unpack=estimator.unpack,
-        notes=[*recorded.notes, *clock.notes, *_rejections(recorded, status, estimator.tuning)],
+        notes=notes,
         errors=errors(recorded.t, x, estimator.state_names, recorded.truth),
         innovations=found,
-        consistency=consistency(found),
+        consistency=judged,
+        conventions=others,
     )
+
+
+def _innovations_of(folder: GeneratedFolder, recorded: Recorded, settings: Settings) -> Innovations:
+    """The innovations alone, of a short recording whose clock was found good."""
+    estimator = load_folder(folder, settings.kind, settings.backend, settings.dtype)
+    estimator.reset(x0=start(estimator, settings))
+    inputs = Inputs(recorded.u, recorded.y, Clock(None, len(recorded.u), []), np.dtype(settings.dtype))
+    return _run(estimator, folder.module, inputs, CHUNK[settings.backend], lambda share: None)[3]
 
 
 def start(estimator: Estimator, settings: Settings) -> Array | None:
@@ -215,7 +244,7 @@ def start(estimator: Estimator, settings: Settings) -> Array | None:
     Raises
     ------
     UserError
-        A start of the wrong shape.
+        A start of the wrong shape, or one that is no number.
     """
     if settings.x0 is not None and settings.theta0 is not None:
         raise UserError("--x0 holds the angle already: give it or --theta0, not both.")
@@ -223,9 +252,13 @@ def start(estimator: Estimator, settings: Settings) -> Array | None:
         if len(settings.x0) != len(estimator.state_names):
             needed = ",".join(estimator.state_names)
             raise UserError(f"--x0 has {len(settings.x0)} numbers; this drive's state is {needed}.")
+        if not np.all(np.isfinite(settings.x0)):
+            raise UserError("--x0 holds what is no number: a filter cannot start there.")
         return np.array(settings.x0)
     if settings.theta0 is None:
         return None
+    if not abs(settings.theta0) <= FARTHEST:
+        raise UserError(f"--theta0 {settings.theta0:g} is no angle in rad.")
     x = np.array(estimator.tuning["x_0"], dtype=float)
     # Flux linkages or currents turn with the rotor.
     turned = complex(x[0], x[1]) * np.exp(1j * (settings.theta0 - x[3]))
@@ -233,29 +266,30 @@ def start(estimator: Estimator, settings: Settings) -> Array | None:
     return x
 
 
-def _on_steps(values: Array, clock: Clock) -> Array:
-    """Rows (N, 2) on the filter's steps; what is missing is NaN, which the filter rejects."""
-    if not clock.gaps:
-        return values
-    filled = np.full((int(clock.steps[-1]) + 1, 2), np.nan, dtype=values.dtype)
-    filled[clock.steps] = values
-    return filled
-
-
-def _run(estimator: Estimator, u: Array, y: Array, chunk: int, progress: Progress) -> tuple[Array, Array, Array]:
-    """x and covariance words at the start and after each step (N + 1, .), status (N,)."""
-    x_0, words_0 = estimator.backend.state()
-    x = np.empty((len(u) + 1, len(x_0)), dtype=x_0.dtype)
-    words = np.empty((len(u) + 1, len(words_0)), dtype=words_0.dtype)
-    status = np.empty(len(u), dtype=np.int32)
-    x[0], words[0] = x_0, words_0
-    for first in range(0, len(u), chunk):
-        rows = slice(first, min(first + chunk, len(u)))
-        trace = estimator.run(u[rows], y[rows])
-        x[first + 1 : rows.stop + 1], words[first + 1 : rows.stop + 1] = trace.x, trace.words
-        status[rows] = trace.status
-        progress(rows.stop / len(u))
-    return x, words, status
+def _run(
+    estimator: Estimator, module: ModuleType, inputs: Inputs, chunk: int, progress: Progress
+) -> tuple[Array, Words, Array, Innovations]:
+    """x (N, n), covariance words, status (N,) and innovations, row by row; what is between chunks is let go."""
+    n, N = len(estimator.state_names), inputs.rows
+    x = np.empty((N, n), dtype=estimator.dtype)
+    status = np.empty(N, dtype=np.int32)
+    found = Innovations(np.empty((N, 2), dtype=x.dtype), np.empty((N, 3), dtype=x.dtype))
+    words = Words(estimator.backend, inputs, chunk)
+    expectations = Expectations(module, estimator.filter, estimator.dtype)
+    for first in range(0, inputs.steps, chunk):
+        last = min(first + chunk, inputs.steps)
+        x_0, words_0 = estimator.backend.state()
+        words.mark()
+        u, y = inputs.of(first, last)
+        trace = estimator.run(u, y)
+        before = np.vstack([x_0, trace.x[:-1]]), np.vstack([words_0, trace.words[:-1]])
+        innovations = expectations.innovations(u, y, *before)
+        rows, steps = inputs.places(first, last)
+        x[rows], status[rows] = trace.x[steps], trace.status[steps]
+        found.nu[rows], found.S[rows] = innovations.nu[steps], innovations.S[steps]
+        words.keep(trace.words)
+        progress(last / inputs.steps)
+    return x, words, status, found
 
 
 def _rejections(recorded: Recorded, status: Array, tuning: dict[str, Any]) -> Sequence[str]:

@@ -18,6 +18,12 @@ from runtime.replay.innovations import Innovations
 Array = NDArray[Any]
 
 LAGS = 20
+#: Beyond this mean of the normalised innovation squared no tuning makes up for what is wrong.
+MISFIT = 30.0
+#: An autocorrelation beyond this is not that of noise of the wrong size.
+PERSISTENT = 0.5
+#: Steps taken at once: their arrays stay in the processor's cache.
+BLOCK = 8192
 #: Two-sided 95 % of a normal variable.
 Z_95 = 1.959963984540054
 #: Two-sided 95 % of the NIS of one step, chi-square with 2 degrees: an exponential of mean 2.
@@ -46,10 +52,22 @@ class Consistency:
     ljung_box: tuple[float, ...]
 
     @property
+    def fits(self) -> bool:
+        """Whether currents, voltages and motor may be of one machine, as far as any tuning goes."""
+        return self.nis_mean <= MISFIT
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether innovations are too large and go on in one direction: wrong data, not wrong noise."""
+        return not self.fits or (self.nis_mean > self.nis_band[1] and max(map(max, self.correlation)) > PERSISTENT)
+
+    @property
     def verdict(self) -> str:
         """In words."""
         low, high = self.nis_band
-        if self.nis_mean > high:
+        if not self.fits:
+            size = "innovations far larger than the filter expects: currents, voltages and motor do not fit each other"
+        elif self.nis_mean > high:
             size = "innovations larger than the filter expects: P, Q or R are too small for this data"
         elif self.nis_mean < low:
             size = "innovations smaller than the filter expects: P, Q or R are too large for this data"
@@ -69,22 +87,27 @@ def consistency(innovations: Innovations) -> Consistency | None:
     ----------
     innovations : Innovations
     """
-    z = innovations.whitened()
-    good = np.all(np.isfinite(z), axis=1)
-    steps = int(np.count_nonzero(good))
+    low, high = NIS_BAND
+    N = len(innovations.nu)
+    z, steps, inside, total = np.empty((2, N)), 0, 0, 0.0
+    for first in range(0, N, BLOCK):
+        rows = slice(first, min(first + BLOCK, N))
+        block = innovations.whitened(rows).T
+        good = np.isfinite(block[0]) & np.isfinite(block[1])
+        z[:, rows] = np.where(good, block, 0.0)
+        nis = (block[0] ** 2 + block[1] ** 2)[good]
+        steps, total = steps + len(nis), total + float(nis.sum())
+        inside += int(np.count_nonzero((nis >= low) & (nis <= high)))
     if steps <= 2 * LAGS:
         return None
-    nis = np.sum(z[good] ** 2, axis=1)
-    low, high = NIS_BAND
-    columns = [np.where(good, column, 0.0) for column in z.T]
-    correlation = [autocorrelation(column, LAGS) for column in columns]
+    correlation = [autocorrelation(column, LAGS) for column in z]
     band = Z_95 / math.sqrt(steps)
     return Consistency(
         steps=steps,
-        nis_mean=float(nis.mean()),
+        nis_mean=total / steps,
         nis_band=mean_band(steps),
-        nis_inside=float(np.mean((nis >= low) & (nis <= high))),
-        bias=tuple(float(column.sum() / steps) for column in columns),
+        nis_inside=inside / steps,
+        bias=tuple(float(column.sum() / steps) for column in z),
         bias_band=band,
         correlation=tuple(tuple(float(r) for r in row) for row in correlation),
         correlation_band=band,
@@ -118,7 +141,13 @@ def autocorrelation(z: Array, lags: int) -> Array:
         Lags 1 .. lags are returned.
     """
     power = float(z @ z)
-    return np.array([float(z[lag:] @ z[:-lag]) / power if power else 0.0 for lag in range(1, lags + 1)])
+    products = np.zeros(lags)
+    for first in range(0, len(z), BLOCK):  # a block and what it is multiplied with stay in the cache
+        block = z[first : first + BLOCK]
+        for lag in range(1, lags + 1):
+            begin = max(first, lag)
+            products[lag - 1] += block[begin - first :] @ z[begin - lag : first + len(block) - lag]
+    return products / power if power else products
 
 
 def ljung_box(correlation: Array, steps: int) -> float:

@@ -25,7 +25,7 @@ def replay_tables(replay: Replay) -> RenderableType:
     """
     parts: list[RenderableType] = [_run(replay), ""]
     if replay.errors is not None:
-        parts += [_errors(replay.errors), ""]
+        parts += [_errors(replay.errors, "theta" in replay.conventions), ""]
     if replay.consistency is not None:
         parts += [_consistency(replay.consistency), Text(replay.consistency.verdict)]
     else:
@@ -49,7 +49,7 @@ def _run(replay: Replay) -> Table:
     )
 
 
-def _errors(errors: Errors) -> Table:
+def _errors(errors: Errors, other_convention: bool) -> Table:
     stepped = errors.load_step_at is not None
     step = f" at {errors.load_step_at:.4g} s" if stepped else ""
     rows = (
@@ -66,7 +66,9 @@ def _errors(errors: Errors) -> Table:
     for what, value, unit in rows:
         if value is not None:
             table.add_row(what, f"{value:.3f}", unit)
-    if errors.lost:
+    if errors.lost and other_convention:
+        table.add_row(Text("the truth's angle has another convention, as it seems", style="yellow"), "", "")
+    elif errors.lost:
         table.add_row(Text("the rotor is LOST at the end", style="bold red"), "", "")
     return table
 

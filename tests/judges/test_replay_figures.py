@@ -81,6 +81,12 @@ def test_too_few_measurements_have_no_statistics() -> None:
     [
         (2.0, (0.5, 0.5), "innovations of the size the filter expects, white"),
         (2.6, (0.5, 0.5), "innovations larger than the filter expects: P, Q or R are too small for this data, white"),
+        (
+            31.0,
+            (0.5, 0.5),
+            "innovations far larger than the filter expects: currents, voltages and motor do not fit each other, white",
+        ),
+        (29.0, (0.5, 0.5), "innovations larger than the filter expects: P, Q or R are too small for this data, white"),
         (1.4, (0.5, 0.5), "innovations smaller than the filter expects: P, Q or R are too large for this data, white"),
         (2.0, (0.5, 0.009), "innovations of the size the filter expects, correlated in time"),
         (2.0, (0.009, 0.5), "innovations of the size the filter expects, correlated in time"),
@@ -312,14 +318,27 @@ def test_replay_ends_with_1_if_the_estimate_is_no_number(
     original = runtime.replay.replay._run
 
     def spoiled(*rest: Any) -> Any:
-        x, words, status = original(*rest)
+        x, *others = original(*rest)
         x[-500, 1] = np.inf
-        return x, words, status
+        return x, *others
 
     monkeypatch.setattr(runtime.replay.replay, "_run", spoiled)
     code, said = command("replay", "paper_spmsm", str(recording), "--json", "r.json")
     assert (code, read_json("r.json")["finite"]) == (1, False)
     assert "the estimate did not stay a number" in said
+
+
+def test_a_run_of_which_most_was_rejected_ends_with_1(recording: Path, here: Path) -> None:
+    with np.load(recording) as file:
+        columns = {name: file[name].copy() for name in file.files}
+    N = len(columns["t"])
+    for bad, expected in ((0.51, 1), (0.49, 0)):
+        columns["i_alpha"][-int(bad * N) :] = 1e9
+        np.savez("bad.npz", **columns)
+        columns["i_alpha"][:] = 0.0
+        code, said = command("replay", "paper_spmsm", "bad.npz")
+        assert code == expected
+        assert ("most rows were rejected" in said) is bool(expected)
 
 
 def test_rows_that_are_rejected_are_counted_and_bridged(recording: Path, here: Path) -> None:

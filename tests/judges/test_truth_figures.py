@@ -113,4 +113,18 @@ def test_the_clock_of_a_recording() -> None:
             check_clock(wrong, T, where, "d")
     with pytest.raises(UserError, match="more is missing than recorded"):
         check_clock(np.r_[0, T, 2 * T, 30 * T, 31 * T, 32 * T], T, where, "d")
-    assert list(check_clock(np.zeros(1), T, where, "d").steps) == [0]
+    as_many = check_clock(T * np.r_[0:3, 9:12], T, where, "d")
+    assert as_many.notes[0].startswith("1 gaps, 6 samples missing"), "as much is missing as was recorded"
+    with pytest.raises(UserError, match="more is missing than recorded"):
+        check_clock(T * np.r_[0:3, 10:13], T, where, "d")
+    alone = check_clock(np.zeros(1), T, where, "d")
+    assert (alone.steps, alone.count) == (None, 1)
+    rms = 0.1 * math.sqrt(100 / 2)  # one late row makes two intervals, each off by it
+    for share, even_enough in ((0.98, True), (1.02, False)):
+        late = T * np.arange(101)
+        late[50] += share * rms * T
+        if even_enough:
+            assert check_clock(late, T, where, "d").notes[0].startswith("t jitters by")
+        else:
+            with pytest.raises(UserError, match="is not sampled evenly"):
+                check_clock(late, T, where, "d")

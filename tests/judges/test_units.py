@@ -11,8 +11,9 @@ import pytest
 from model.drives.load import load_drive
 from model.schema import Rated
 from runtime.drive.scenario import SCENARIOS, Scenario, find_scenario, scenarios, step_start
-from runtime.recorded.data import FRAMES, read_recorded
-from runtime.recorded.units import RPM, SI, UNITS, find_unit
+from runtime.recorded.data import read_recorded
+from runtime.recorded.frames import FRAMES, WIRINGS, rewired
+from runtime.recorded.units import RPM, SI, UNITS, find_unit, split_unit
 from runtime.system.errors import UserError
 from tests.judges.made import run
 
@@ -54,6 +55,14 @@ TOLD = {
     "N·m": ("torque", 1.0),
     " N.m ": ("torque", 1.0),
     "mNm": ("torque", 0.001),
+    "turn": ("angle", 2 * math.pi),
+    "turns": ("angle", 2 * math.pi),
+    "rev": ("angle", 2 * math.pi),
+    "turn/s": ("speed", 2 * math.pi),
+    "turns/s": ("speed", 2 * math.pi),
+    "rev/s": ("speed", 2 * math.pi),
+    "%": ("share", 0.01),
+    "percent": ("share", 0.01),
 }
 
 
@@ -70,11 +79,21 @@ def test_no_unit_is_left_out_and_no_other_is_known() -> None:
     assert set(UNITS) <= set(TOLD)
     for text in ("", "furlong", "kHz", "mrad", "Hz", "M", "Ms", "x"):
         assert find_unit(text) is None, text
-    assert SI == {"time": "s", "voltage": "V", "current": "A", "angle": "rad", "speed": "rad/s", "torque": "N m"}
-    for quantity, name in SI.items():
+    units = {"time": "s", "voltage": "V", "current": "A", "angle": "rad", "speed": "rad/s", "torque": "N m"}
+    assert {**units, "share": "parts of 1"} == SI
+    for quantity, name in units.items():
         unit = find_unit(name)
         assert unit is not None
         assert (unit.quantity, unit.factor) == (quantity, 1.0)
+
+
+def test_a_letter_behind_an_underscore_is_a_phase_and_two_are_a_unit() -> None:
+    assert [split_unit(cell) for cell in ("I_A", "u_V", "t_s", "duty_%")] == [
+        (c, "") for c in ("I_A", "u_V", "t_s", "duty_%")
+    ]
+    assert [split_unit(cell) for cell in ("I_A_mA", "t_ms", "n_rpm", "w_rad/s")] == [
+        ("I_A", "mA"), ("t", "ms"), ("n", "rpm"), ("w", "rad/s")
+    ]  # fmt: skip
 
 
 def test_a_thousand_turns_a_minute() -> None:
@@ -127,18 +146,37 @@ def test_frames_against_phasors() -> None:
     """A balanced system of amplitude 3 at any angle is the pair of its phasor, whatever common part voltages have."""
     angle = np.linspace(-3.0, 3.0, 13)
     a, b, c = (3 * np.cos(angle - k * 2 * np.pi / 3) for k in range(3))
-    common = np.linspace(-5, 5, 13)
+    common, link = np.linspace(-5, 5, 13), np.linspace(10, 30, 13)
     made = {
         ("i", ("i_a", "i_b", "i_c")): (a, b, c),
         ("i", ("i_a", "i_b")): (a, b),
+        ("i", ("i_a", "i_c")): (a, c),
+        ("i", ("i_b", "i_c")): (b, c),
         ("u", ("u_a", "u_b", "u_c")): (a + common, b + common, c + common),
         ("u", ("u_ab", "u_bc")): (a - b, b - c),
+        ("u", ("u_ab", "u_ca")): (a - b, c - a),
+        ("u", ("u_bc", "u_ca")): (b - c, c - a),
+        ("u", ("duty_a", "duty_b", "duty_c", "u_dc")): (*(0.5 + x / link for x in (a, b, c)), link),
     }
     assert {(kind, names) for kind, frames in FRAMES.items() for names in frames} == set(made)
     for (kind, names), values in made.items():
         alpha, beta = FRAMES[kind][names](*values)
         np.testing.assert_allclose(alpha, 3 * np.cos(angle), atol=1e-12, err_msg=str(names))
         np.testing.assert_allclose(beta, 3 * np.sin(angle), atol=1e-12, err_msg=str(names))
+
+
+def test_a_wiring_is_what_its_word_says() -> None:
+    """Column k of the three that are recorded holds the current of phase word[k]."""
+    angle = np.linspace(-3.0, 3.0, 13)
+    phases = dict(zip("abc", (3 * np.cos(angle - k * 2 * np.pi / 3) for k in range(3)), strict=True))
+    assert len(set(WIRINGS)) == 12
+    for word in WIRINGS:
+        sign, order = (-1, word[1:]) if word[0] == "-" else (1, word)
+        columns = [sign * phases[phase] for phase in order]
+        recorded = np.column_stack(FRAMES["i"]["i_a", "i_b", "i_c"](*columns))
+        np.testing.assert_allclose(
+            rewired(recorded, word), 3 * np.column_stack([np.cos(angle), np.sin(angle)]), atol=1e-12
+        )
 
 
 def test_a_scenarios_reference_and_load() -> None:

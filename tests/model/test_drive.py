@@ -111,6 +111,34 @@ def test_line_endings_do_not_change_the_hash(tmp_path: Path) -> None:
     assert load_drive(path).sha256 == load_drive("paper_spmsm").sha256
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le with a mark"])
+def test_no_editors_encoding_changes_the_hash(encoding: str, tmp_path: Path) -> None:
+    """Notepad and PowerShell put a mark before the text, and write UTF-16."""
+    path = tmp_path / "paper_spmsm.toml"
+    text = "# 0.5 \u00b5s of dead time\n" + PAPER
+    plain = tmp_path / "plain.toml"
+    plain.write_bytes(text.encode())
+    mark = "\ufeff" if encoding.endswith("mark") else ""
+    path.write_bytes((mark + text).replace("\n", "\r\n").encode(encoding.partition(" ")[0]))
+    assert load_drive(path).sha256 == load_drive(plain).sha256
+    assert load_drive(path).motor == load_drive("paper_spmsm").motor
+
+
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [
+        ("# one\n# 0.5 \u00b5s\n".encode("latin-1"), "line 2 is no UTF-8 (byte 0xb5); save the file as UTF-8"),
+        (b"\xff\xfea", "line 1 is no UTF-8"),
+    ],
+)
+def test_another_encoding_is_said_with_its_line(raw: bytes, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(raw)
+    with pytest.raises(DriveError) as caught:
+        load_drive(path)
+    assert said in str(caught.value)
+
+
 def test_design_contract_example_is_accepted(tmp_path: Path) -> None:
     """A drive file without the optional operating box is complete."""
     data = tomllib.loads(PAPER)

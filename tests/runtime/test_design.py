@@ -136,7 +136,10 @@ def test_bad_facts_are_one_line_that_names_the_key(sections: dict[str, Any], sai
 def test_a_file_that_cannot_be_read_is_said(tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text("[motor")
-    for path, said in ((bad, "not valid TOML"), (tmp_path / "none.toml", "cannot be read")):
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b'name = "x"\n# 5 \xb5s')
+    none = tmp_path / "none.toml"
+    for path, said in ((bad, "not valid TOML"), (none, "cannot be read"), (latin, "line 2 is no UTF-8")):
         with pytest.raises(UserError, match=said):
             read_facts(path)
 

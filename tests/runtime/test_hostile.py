@@ -296,7 +296,7 @@ def test_npz_whose_header_lies(place: Path, shape: str) -> None:
 
 
 @HOSTILE
-@given(st.binary(max_size=300), st.sampled_from(["npz", "csv", "txt", "json", ""]))
+@given(st.binary(max_size=300), st.sampled_from(["npz", "csv", "txt", "json", "mat", "mf4", ""]))
 @example(b"", "npz")
 @example(b"PK\x05\x06" + bytes(18), "npz")
 @example(b"\x93NUMPY", "npz")
@@ -304,6 +304,12 @@ def test_npz_whose_header_lies(place: Path, shape: str) -> None:
 @example(b"\xff\xfe", "csv")
 @example(b'{"passed": true, "drives": []}', "json")
 @example(b"t,u_alpha,u_beta,i_alpha,i_beta\n" + b"1,2,3,4,5," * 1000, "csv")
+@example(b"MATLAB 5.0 MAT-file" + bytes(300), "")
+@example(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(99), "mat")
+@example(b"MDF     4.10    " + bytes(300), "mf4")
+@example(b"X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,nan,1e999\n0,1,2\n1,1,2\n", "csv")
+@example(b"CH1V,t0 = -, tInc = 1e,\n1,2\n3,4\n", "csv")
+@example(b"1e308,1,2,3,4\n-1e308,1,2,3,4\n", "csv")
 def test_data_of_any_bytes(place: Path, raw: bytes, suffix: str) -> None:
     path = place / f"data.{suffix}"
     path.write_bytes(raw)
@@ -311,13 +317,35 @@ def test_data_of_any_bytes(place: Path, raw: bytes, suffix: str) -> None:
 
 
 CELLS = st.sampled_from(
-    ["1", "-2.5e-3", "nan", "inf", "", "x", '"', "1e999", "1_000", "0x10", "٣", "1,5", "#", "//", "%"]
+    [
+        "1",
+        "-2.5e-3",
+        "nan",
+        "inf",
+        "",
+        "x",
+        '"',
+        "1e999",
+        "1_000",
+        "0x10",
+        "٣",
+        "1,5",
+        "#",
+        "//",
+        "%",
+        "∞",
+        "V",
+        "s",
+        "--",
+    ]
 )
 
 
 @HOSTILE
 @given(
-    st.lists(st.sampled_from([*NAMES, "time (ms)", "i_a", "i_b", "", "é"]), max_size=8),
+    st.lists(
+        st.sampled_from([*NAMES, "time (ms)", "i_a", "i_b", "duty_a", "v_dc", "Start", "t0=1", "", "é"]), max_size=8
+    ),
     st.lists(st.lists(CELLS, max_size=8), max_size=6),
     st.sampled_from([",", ";", "\t", " ", ",,"]),
     st.sampled_from(["\n", "\r\n", "\r", "\n\n"]),

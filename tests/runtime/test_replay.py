@@ -252,7 +252,8 @@ def test_absurd_data_make_figures_and_no_warning(rows: int, tmp_path: Path) -> N
     assert len(write_figures(found, tmp_path)) == 2
     if rows == 3000:
         assert found.consistency is not None
-        assert "too small" in found.consistency.verdict
+        assert "do not fit each other" in found.consistency.verdict
+        assert "do not fit each other" in found.notes[-1]
 
 
 def test_replay_command(run: Run, tmp_path: Path) -> None:

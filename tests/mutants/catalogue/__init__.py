@@ -13,6 +13,7 @@ from tests.mutants.catalogue.judges import JUDGES
 from tests.mutants.catalogue.model import MODEL
 from tests.mutants.catalogue.passes import ARITHMETIC, PASS
 from tests.mutants.catalogue.program import PROGRAM
+from tests.mutants.catalogue.recordings import RECORDINGS
 from tests.mutants.catalogue.supervisor import SUPERVISOR
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.catalogue.tolerance import TOLERANCE
@@ -31,6 +32,7 @@ SOURCES: tuple[Mutant, ...] = (
     *SUPERVISOR,
     *SURROUNDINGS,
     *JUDGES,
+    *RECORDINGS,
     *DESIGN,
 )
 

@@ -225,9 +225,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("rad/s in r/min", "RPM = 30 / math.pi", "RPM = 60 / math.pi", "test_a_thousand_turns_a_minute"),
     )),
     "runtime/recorded/data.py": ("units", (
-        ("line voltages by phase", "((2 * ab + bc) / 3, bc / _SQRT3)", "(ab, bc / _SQRT3)", "test_frames_against_phasors"),
-        ("two phases as three", "(a, (a + 2 * b) / _SQRT3)", "(a, (a + b) / _SQRT3)", "test_frames_against_phasors"),
-        ("a factor is not applied", "values[name] = values[name] * factors[name]", "pass", "test_columns_arrive_in_si"),
+        ("a factor is not applied", "values[name] = values[name] * factor[name]", "pass", "test_columns_arrive_in_si"),
     )),
     "runtime/recorded/truth.py": ("drive_figures", (
         ("rms without the root", "return float(np.sqrt(np.mean(e**2)))", "return float(np.mean(e**2))", "tests/judges/test_truth_figures.py::test_errors_of_an_estimate_sample_by_sample"),
@@ -242,6 +240,7 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     )),
     "runtime/replay/replay.py": ("replay_figures", (
         ("one number is finite", "bool(np.all(np.isfinite(self.x)))", "bool(np.any(np.isfinite(self.x)))", "test_json_of_a_replay"),
+        ("a run over next to nothing is good", "2 * self.count(REJECTED) > len", "self.count(REJECTED) > len", "test_a_run_of_which_most_was_rejected_ends_with_1"),
         ("rejected counts the other bit", "REJECTED, NOT_CONVERGED = 1, 2", "REJECTED, NOT_CONVERGED = 2, 1", "test_json_of_a_replay"),
     )),
     "runtime/commands/replay.py": ("replay_figures", (
