@@ -8,6 +8,7 @@ long stretches of the recordings, with Student's factor, since they differ from 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ Z_95 = 1.959963984540054
 BLOCKS, STRETCHES = (10, 50, 200), (24, 12, 6)
 #: A stretch is of that many innovations at least.
 SHORTEST = 100
+#: How far the ripple, and the logarithm of the current below which a sign fades, may be off what shapes they can take in
+#: the model: a real leg's loss near zero current is neither's.
+SHAPED, SHAPE = ("ripple", "I_0"), 0.25
 #: A datum counts as told where its half-width is below this share of it; a signed one also where it is below a size
 #: that does not matter: of the DC link, or in sigmas of the current sensors.
 TOLD, TOLD_VOLTAGE, TOLD_SIGMAS = 0.25, 0.002, 0.5
@@ -79,7 +83,8 @@ def result(problem: Problem, found: Found) -> Result:
     problem : Problem
     found : Found
     """
-    half = half_widths(found, problem.prior)
+    shape = [k for k, unknown in enumerate(problem.unknowns) if unknown.name in SHAPED]
+    half = half_widths(found, problem.prior, shape)
     data = problem.data
     estimates = []
     limits = []
@@ -98,7 +103,7 @@ def result(problem: Problem, found: Found) -> Result:
     return Result(tuple(estimates), correlation, rank, tuple(_words(estimates, correlation)))
 
 
-def half_widths(found: Found, prior: Array) -> Array:
+def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
     """Half-widths of the 95 % intervals of all unknowns, in search values, (m,); at most those of the prior.
 
     Parameters
@@ -106,12 +111,16 @@ def half_widths(found: Found, prior: Array) -> Array:
     found : Found
     prior : (m,)
         Standard deviations.
+    shape : sequence of int, optional
+        Unknowns that shape the inverter's loss.
     """
     inverse = np.linalg.inv(found.slope.information)
     widest = Z_95 * np.sqrt(np.diag(inverse))
     for parts, factor in _cuts(found.slope.scores):
         spread = np.sqrt(np.diag(inverse @ (parts.T @ parts) @ inverse))
         widest = np.maximum(widest, factor * spread)
+    for place in shape:  # what the estimates become where the shape of the inverter's loss is another
+        widest = np.hypot(widest, SHAPE * inverse[:, place] / inverse[place, place])
     return np.minimum(widest, Z_95 * prior)
 
 

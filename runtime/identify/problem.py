@@ -76,7 +76,7 @@ class Problem:
             sigma, L = math.sqrt(s.noise[0]), min(f.L_d, f.L_q)
             below = max(FADING_SIGMAS * sigma, FADING_SAMPLES * drop * f.T / L)
             noise += [Unknown("s_z", max(volts, 0.1 * drop), NUISANCE), Unknown("I_0", below, PRIOR)]
-            noise += [Unknown("ripple", 1.0, 0.5 * PRIOR, positive=False)]
+            noise += [Unknown("ripple", 1.0, 0.2 * PRIOR, positive=False)]
         starts = []
         for k in range(len(self.recordings)):
             starts.append(Unknown(f"theta {k}", 0.0, NUISANCE, positive=False, recording=k))

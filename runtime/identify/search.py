@@ -22,7 +22,10 @@ Array = NDArray[Any]
 #: Told what is being done, and how much of all, 0 .. 1.
 Progress = Callable[[str, float], None]
 
-KAPPAS = (0.1, 0.03, 0.01, 0.003)
+KAPPAS = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0003)
+#: Data that are let go from the first kappa on, and from which kappa on the others are: while the filter doubts most of
+#: the voltage an inductance only shapes how much, and wanders off.
+EARLY, TRUSTED = ("R", "psi_m", "J"), 0.01
 #: Steps of a stage at most, and the decrease of the objective that ends it.
 ANNEALING, CLIMBING, ENOUGH = 12, 40, 0.02
 #: Damping that is tried at once; the largest step of a datum, and of the other unknowns.
@@ -31,7 +34,12 @@ LARGEST, LARGEST_OTHER = 0.4, 1.2
 #: First angles of the rotor that are tried, and on how many rows.
 ANGLES, LOOK = 12, 3000
 #: Starts, and how far they are from the guesses, in logarithms; those that are climbed to the end.
-STARTS, SPREAD, CLIMBED = 3, 0.3, 2
+STARTS, SPREAD, CLIMBED = 3, 0.3, 3
+#: By how much, in logarithms, L_d and L_q are pushed apart, either way: which is larger a guess may have wrong, and no
+#: step of a search passes a round rotor, which is blind to the angle at rest.
+SALIENCY = 0.5
+#: Noise of the voltage and of the load torque that is tried first, times their guesses.
+VOLTAGES, WALKS = (1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), (1e-2, 0.1, 1.0, 10.0)
 #: Two ends of a search are one where their objectives differ by less.
 SAME = 1.0
 
@@ -86,6 +94,9 @@ class _Search:
             draws = np.random.default_rng(start).uniform(-SPREAD, SPREAD, len(problem.data))
             signed = [not problem.unknowns[k].positive for k in problem.data]
             q[problem.data] += np.where(signed, 0.0, draws)
+            for name, towards in (("L_d", -SALIENCY), ("L_q", SALIENCY)):
+                if name in {problem.unknowns[k].name for k in problem.data}:
+                    q[problem.index(name)] = problem.guess[problem.index(name)] + towards * (1 if start == 1 else -1)
         for recording, rows in enumerate(problem.recordings):
             theta, omega = problem.index(f"theta {recording}"), problem.index(f"omega {recording}")
             size, p = problem.unknowns[omega].size, problem.subject.facts.p
@@ -104,8 +115,9 @@ class _Search:
         for kappa in KAPPAS:
             self.told(f"start {start + 1} of {STARTS}, doubting {kappa:.1%} of the voltage")
             stage = Stage(kappa, 0.1, 0.1)
+            data = [k for k in self.problem.data if start != 1 or kappa <= TRUSTED or self.problem.unknowns[k].name in EARLY]
             for _ in range(ANNEALING):
-                q, gain, _ = self.step(q, [*self.problem.data, *own], stage)
+                q, gain, _ = self.step(q, [*data, *own], stage)
                 if gain < ENOUGH:
                     break
         return q
@@ -113,7 +125,7 @@ class _Search:
     def climb(self, q: Array, start: int) -> None:
         """The likelihood, all unknowns free."""
         free = list(range(len(self.problem.unknowns)))
-        small = 0
+        q, small = self.quieten(q), 0
         value = np.inf
         for count in range(CLIMBING):
             if count % 10 == 0:
@@ -125,6 +137,15 @@ class _Search:
             if small == 2 or gain <= 0:
                 break
         self.ends.append(value)
+
+    def quieten(self, q: Array) -> Array:
+        """The noise of voltage and load that suits the data best, from a grid: what is too large hides wrong data."""
+        places = [self.problem.index(name) for name in ("s_v", "s_d", "s_T")]
+        grid = [(v, v, T) for v in VOLTAGES for T in WALKS]
+        Q = np.repeat(q[:, None], len(grid), axis=1)
+        Q[places] = self.problem.guess[places, None] + np.log(np.array(grid).T)
+        found = values(self.problem, Q, Stage())
+        return np.asarray(Q[:, int(np.argmin(found))]) if np.any(np.isfinite(found)) else q
 
     def step(self, q: Array, free: list[int], stage: Stage) -> tuple[Array, float, float]:
         """The best of several steps of Levenberg; by how much it is better, and what it is."""
