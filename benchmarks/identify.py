@@ -4,8 +4,8 @@
 twenty minutes on two quiet cores.
 
 ``averaged``: recordings of :mod:`benchmarks.other_motor`, 0.4 s, 0.05 A of noise. ``pwm``: recordings in service of
-another simulator (tests/data) and of the project's own, behind a switching inverter with 2 us of dead time, converters of
-12 bits, voltage as commanded. ``design``: the errors, on another run, of a filter designed from what was found beside
+another simulator (tests/data) and of the project's own, behind a switching inverter with dead time, converters of 12
+bits, voltage as commanded. ``design``: the errors, on another run, of a filter designed from what was found beside
 those of one designed from the true data. ``time``: one recording of 4000 samples, six data.
 """
 
@@ -213,7 +213,9 @@ def designed(draws: int) -> Iterator[tuple[str, dict[str, float]]]:
         ratios = []
         for recording in recordings(m, draws):
             found = identify(subject(truth, guessed(truth, rng), False, free), [recording])
-            exact = replace(truth, d_R=found.facts.d_R, d_L=found.facts.d_L, d_psi=found.facts.d_psi, d_J=found.facts.d_J)
+            exact = replace(
+                truth, d_R=found.facts.d_R, d_L=found.facts.d_L, d_psi=found.facts.d_psi, d_J=found.facts.d_J
+            )
             ratios.append(errors(found.facts, other) / errors(exact, other))
         worst = np.max(ratios, axis=0)
         yield m.name, dict(zip(("speed, start", "speed, steady rms", "position, rms"), worst.tolist(), strict=True))

@@ -66,7 +66,13 @@ def derivatives(m: Motor, s: Array, v_alpha: Array, v_beta: Array, load: float) 
 
 
 def recordings(
-    m: Motor, draws: int, seconds: float = 0.4, noise: float = 0.05, seed: int = 1, speed: float = 1.0, load: float = 0.3
+    m: Motor,
+    draws: int,
+    seconds: float = 0.4,
+    noise: float = 0.05,
+    seed: int = 1,
+    speed: float = 1.0,
+    load: float = 0.3,
 ) -> list[Recorded]:
     """Run up to a share of rated speed with a share of rated torque against it; a recording a draw of the noise.
 

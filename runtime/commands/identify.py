@@ -27,7 +27,8 @@ def identify(
     free: Annotated[
         str | None,
         typer.Option(
-            metavar="R,L_d,...", help="What to find: R, L (round rotor) or L_d and L_q, psi_m, J, D, V_dead, "
+            metavar="R,L_d,...",
+            help="What to find: R, L (round rotor) or L_d and L_q, psi_m, J, D, V_dead, "
             "i_alpha_offset, i_beta_offset. Default: R, inductances, psi_m, J, V_dead.",
         ),
     ] = None,

@@ -35,14 +35,14 @@ from runtime.identify.signs import Sign, in_values, total_jacobian
 
 #: The filter's own numbers: variances in V^2, V^2, (rad/s)^2, rad^2, (N m)^2, A^2 (alpha, beta, between them), a factor
 #: of the ripple, the variance of d in V^2 and what a sample keeps of it.
-TUNING = ("v_noise", "v_unsure", "omega_noise", "theta_noise", "torque_noise")
+TUNING: tuple[str, ...] = ("v_noise", "v_unsure", "omega_noise", "theta_noise", "torque_noise")
 TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "drift_noise", "drift_kept")
 OFFSETS = ("offset_alpha", "offset_beta")
 #: What is given of the rotor in the first row: rad, rad/s, N m, their variances, and that of d.
 START = ("theta", "omega", "load", "theta_var", "omega_var", "load_var", "drift_var")
 #: A row of a recording: V, V, A, A; 1 if it was measured; factor of the load torque's noise; for each leg when it turns
 #: on, as a share of the sample, and its ripple there times the inductance, V s.
-ROW = ("u_alpha", "u_beta", "i_alpha", "i_beta", "measured", "step")
+ROW: tuple[str, ...] = ("u_alpha", "u_beta", "i_alpha", "i_beta", "measured", "step")
 ROW += ("edge_a", "edge_b", "edge_c", "swing_a", "swing_b", "swing_c")
 #: What a step tells: innovation (A) and its covariance (A^2).
 TOLD = ("e_alpha", "e_beta", "S_aa", "S_ab", "S_bb")

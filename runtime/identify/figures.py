@@ -54,7 +54,9 @@ def innovations_figure(found: Identified) -> str:
     problem, q = found.problem, found.found.q
     guessed = q.copy()
     guessed[problem.data] = problem.guess[problem.data]
-    figure, axes = pyplot().subplots(len(problem.recordings), 1, figsize=(7.5, 2.2 * len(problem.recordings)), squeeze=False)
+    figure, axes = pyplot().subplots(
+        len(problem.recordings), 1, figsize=(7.5, 2.2 * len(problem.recordings)), squeeze=False
+    )
     for recording, axis in enumerate(axes[:, 0]):
         blocks = list(problem.innovations(np.column_stack([guessed, q]), recording, Stage()))
         told = np.concatenate([block for _, block in blocks])
@@ -93,11 +95,13 @@ def likelihood_figure(found: Identified) -> str:
         x, height = along(found, place)
         axis.plot(x, height, color=AFTER)
         axis.axvspan(estimate.low, estimate.high, color=AFTER, alpha=0.12, lw=0)
-        axis.axhline(-Z_95**2 / 2, color="grey", lw=0.6, ls=":")
+        axis.axhline(-(Z_95**2) / 2, color="grey", lw=0.6, ls=":")
         if x[0] <= estimate.guess <= x[-1]:
             axis.axvline(estimate.guess, color=BEFORE, lw=0.8, ls="--")
         axis.set_ylim(-12, 1)
-        axis.set_title(f"{estimate.datum.word}, {estimate.datum.unit}" + ("" if estimate.told else " (not shown)"), fontsize=8)
+        axis.set_title(
+            f"{estimate.datum.word}, {estimate.datum.unit}" + ("" if estimate.told else " (not shown)"), fontsize=8
+        )
         axis.tick_params(labelsize=6)
     return svg_text(figure)
 
@@ -116,7 +120,11 @@ def along(found: Identified, place: int) -> tuple[Array, Array]:
     direction = inverse[:, place] / inverse[place, place]
     estimate = found.result.estimates[problem.data.index(place)]
     unknown = problem.unknowns[place]
-    ends = np.log([estimate.low, estimate.high]) if unknown.positive else np.array([estimate.low, estimate.high]) / unknown.size
+    ends = (
+        np.log([estimate.low, estimate.high])
+        if unknown.positive
+        else np.array([estimate.low, estimate.high]) / unknown.size
+    )
     half = (ends[1] - ends[0]) / 2
     steps = np.linspace(-REACH, REACH, POINTS) * half
     found_at = values(problem, q[:, None] + direction[:, None] * steps, Stage())

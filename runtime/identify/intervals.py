@@ -1,6 +1,6 @@
 """What was found of each datum, how surely, and in words what the recordings cannot show.
 
-A half-width is the largest of Fisher's and of several that the scores themselves give (the sandwich of Huber and White):
+A half-width is the largest of Fisher's and of several that the scores give (the sandwich of Huber and White):
 summed over blocks of samples, since the errors of a model that is a little wrong stay alike for a while, and over a few
 long stretches of the recordings, with Student's factor, since they differ from one way of running to the next.
 """
@@ -28,8 +28,8 @@ Z_95 = 1.959963984540054
 BLOCKS, STRETCHES = (10, 50, 200), (24, 12, 6)
 #: A stretch is of that many innovations at least.
 SHORTEST = 100
-#: How far the ripple, and the logarithm of the current below which a sign fades, may be off what shapes they can take in
-#: the model: a real leg's loss near zero current is neither's.
+#: How far the ripple's factor, and the logarithm of the current below which a sign fades, may be off what suits the
+#: model best: near zero current a real leg takes what neither of them says.
 SHAPED, SHAPE = ("ripple", "I_0"), 0.1
 #: A datum counts as told where its half-width is below this share of it; a signed one also where it is below a size
 #: that does not matter: of the DC link, or in sigmas of the current sensors.
@@ -158,7 +158,7 @@ def student(degrees: int) -> float:
         (5 * z**5 + 16 * z**3 + 3 * z) / 96,
         (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
     )
-    return z + sum(term / n ** (k + 1) for k, term in enumerate(terms))
+    return float(z + sum(term / n ** (k + 1) for k, term in enumerate(terms)))
 
 
 def _limit(problem: Problem, datum: Datum, value: float) -> float:
@@ -176,9 +176,7 @@ def _words(estimates: list[Estimate], correlation: Array) -> Any:
             continue
         datum = estimate.datum
         partners = [
-            other.datum.word
-            for j, other in enumerate(estimates)
-            if j != k and abs(correlation[k, j]) > TOGETHER
+            other.datum.word for j, other in enumerate(estimates) if j != k and abs(correlation[k, j]) > TOGETHER
         ]
         beside = f", nor can it be told from {' and '.join(partners)}" if partners else ""
         yield (

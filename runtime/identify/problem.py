@@ -16,7 +16,7 @@ from runtime.identify.equations import TUNING, Equations
 from runtime.identify.kernel import Kernel
 from runtime.identify.rows import Rows
 from runtime.identify.subject import Subject
-from runtime.identify.unknowns import Unknown
+from runtime.identify.unknowns import Datum, Unknown
 
 Array = NDArray[Any]
 
@@ -61,13 +61,7 @@ class Problem:
     def unknowns(self) -> tuple[Unknown, ...]:
         """The search vector's entries: data that are asked for, the filter's noise, the start of each recording."""
         s, f = self.subject, self.subject.facts
-        data = []
-        for datum in s.free:
-            size = VOLTAGE_SHARE * f.voltage if datum.word == "V_dead" else math.sqrt(s.noise[0])
-            shape = {"prior": PRIOR} if datum.positive else {"prior": SIGNED, "positive": False, "size": size}
-            if datum.word == "V_dead":
-                shape["prior"] = max(SIGNED, s.guess(datum) / size)
-            data.append(Unknown(datum.word, s.guess(datum), datum=datum, **shape))
+        data = [self._datum(datum) for datum in s.free]
         volts, drop = VOLTAGE_SHARE * f.voltage, self._loss
         walk = 0.1 * self._torque_walk
         noise = [Unknown("s_v", volts, NUISANCE), Unknown("s_T", walk, NUISANCE), Unknown("s_d", volts, NUISANCE)]
@@ -82,6 +76,14 @@ class Problem:
             starts.append(Unknown(f"theta {k}", 0.0, NUISANCE, positive=False, recording=k))
             starts.append(Unknown(f"omega {k}", 0.0, SIGNED, positive=False, size=0.1 * f.speed, recording=k))
         return (*data, *noise, *starts)
+
+    def _datum(self, datum: Datum) -> Unknown:
+        """A datum as an unknown."""
+        s, guess = self.subject, self.subject.guess(datum)
+        if datum.positive:
+            return Unknown(datum.word, guess, PRIOR, datum=datum)
+        size = VOLTAGE_SHARE * s.facts.voltage if datum.unit == "V" else math.sqrt(s.noise[0])
+        return Unknown(datum.word, guess, max(SIGNED, guess / size), False, size, datum=datum)
 
     @property
     def _loss(self) -> float:
@@ -165,7 +167,7 @@ class Problem:
         first = self.recordings[recording].table[0, 2:4]
         i = np.array([np.broadcast_to(a - b, (sets,)) for a, b in zip(first, offsets, strict=True)])
         R = tuned[[TUNING.index(name) for name in ("R_alpha", "R_cross", "R_beta")]]
-        start = (values[f"theta {recording}"], values[f"omega {recording}"], 0.0, stage.angle_sigma**2)
+        start: tuple[Any, ...] = (values[f"theta {recording}"], values[f"omega {recording}"], 0.0, stage.angle_sigma**2)
         start += ((stage.speed_share * f.speed) ** 2, f.torque**2, tuning["drift_noise"])
         begin = np.array([np.broadcast_to(value, (sets,)) for value in start])
         state = np.array(equations.start(given, begin, i, R)).reshape(-1, sets)

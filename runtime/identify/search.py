@@ -115,7 +115,8 @@ class _Search:
         for kappa in KAPPAS:
             self.told(f"start {start + 1} of {STARTS}, doubting {kappa:.1%} of the voltage")
             stage = Stage(kappa, 0.1, 0.1)
-            data = [k for k in self.problem.data if start != 1 or kappa <= TRUSTED or self.problem.unknowns[k].name in EARLY]
+            early = start == 1 and kappa > TRUSTED
+            data = [k for k in self.problem.data if not early or self.problem.unknowns[k].name in EARLY]
             for _ in range(ANNEALING):
                 q, gain, _ = self.step(q, [*data, *own], stage)
                 if gain < ENOUGH:

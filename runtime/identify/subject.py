@@ -1,4 +1,4 @@
-"""What a recording is of: a drive or a facts file, as the model to fit, the guesses, and the facts that design takes."""
+"""What a recording is of: a drive or a facts file, as the model to fit, the guesses, and the facts for design."""
 
 from __future__ import annotations
 

@@ -27,7 +27,9 @@ def estimates_table(found: Identified) -> Table:
         half = f"+- {100 * e.width:.2g} %" if e.datum.positive else ""
         said = "" if e.told else "[yellow]not shown[/yellow]"
         interval = f"{e.low:.5g} .. {e.high:.5g}"
-        table.add_row(e.datum.word, f"{e.guess:.5g}", f"{e.value:.5g}", interval, f"{e.datum.unit} {half}".strip(), said)
+        table.add_row(
+            e.datum.word, f"{e.guess:.5g}", f"{e.value:.5g}", interval, f"{e.datum.unit} {half}".strip(), said
+        )
     return table
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 from model.drives.load import parse_drive
 from model.schema import DriveError
 from runtime.design.facts import Facts, parse_facts
+from runtime.design.known import stated
 from runtime.design.write import NOW, facts_text
 from runtime.identify.identify import Identified
 from runtime.identify.intervals import Estimate
@@ -104,18 +106,17 @@ def facts_tables(f: Facts) -> dict[str, Any]:
     ----------
     f : Facts
     """
-    six = lambda value: float(f"{value:.6g}")  # noqa: E731
-    motor = {"stator_resistance": six(f.R), "inductance_d": six(f.L_d), "inductance_q": six(f.L_q)}
-    motor |= {"magnet_flux": six(f.psi_m), "pole_pairs": f.p, "inertia": six(f.J), "friction": f.D}
+    motor = {"stator_resistance": stated(f.R), "inductance_d": stated(f.L_d), "inductance_q": stated(f.L_q)}
+    motor |= {"magnet_flux": stated(f.psi_m), "pole_pairs": f.p, "inertia": stated(f.J), "friction": f.D}
     widths = {"stator_resistance": f.d_R, "inductance": f.d_L, "magnet_flux": f.d_psi, "inertia": f.d_J}
     return {
         "name": f.name,
         "motor": motor,
-        "rated": {"speed": six(f.speed), "torque": six(f.torque), "max_current": f.max_current},
+        "rated": {"speed": stated(f.speed), "torque": stated(f.torque), "max_current": f.max_current},
         "tolerance": {key: _tolerance(width) for key, width in widths.items()},
-        "inverter": {"dc_link": f.dc_link, "sample_time": f.T, "dead_time": six(f.dead_time)},
-        "sensor": {"range": f.range, "bits": f.bits, "noise": six(f.noise)},
-        "start": {"angle": six(f.angle * 180 / 3.141592653589793)},
+        "inverter": {"dc_link": f.dc_link, "sample_time": f.T, "dead_time": stated(f.dead_time)},
+        "sensor": {"range": f.range, "bits": f.bits, "noise": stated(f.noise)},
+        "start": {"angle": stated(math.degrees(f.angle))},
         "load": {"step_every": f.step_every},
     }
 
