@@ -166,7 +166,7 @@ def own_pwm(name: str) -> tuple[Facts, Callable[[np.random.Generator], Recorded]
             "pwm", dead_time=dead, delay=1, noise=facts.noise, bits=facts.bits, range=facts.range, seed=seed
         )
         with simulator(made, drawn.kind) as loop:
-            run = loop.run(find_scenario("ramp", made.drive), conditions)
+            run = loop.run(find_scenario("load_step", made.drive), conditions)
         return Recorded(Path(f"{name}.npz"), run.t, run.u, run.i, {})
 
     return replace(facts, dead_time=facts.dead_time or 0.01 * facts.T), draw

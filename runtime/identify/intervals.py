@@ -2,7 +2,8 @@
 
 A half-width is the largest of Fisher's and of several that the scores give (the sandwich of Huber and White):
 summed over blocks of samples, since the errors of a model that is a little wrong stay alike for a while, and over a few
-long stretches of the recordings, with Student's factor, since they differ from one way of running to the next.
+long stretches of the recordings, with Student's factor, since they differ from one way of running to the next. Where
+that is too wide to tell the datum, the interval also holds all that the guess may be off.
 """
 
 from __future__ import annotations
@@ -94,6 +95,10 @@ def result(problem: Problem, found: Found) -> Result:
         low, value, high = (float(unknown.value(found.q[k] + sign * half[k])) for sign in (-1, 0, 1))
         limits.append(_limit(problem, datum, value) / unknown.size)
         told = bool(half[k] <= limits[-1])
+        if not told:  # then the guess is worth as much, as far as it is doubted
+            doubt = Z_95 * unknown.prior
+            low = min(low, float(unknown.value(unknown.start - doubt)))
+            high = max(high, float(unknown.value(unknown.start + doubt)))
         estimates.append(Estimate(datum, problem.subject.guess(datum), value, low, high, told))
     covariance = np.linalg.inv(found.slope.information)[np.ix_(data, data)]
     sigma = np.sqrt(np.diag(covariance))

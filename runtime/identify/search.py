@@ -33,8 +33,8 @@ DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1000.0)
 LARGEST, LARGEST_OTHER = 0.4, 1.2
 #: First angles of the rotor that are tried, and on how many rows.
 ANGLES, LOOK = 12, 3000
-#: Starts, and how far they are from the guesses, in logarithms; those that are climbed to the end.
-STARTS, SPREAD, CLIMBED = 3, 0.3, 3
+#: Starts, and how far the others are from the guesses, in logarithms.
+STARTS, SPREAD = 3, 0.3
 #: By how much, in logarithms, L_d and L_q are pushed apart, either way: which is larger a guess may have wrong, and no
 #: step of a search passes a round rotor, which is blind to the angle at rest.
 SALIENCY = 0.5
@@ -68,8 +68,9 @@ class _Search:
 
     def __init__(self, problem: Problem, progress: Progress) -> None:
         self.problem, self.tell = problem, progress
-        self.done, self.of = 0, STARTS * (len(KAPPAS) + 1) + CLIMBED * 3
+        self.done, self.of = 0, STARTS * (len(KAPPAS) + 3)
         self.best: tuple[float, Array] | None = None
+        self.annealed: list[Array] = []
         self.ends: list[float] = []
 
     def told(self, text: str) -> None:
@@ -79,12 +80,17 @@ class _Search:
 
     def run(self) -> None:
         """All starts."""
-        annealed = []
         for start in range(STARTS):
-            q = self.anneal(self.begin(start), start)
-            annealed.append((values(self.problem, q[:, None], Stage(KAPPAS[-1]))[0], start, q))
-        for _, start, q in sorted(annealed, key=lambda entry: entry[:2])[:CLIMBED]:
-            self.climb(q, start)
+            self.annealed.append(self.anneal(self.begin(start), start))
+            self.climb(self.annealed[-1], start)
+
+    def so_far(self) -> tuple[float, Array] | None:
+        """The best of what there is; where no likelihood was climbed yet, what was annealed."""
+        if self.best is None and self.annealed:
+            q = self.quieten(self.annealed[-1])
+            value = float(values(self.problem, q[:, None], Stage())[0])
+            return (value, q) if np.isfinite(value) else None
+        return self.best
 
     def begin(self, start: int) -> Array:
         """The guesses, or others about them, with the first angle and speed that suit each recording best."""
@@ -169,6 +175,7 @@ class _Search:
         return Q[:, k], at.value - float(tried[k]), float(tried[k])
 
 
+@np.errstate(all="ignore")  # a filter that diverges is one that no search takes
 def search(problem: Problem, progress: Progress = lambda text, share: None) -> Found:
     """Find the search vector of the largest likelihood. Ctrl-C ends the search with the best so far.
 
@@ -188,12 +195,13 @@ def search(problem: Problem, progress: Progress = lambda text, share: None) -> F
     try:
         work.run()
     except KeyboardInterrupt:
-        if work.best is None:
+        if not work.annealed:
             raise
         take_interrupt()
         interrupted = True
-    if work.best is None:
+    best = work.so_far()
+    if best is None:
         raise UserError("the likelihood of these recordings is no number from any start; are u in V and i in A?")
-    value, q = work.best
+    value, q = best
     free = list(range(len(problem.unknowns)))
     return Found(q, free, slope(problem, q, free, Stage()), tuple(work.ends or [value]), interrupted)
