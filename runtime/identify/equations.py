@@ -34,9 +34,9 @@ from model.schema import Drive, Inverter
 from runtime.identify.signs import Sign, in_values, total_jacobian
 
 #: The filter's own numbers: variances in V^2, V^2, (rad/s)^2, rad^2, (N m)^2, A^2 (alpha, beta, between them), a factor
-#: of the ripple, the variance of d in V^2 and what a sample keeps of it.
+#: of the ripple, by how much of a sample the edges' currents are earlier, the variance of d in V^2 and what is kept of it.
 TUNING: tuple[str, ...] = ("v_noise", "v_unsure", "omega_noise", "theta_noise", "torque_noise")
-TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "drift_noise", "drift_kept")
+TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "lead", "drift_noise", "drift_kept")
 OFFSETS = ("offset_alpha", "offset_beta")
 #: What is given of the rotor in the first row: rad, rad/s, N m, their variances, and that of d.
 START = ("theta", "omega", "load", "theta_var", "omega_var", "load_var", "drift_var")
@@ -130,7 +130,7 @@ class Equations:
 
     def _predicted(self, x: Any, P: Any, row: Any, tuning: dict[str, Any]) -> tuple[Any, Any]:
         """x_pred and P_pred."""
-        v, unsure, signs = self._applied(ca.vertsplit(x), ca.vertsplit(row), tuning["ripple"])
+        v, unsure, signs = self._applied(ca.vertsplit(x), ca.vertsplit(row), tuning["ripple"], tuning["lead"])
         v_sym = ca.SX.sym("v", 2)
         moved = ca.vertcat(*self._model.propagate(ca.vertsplit(x)[:MOTOR], ca.vertsplit(v_sym))[0])
         f = ca.substitute(ca.vertcat(moved, tuning["drift_kept"] * x[MOTOR:]), v_sym, v)
@@ -142,7 +142,7 @@ class Equations:
         walk = (0, 0, tuning["omega_noise"], tuning["theta_noise"], tuning["torque_noise"] * row[5], drift, drift)
         return x_pred, symmetric(lower(F @ P @ F.T + noise * (G @ G.T) + ca.diag(ca.vertcat(*walk))))
 
-    def _applied(self, x: list[Any], row: list[Any], ripple: Any) -> tuple[Any, Any, list[Sign]]:
+    def _applied(self, x: list[Any], row: list[Any], ripple: Any, lead: Any) -> tuple[Any, Any, list[Sign]]:
         """The voltage that arrives, (2,) V, in the signs of the legs' currents; how unsure those are; and the signs."""
         model, V_d = self._model, self.letters.V_d
         signs: list[Sign] = []
@@ -159,7 +159,8 @@ class Equations:
         means, unsure = [], 1
         for leg, (before, after) in enumerate(zip(legs(now)[0], legs(then)[0], strict=True)):
             edge, r = row[6 + leg], row[9 + leg] * swing
-            on, off = sign(before + edge * (after - before) - r), sign(after + edge * (before - after) + r)
+            turns_on, turns_off = edge - lead, 1 - edge - lead
+            on, off = (sign(before + t * (after - before) + s) for t, s in ((turns_on, -r), (turns_off, r)))
             means.append(0.5 * (on + off))
             unsure = unsure - (on * on + off * off) / 6
         return ca.vertcat(*(u - V_d * g for u, g in zip(given, clarke(means), strict=True))), unsure, signs

@@ -55,4 +55,4 @@ def identify(
     progress("compiling", 0.0)
     _ = problem.kernel
     found = search(problem, progress)
-    return Identified(problem, found, result(problem, found))
+    return Identified(found.problem, found, result(found.problem, found))

@@ -31,7 +31,7 @@ BLOCKS, STRETCHES = (10, 50, 200), (24, 12, 6)
 SHORTEST = 100
 #: How far the ripple's factor, and the logarithm of the current below which a sign fades, may be off what suits the
 #: model best: near zero current a real leg takes what neither of them says.
-SHAPED, SHAPE = ("ripple", "I_0"), 0.1
+SHAPED, SHAPE = ("ripple", "I_0"), 0.15
 #: A datum counts as told where its half-width is below this share of it; a signed one also where it is below a size
 #: that does not matter: of the DC link, or in sigmas of the current sensors.
 TOLD, TOLD_VOLTAGE, TOLD_SIGMAS = 0.25, 0.002, 0.5

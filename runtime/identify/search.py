@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.identify.likelihood import Slope, slope, values
-from runtime.identify.problem import Problem, Stage
+from runtime.identify.problem import SIMPLIFIED, SWITCHING, Problem, Stage
 from runtime.system.errors import UserError, take_interrupt
 
 Array = NDArray[Any]
@@ -38,6 +38,8 @@ STARTS, SPREAD = 3, 0.3
 #: By how much, in logarithms, L_d and L_q are pushed apart, either way: which is larger a guess may have wrong, and no
 #: step of a search passes a round rotor, which is blind to the angle at rest.
 SALIENCY = 0.5
+#: The inverter's loss as each start has it.
+SHAPES = (SWITCHING, SIMPLIFIED, SWITCHING)
 #: Noise of the voltage and of the load torque that is tried first, times their guesses.
 VOLTAGES, WALKS = (1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0), (1e-2, 0.1, 1.0, 10.0)
 #: Two ends of a search are one where their objectives differ by less.
@@ -46,11 +48,12 @@ SAME = 1.0
 
 @dataclass(frozen=True)
 class Found:
-    """The best of the search: its vector (m,), the slope there by ``free``, and where each start ended.
+    """The best of the search: the problem with the inverter's shape that suits it, its vector (m,), the slope there by ``free``, and where each start ended.
 
     ``ends``: the objective of each start that was climbed to the end. ``interrupted``: Ctrl-C came before.
     """
 
+    problem: Problem
     q: Array
     free: list[int]
     slope: Slope
@@ -68,8 +71,9 @@ class _Search:
 
     def __init__(self, problem: Problem, progress: Progress) -> None:
         self.problem, self.tell = problem, progress
+        self.problems = tuple(problem.shaped(shape) for shape in SHAPES)
         self.done, self.of = 0, STARTS * (len(KAPPAS) + 3)
-        self.best: tuple[float, Array] | None = None
+        self.best: tuple[float, Array, Problem] | None = None
         self.annealed: list[Array] = []
         self.ends: list[float] = []
 
@@ -81,15 +85,16 @@ class _Search:
     def run(self) -> None:
         """All starts."""
         for start in range(STARTS):
+            self.problem = self.problems[start]
             self.annealed.append(self.anneal(self.begin(start), start))
             self.climb(self.annealed[-1], start)
 
-    def so_far(self) -> tuple[float, Array] | None:
+    def so_far(self) -> tuple[float, Array, Problem] | None:
         """The best of what there is; where no likelihood was climbed yet, what was annealed."""
         if self.best is None and self.annealed:
             q = self.quieten(self.annealed[-1])
             value = float(values(self.problem, q[:, None], Stage())[0])
-            return (value, q) if np.isfinite(value) else None
+            return (value, q, self.problem) if np.isfinite(value) else None
         return self.best
 
     def begin(self, start: int) -> Array:
@@ -139,7 +144,7 @@ class _Search:
                 self.told(f"start {start + 1} of {STARTS}, likelihood")
             q, gain, value = self.step(q, free, Stage())
             if np.isfinite(value) and (self.best is None or value < self.best[0]):
-                self.best = value, q
+                self.best = value, q, self.problem
             small = small + 1 if gain < ENOUGH else 0
             if small == 2 or gain <= 0:
                 break
@@ -202,6 +207,6 @@ def search(problem: Problem, progress: Progress = lambda text, share: None) -> F
     best = work.so_far()
     if best is None:
         raise UserError("the likelihood of these recordings is no number from any start; are u in V and i in A?")
-    value, q = best
+    value, q, problem = best
     free = list(range(len(problem.unknowns)))
-    return Found(q, free, slope(problem, q, free, Stage()), tuple(work.ends or [value]), interrupted)
+    return Found(problem, q, free, slope(problem, q, free, Stage()), tuple(work.ends or [value]), interrupted)

@@ -68,7 +68,7 @@ def test_the_compiled_step_is_the_symbolic_one(name: str) -> None:
     letters |= {"p": m.pole_pairs, "J": m.inertia, "D": 1e-3, "T": 1e-4, "V_d": 3.0, "I_0": 0.2}
     given = np.array([letters[word] for word in equations.names])
     made = np.array(equations.constants(given)).ravel()
-    tuning = [0.1, 0.2, 1e-6, 1e-8, 1e-4, 0.01, 0.012, 0.002, 0.9, 0.3, 0.95, 0.01, -0.02]
+    tuning = [0.1, 0.2, 1e-6, 1e-8, 1e-4, 0.01, 0.012, 0.002, 0.9, 0.1, 0.3, 0.95, 0.01, -0.02]
     p = np.concatenate([given, made, tuning])
     i, R = rng.normal(size=2), [0.01, 0.002, 0.012]
     begin = np.array(equations.start(given, [0.3, 5.0, 0.1, 0.01, 1.0, 0.1, 0.2], i, R)).ravel()
