@@ -53,11 +53,10 @@ def identify(
     from runtime.identify.identify import identify as find
     from runtime.identify.redesign import compare
     from runtime.identify.subject import read_subject
-    from runtime.identify.write import check_write, written_text
+    from runtime.identify.write import check_write
     from runtime.recorded.data import read_recorded
 
     if plots is not None:
-        from runtime.identify.figures import write_figures
         from runtime.style.figures import pyplot
 
         pyplot()  # what is missing is said before the work
@@ -74,22 +73,32 @@ def identify(
         found = find(subject, recordings, tell)
         compared = None if found.found.interrupted else compare(found, tell)
     _show(found, compared)
-    text = written_text(found, write) if write is not None else ""
-    if json is not None:
-        from runtime.identify.tables import identified_facts
-
-        write_text(json, json_module.dumps(identified_facts(found, compared), indent=2, allow_nan=False) + "\n")
-    if plots is not None:
-        for path in write_figures(found, plots):
-            console.print(f"Figure: {path}", highlight=False, soft_wrap=True, markup=False)
-    if write is not None:
-        write_text(write, text)
-        console.print(f"Written: {write}", highlight=False, soft_wrap=True, markup=False)
+    _keep(found, compared, write, json, plots)
     if found.found.interrupted:
         console.print("interrupted: these are the best so far, and the search had not ended.", highlight=False)
         raise typer.Exit(130)
     if not any(estimate.told for estimate in found.result.estimates):
         raise typer.Exit(1)
+
+
+def _keep(
+    found: Identified, compared: Compared | None, write: Path | None, json: Path | None, plots: Path | None
+) -> None:
+    """Everything that is written."""
+    from runtime.identify.tables import identified_facts
+    from runtime.identify.write import written_text
+
+    text = written_text(found, write) if write is not None else ""
+    if json is not None:
+        write_text(json, json_module.dumps(identified_facts(found, compared), indent=2, allow_nan=False) + "\n")
+    if plots is not None:
+        from runtime.identify.figures import write_figures
+
+        for path in write_figures(found, plots):
+            console.print(f"Figure: {path}", highlight=False, soft_wrap=True, markup=False)
+    if write is not None:
+        write_text(write, text)
+        console.print(f"Written: {write}", highlight=False, soft_wrap=True, markup=False)
 
 
 def _show(found: Identified, compared: Compared | None) -> None:

@@ -34,7 +34,7 @@ from model.schema import Drive, Inverter
 from runtime.identify.signs import Sign, in_values, total_jacobian
 
 #: The filter's own numbers: variances in V^2, V^2, (rad/s)^2, rad^2, (N m)^2, A^2 (alpha, beta, between them), a factor
-#: of the ripple, by how much of a sample the edges' currents are earlier, the variance of d in V^2 and what is kept of it.
+#: of the ripple, by how much of a sample the edges' currents are earlier, the variance of d in V^2, what is kept of d.
 TUNING: tuple[str, ...] = ("v_noise", "v_unsure", "omega_noise", "theta_noise", "torque_noise")
 TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "lead", "drift_noise", "drift_kept")
 OFFSETS = ("offset_alpha", "offset_beta")

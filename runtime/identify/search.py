@@ -48,7 +48,9 @@ SAME = 1.0
 
 @dataclass(frozen=True)
 class Found:
-    """The best of the search: the problem with the inverter's shape that suits it, its vector (m,), the slope there by ``free``, and where each start ended.
+    """The best of the search: the problem with the inverter's shape that suits it, its vector (m,), the slope there.
+
+    The slope is by the entries ``free``.
 
     ``ends``: the objective of each start that was climbed to the end. ``interrupted``: Ctrl-C came before.
     """

@@ -157,7 +157,7 @@ def test_another_simulators_motor_is_found_from_guesses_half_as_large_again(foun
     assert all(e.low < e.value < e.high for e in found.result.estimates)
     assert found.result.rank == 5
     assert not found.result.words
-    assert found.facts.R == found.result.of("R").value
+    assert found.result.of("R").value == found.facts.R
 
 
 @pytest.mark.slow
@@ -304,7 +304,7 @@ def test_the_command_writes_what_it_found(files: Path) -> None:
     from runtime.design.facts import read_facts
 
     written = read_facts(files / "copy.toml")
-    assert written.R == pytest.approx(facts["parameters"]["stator_resistance"]["value"], rel=1e-5)
+    assert pytest.approx(facts["parameters"]["stator_resistance"]["value"], rel=1e-5) == written.R
     assert written.psi_m == pytest.approx(facts["parameters"]["magnet_flux"]["value"], rel=1e-5)
     assert written.d_R == 0.01
     assert (files / "facts.toml").read_text(encoding="utf-8") == FACTS
