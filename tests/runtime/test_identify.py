@@ -74,15 +74,15 @@ def test_the_compiled_step_is_the_symbolic_one(name: str) -> None:
     begin = np.array(equations.start(given, [0.3, 5.0, 0.1, 0.01, 1.0, 0.1, 0.2], i, R)).ravel()
     rows = np.column_stack([rng.normal(size=(40, 4)), rng.integers(0, 2, 40), np.ones(40), rng.uniform(size=(40, 6))])
     rows[:, 9:] *= 1e-4
-    state = np.repeat(begin[:, None], 11, axis=1)
-    told = kernel.run(rows, np.repeat(p[:, None], 11, axis=1), state)
-    x = begin
-    for k, row in enumerate(rows):
+    lanes, x = np.repeat(p[:, None], 11, axis=1), begin
+    for row in rows:
+        state = np.repeat(x[:, None], 11, axis=1)
+        told = kernel.run(row[None], lanes, state)
         x, expected = (np.array(part).ravel() for part in equations.step(x, p, row))
-        assert told.shape == (40, len(TOLD), 11)
-        assert np.allclose(told[k], expected[:, None], rtol=1e-6, atol=1e-8)
-    assert np.allclose(state, x[:, None], rtol=1e-6, atol=1e-8)
-    assert np.array_equal(state[:, 0], state[:, 10])
+        assert told.shape == (1, len(TOLD), 11)
+        assert np.allclose(told[0], expected[:, None], rtol=1e-9, atol=1e-12)
+        assert np.allclose(state, x[:, None], rtol=1e-9, atol=1e-9)
+        assert np.array_equal(state[:, 0], state[:, 10])
     assert len(state) == STATES + STATES * (STATES + 1) // 2
 
 
