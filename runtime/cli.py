@@ -25,6 +25,7 @@ from runtime.commands.faults import faults
 from runtime.commands.firmware import firmware
 from runtime.commands.fuzz import fuzz
 from runtime.commands.generate import generate
+from runtime.commands.identify import identify
 from runtime.commands.new import new
 from runtime.commands.pil import pil
 from runtime.commands.record import record
@@ -71,6 +72,7 @@ for command in (
     pil,
     record,
     replay,
+    identify,
     compare,
     starts,
     faults,

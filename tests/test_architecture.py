@@ -33,7 +33,7 @@ FLOORS = (
     ("runtime.folders",),
     ("runtime.drive", "runtime.firmware.static", "runtime.proof.text"),
     ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study", "runtime.design"),
-    ("runtime.firmware", "runtime.board"),
+    ("runtime.firmware", "runtime.board", "runtime.identify"),
     ("runtime.endurance",),
     ("runtime.report",),
     ("runtime.commands",),

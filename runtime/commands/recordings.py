@@ -13,7 +13,6 @@ from runtime.commands.numbers import POSITIVE
 from runtime.commands.terminal import working
 
 if TYPE_CHECKING:
-    from runtime.estimator.folder import GeneratedFolder
     from runtime.recorded.data import Recorded
 
 #: Bytes of a file that takes seconds to read.
@@ -40,6 +39,9 @@ Wiring = Annotated[
 Begins = Annotated[
     bool, typer.Option("--begins", help="A row's voltages or duty cycles are of the interval that begins at its t.")
 ]
+Resample = Annotated[
+    bool, typer.Option("--resample", help="Data sampled faster than the drive steps: u averaged, i at the end.")
+]
 DcLink = Annotated[
     float | None,
     typer.Option("--dc-link", metavar="V", callback=POSITIVE, help="For duty cycles, where there is no column u_dc."),
@@ -51,9 +53,9 @@ def read(
     rename: list[str] | None,
     scale: list[str] | None,
     corrections: tuple[list[str] | None, str | None, bool, float | None],
-    onto: GeneratedFolder | None,
+    onto: tuple[float, str] | None,
 ) -> Recorded:
-    """Read a recording as the options say; ``onto`` is the drive whose steps it is resampled to, if it is.
+    """Read a recording as the options say; ``onto``: resampled to a drive of that sample time (s) and name.
 
     ``corrections``: offsets, wiring, begins and dc link, as the options give them.
     """
@@ -64,7 +66,7 @@ def read(
     asked = Corrections(offsets or (), wiring, begins, dc_link)
     with _said(data):
         recorded = read_recorded(data, rename or (), scale or (), corrections=asked)
-        return recorded if onto is None else resample(recorded, onto.module.SAMPLE_TIME, onto.drive)
+        return recorded if onto is None else resample(recorded, *onto)
 
 
 @contextmanager

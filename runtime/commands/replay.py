@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
 from runtime.commands.numbers import ANGLE
-from runtime.commands.recordings import Begins, DcLink, Offset, Rename, Scale, Wiring, read
+from runtime.commands.recordings import Begins, DcLink, Offset, Rename, Resample, Scale, Wiring, read
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Json
 from runtime.system.values import read_number
@@ -18,15 +18,21 @@ from runtime.system.values import read_number
 if TYPE_CHECKING:
     from runtime.replay.replay import Replay
 
+Kind = Annotated[
+    str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
+]
+Theta0 = Annotated[
+    float | None,
+    typer.Option(metavar="RAD", callback=ANGLE, help="Start at standstill, the rotor at this electrical angle."),
+]
+
 
 def replay(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Recorded data: .npz, .mat, .mf4 or a .csv from anywhere.")
     ],
-    kind: Annotated[
-        str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
-    ] = None,
+    kind: Kind = None,
     backend: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     dtype: Annotated[str, typer.Option(metavar="NAME", help="float32: the firmware's bits; or float64.")] = "float32",
     rename: Rename = None,
@@ -35,14 +41,9 @@ def replay(
     wiring: Wiring = None,
     begins: Begins = False,
     dc_link: DcLink = None,
-    resample: Annotated[
-        bool, typer.Option("--resample", help="Data sampled faster than the drive steps: u averaged, i at the end.")
-    ] = False,
+    resample: Resample = False,
     x0: Annotated[str | None, typer.Option(metavar="A,B,...", help="Start from this state, in state order.")] = None,
-    theta0: Annotated[
-        float | None,
-        typer.Option(metavar="RAD", callback=ANGLE, help="Start at standstill, the rotor at this electrical angle."),
-    ] = None,
+    theta0: Theta0 = None,
     out: Annotated[Path | None, typer.Option(metavar="F.npz", help="Write t, x, P, status.")] = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
     json: Json = None,
@@ -66,7 +67,13 @@ def replay(
         pyplot()  # what is missing is said before the work
     folder = drive_folder(drive)
     settings = Settings(kind, backend, dtype, _numbers(x0), theta0)
-    recorded = read(data, rename, scale, (offset, wiring, begins, dc_link), folder if resample else None)
+    recorded = read(
+        data,
+        rename,
+        scale,
+        (offset, wiring, begins, dc_link),
+        (folder.module.SAMPLE_TIME, folder.drive) if resample else None,
+    )
     with counting("replaying", TaskProgressColumn(), total=1.0) as update:
         result = run(folder, recorded, settings, lambda share: update(completed=share))
     _show(result)

@@ -1,0 +1,337 @@
+"""Motor data from recordings: the compiled likelihood, the search on other simulators' motors, what is not shown."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from benchmarks.identify import facts_of, guessed, other_pwm, subject
+from benchmarks.other_motor import MOTORS, recordings
+from model.drives.load import load_drive
+from runtime.design.facts import Facts
+from runtime.identify import search as search_module
+from runtime.identify.equations import STATES, TOLD, Equations
+from runtime.identify.identify import Identified, identify
+from runtime.identify.intervals import student
+from runtime.identify.kernel import Kernel
+from runtime.identify.likelihood import STEP, slope, values
+from runtime.identify.problem import Problem, Stage
+from runtime.identify.rows import ripple, rows_of
+from runtime.identify.search import search
+from runtime.recorded.data import Recorded, write_recorded
+from tests.runtime.test_cli import call
+
+FREE = "R,L_d,L_q,psi_m,J"
+#: What is asked of 0.4 s of a recording, 0.05 A of noise.
+WITHIN = {"R": 0.005, "L_d": 0.02, "L_q": 0.02, "psi_m": 0.001, "J": 0.05}
+
+
+@cache
+def pump() -> tuple[Facts, Recorded]:
+    return facts_of(MOTORS["pump"]), recordings(MOTORS["pump"], 1)[0]
+
+
+def cut(recording: Recorded, rows: slice) -> Recorded:
+    truth = {name: column[rows] for name, column in recording.truth.items()}
+    return replace(recording, t=recording.t[rows], u=recording.u[rows], y=recording.y[rows], truth=truth)
+
+
+def problem(rows: slice = slice(0, 600), free: str = FREE) -> Problem:
+    truth, recording = pump()
+    guess = replace(truth, R=1.2 * truth.R)
+    short = cut(recording, rows)
+    return Problem(subject(truth, guess, False, free), (rows_of(short, truth.T, truth.dc_link, "pump"),))
+
+
+def off(found: Identified, truth: Facts) -> dict[str, float]:
+    true = {"R": truth.R, "L_d": truth.L_d, "L_q": truth.L_q, "psi_m": truth.psi_m, "J": truth.J}
+    true["V_dead"] = truth.dc_link * truth.dead_time / truth.T
+    return {e.datum.word: abs(e.value / true[e.datum.word] - 1) for e in found.result.estimates}
+
+
+# --- the likelihood
+
+
+@pytest.mark.parametrize("name", ["spmsm_load_torque", "traction_70kw"])
+def test_the_compiled_step_is_the_symbolic_one(name: str) -> None:
+    equations = Equations(load_drive(name), frozenset({"I_1"}))
+    kernel, rng = Kernel(equations), np.random.default_rng(3)
+    m = load_drive(name).motor
+    letters = {"R": m.stator_resistance, "L_d": m.inductance_d, "L_q": m.inductance_q, "psi_m": m.magnet_flux}
+    letters |= {"p": m.pole_pairs, "J": m.inertia, "D": 1e-3, "T": 1e-4, "V_d": 3.0, "I_0": 0.2}
+    given = np.array([letters[word] for word in equations.names])
+    made = np.array(equations.constants(given)).ravel()
+    tuning = [0.1, 0.2, 1e-6, 1e-8, 1e-4, 0.01, 0.012, 0.002, 0.9, 0.1, 0.3, 0.95, 0.01, -0.02]
+    p = np.concatenate([given, made, tuning])
+    i, R = rng.normal(size=2), [0.01, 0.002, 0.012]
+    begin = np.array(equations.start(given, [0.3, 5.0, 0.1, 0.01, 1.0, 0.1, 0.2], i, R)).ravel()
+    rows = np.column_stack([rng.normal(size=(40, 4)), rng.integers(0, 2, 40), np.ones(40), rng.uniform(size=(40, 6))])
+    rows[:, 9:] *= 1e-4
+    lanes, x = np.repeat(p[:, None], 11, axis=1), begin
+    for row in rows:
+        state = np.repeat(x[:, None], 11, axis=1)
+        told = kernel.run(row[None], lanes, state)
+        x, expected = (np.array(part).ravel() for part in equations.step(x, p, row))
+        assert told.shape == (1, len(TOLD), 11)
+        assert np.allclose(told[0], expected[:, None], rtol=1e-9, atol=1e-12)
+        assert np.allclose(state, x[:, None], rtol=1e-9, atol=1e-9)
+        assert np.array_equal(state[:, 0], state[:, 10])
+    assert len(state) == STATES + STATES * (STATES + 1) // 2
+
+
+@pytest.mark.parametrize("stage", [Stage(), Stage(0.01)])
+def test_the_gradient_is_that_of_the_value(stage: Stage) -> None:
+    """Differences of the sums, with another step, beside sums of differences."""
+    task = problem()
+    free = list(range(len(task.unknowns)))
+    q = task.guess
+    found = slope(task, q, free, stage)
+    assert found.value == pytest.approx(float(values(task, q[:, None], stage)[0]), rel=1e-12)
+    step = 2 * STEP
+    for k in task.data:
+        Q = np.repeat(q[:, None], 2, axis=1)
+        Q[k] += [step, -step]
+        up, down = values(task, Q, stage)
+        assert found.gradient[k] == pytest.approx((up - down) / (2 * step), rel=2e-2, abs=0.5)
+    assert np.all(np.linalg.eigvalsh(found.information) > 0)
+
+
+def test_fishers_information_is_the_scatter_of_the_score() -> None:
+    """At the truth of a right model the scores' mean square is the information: two ways to one matrix."""
+    truth, recording = pump()
+    task = Problem(subject(truth, truth, False, "R,psi_m,L_q"), (rows_of(recording, truth.T, truth.dc_link, "pump"),))
+    q = task.guess
+    q[[task.index("s_v"), task.index("s_d")]] -= 4.0
+    q[task.index("s_T")] -= 4.0
+    found = slope(task, q, task.data, Stage())
+    prior = np.diag(1 / task.prior[task.data] ** 2)
+    ratio = np.diag(found.scores.T @ found.scores) / np.diag(found.information - prior)
+    assert np.all((ratio > 0.7) & (ratio < 1.4)), ratio
+
+
+def test_students_factor() -> None:
+    for degrees in (5, 11, 23, 100):
+        assert student(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=2e-3)
+
+
+def test_the_ripple_is_that_of_the_legs() -> None:
+    """Beside the legs switched and summed up in small steps."""
+    T, dc_link = 1e-4, 300.0
+    u = np.array([[60.0, 35.0], [-20.0, 90.0], [0.0, 0.0]])
+    edges, swing = ripple(u, dc_link, T)
+    steps = 200_000
+    t = (np.arange(steps) + 0.5) * T / steps
+    for row, (alpha, beta) in enumerate(u):
+        on = (t[:, None] > edges[row] * T) & (t[:, None] < T - edges[row] * T)
+        legs = dc_link * on
+        phases = legs - legs.mean(axis=1, keepdims=True)
+        mean = np.array([alpha, (np.sqrt(3) * beta - alpha) / 2, (-np.sqrt(3) * beta - alpha) / 2])
+        assert np.allclose(phases.mean(axis=0), mean, atol=0.01)
+        flux = np.cumsum(phases - mean, axis=0) * T / steps
+        at = np.searchsorted(t, edges[row] * T)
+        assert np.allclose(-flux[at, [0, 1, 2]], swing[row], atol=1e-4 * dc_link * T)
+
+
+# --- the search
+
+
+@pytest.fixture(scope="module")
+def found() -> Identified:
+    truth, recording = pump()
+    return identify(subject(truth, guessed(truth, np.random.default_rng(2)), False, FREE), [recording])
+
+
+@pytest.mark.slow
+def test_another_simulators_motor_is_found_from_guesses_half_as_large_again(found: Identified) -> None:
+    truth, _ = pump()
+    errors = off(found, truth)
+    assert all(errors[word] <= limit for word, limit in WITHIN.items()), errors
+    assert all(e.told for e in found.result.estimates)
+    assert all(e.low < e.value < e.high for e in found.result.estimates)
+    assert found.result.rank == 5
+    assert not found.result.words
+    assert found.result.of("R").value == found.facts.R
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", list(MOTORS))
+def test_the_truth_lies_in_the_intervals(name: str) -> None:
+    """Ten draws; forty are in ``python -m benchmarks.identify averaged``."""
+    from benchmarks.identify import scores
+
+    m, rng = MOTORS[name], np.random.default_rng(11)
+    truth = facts_of(m)
+    free = "R,L,psi_m,J" if m.L_d == m.L_q else FREE
+    runs = [identify(subject(truth, guessed(truth, rng), False, free), [one]) for one in recordings(m, 10, seed=5)]
+    table = scores(runs, truth)
+    assert all(score.worst <= {**WITHIN, "L": 0.02}[word] for word, score in table.items()), table
+    assert np.mean([score.covered for score in table.values()]) >= 0.9, table
+
+
+@pytest.mark.slow
+def test_behind_a_switching_inverter_with_dead_time() -> None:
+    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 4000)
+    rng = np.random.default_rng(1)
+    run = identify(subject(truth, guessed(truth, rng), True), [draw(rng)])
+    errors = off(run, truth)
+    within = {"R": 0.03, "L_d": 0.1, "L_q": 0.1, "psi_m": 0.005, "V_dead": 0.1}
+    assert all(errors[word] <= limit for word, limit in within.items()), errors
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_model_without_the_dead_time_is_wrong() -> None:
+    """The other half of the claim."""
+    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 4000)
+    rng = np.random.default_rng(1)
+    blind = replace(guessed(truth, rng), dead_time=0.0)
+    run = identify(subject(truth, blind, True, FREE), [draw(rng)])
+    assert off(run, truth)["R"] > 0.1
+
+
+@pytest.mark.slow
+def test_what_a_recording_cannot_show_is_told_with_the_run_that_would() -> None:
+    """At steady speed no inertia shows, and friction is never told from a load."""
+    m = MOTORS["pump"]
+    truth, recording = pump()
+    truth = replace(truth, D=0.01)
+    guess = replace(truth, J=1.3 * truth.J)
+    run = identify(subject(truth, guess, False, "psi_m,J,D"), [cut(recording, slice(2400, 2600))])
+    J, D = run.result.of("J"), run.result.of("D")
+    assert not J.told
+    assert J.low < m.J < J.high
+    assert not D.told
+    assert D.high > 5 * D.low
+    assert run.result.of("psi_m").told
+    for word, remedy in (("J", "accelerate"), ("D", "coast")):
+        assert any(line.startswith(f"{word}: these") and remedy in line for line in run.result.words)
+
+
+@pytest.mark.slow
+def test_two_recordings_say_more_than_one() -> None:
+    truth, recording = pump()
+    parts = [cut(recording, slice(0, 1500)), cut(recording, slice(1500, 3000))]
+    task = subject(truth, replace(truth, R=1.3 * truth.R, psi_m=0.8 * truth.psi_m), False, "R,psi_m")
+    both, first = identify(task, parts), identify(task, parts[:1])
+    assert len(both.problem.recordings) == 2
+    assert both.result.of("psi_m").width < first.result.of("psi_m").width
+    assert off(both, truth)["R"] < 0.01
+
+
+def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search_module, "KAPPAS", (0.03, 0.003))
+    seen = []
+
+    def tell(text: str, share: float) -> None:
+        seen.append(text)
+        if any("start 2" in word for word in seen):
+            raise KeyboardInterrupt
+
+    best = search(problem(), tell)
+    assert best.interrupted
+    assert np.isfinite(best.slope.value)
+
+    def at_once(text: str, share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search(problem(), at_once)
+
+
+# --- the command
+
+FACTS = """\
+# a pump
+name = "pump"
+[motor]
+line_resistance = 10.0   # a cheap meter
+inductance_d = 30e-3
+inductance_q = 60e-3
+ke_v_per_krpm = 180.0    # the label
+pole_pairs = 3
+inertia = 0.02
+[rated]
+speed = 104.7
+torque = 5.0
+max_current = 15.0
+[inverter]
+dc_link = 540.0
+sample_time = 100e-6
+[sensor]
+range = 37.5
+bits = 16
+noise = 0.05
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("identify")
+    _, recording = pump()
+    i, u = recording.y, recording.u
+    columns = {"t": recording.t, "u_alpha": u[:, 0], "u_beta": u[:, 1], "i_alpha": i[:, 0], "i_beta": i[:, 1]}
+    write_recorded(folder / "run.npz", {**columns, **recording.truth})
+    (folder / "facts.toml").write_text(FACTS, encoding="utf-8")
+    (folder / "copy.toml").write_text(FACTS, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.slow
+def test_the_command_writes_what_it_found(files: Path) -> None:
+    given = [str(files / "facts.toml"), str(files / "run.npz"), "--free", FREE]
+    out = call("identify", *given, "--json", str(files / "f.json"), "--write", str(files / "copy.toml"), cwd=files)
+    assert out.returncode == 0, out.stderr
+    facts = json.loads((files / "f.json").read_text(encoding="utf-8"))
+    m = MOTORS["pump"]
+    true = {"stator_resistance": m.R, "inductance_d": m.L_d, "inductance_q": m.L_q, "magnet_flux": m.psi_m}
+    for key, value in {**true, "inertia": m.J}.items():
+        entry = facts["parameters"][key]
+        assert entry["low"] < entry["value"] < entry["high"]
+        assert entry["told"]
+        assert entry["value"] == pytest.approx(value, rel=0.02)
+    assert facts["filters"][0]["after"]["position, rms at the end"] < 2.0
+    text = (files / "copy.toml").read_text(encoding="utf-8")
+    assert "# a pump" in text
+    assert "a cheap meter; now: identified" in text
+    from runtime.design.facts import read_facts
+
+    written = read_facts(files / "copy.toml")
+    assert pytest.approx(facts["parameters"]["stator_resistance"]["value"], rel=1e-5) == written.R
+    assert written.psi_m == pytest.approx(facts["parameters"]["magnet_flux"]["value"], rel=1e-5)
+    assert written.d_R == 0.01
+    assert (files / "facts.toml").read_text(encoding="utf-8") == FACTS
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--free", "R,X"], "no such datum"),
+        (["--free", "L"], "two inductances"),
+        (["--free", "D"], "stated as 0"),
+        (["--free", "R,R"], "twice"),
+        (["--write", "somewhere.txt"], "ends in .toml"),
+    ],
+)
+def test_what_cannot_be_asked_is_told_in_one_line(files: Path, more: list[str], said: str) -> None:
+    out = call("identify", str(files / "facts.toml"), str(files / "run.npz"), *more, cwd=files)
+    assert out.returncode == 2
+    assert said in out.stderr
+    assert len(out.stderr.strip().splitlines()) == 1
+
+
+def test_too_short_a_recording_is_refused(files: Path) -> None:
+    truth, recording = pump()
+    short = cut(recording, slice(0, 50))
+    from runtime.system.errors import UserError
+
+    with pytest.raises(UserError, match="50 measured rows"):
+        rows_of(short, truth.T, truth.dc_link, "pump")
+    assert math.isclose(truth.T, 1e-4)
