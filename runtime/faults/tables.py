@@ -54,8 +54,9 @@ def _cells(outcome: Outcome) -> list[str | Text]:
 
 
 def count_text(runs: Sequence[Recovery]) -> str:
-    """How many of all recovered."""
-    return f"{sum(run.recovered for run in runs)}/{len(runs)}"
+    """How many of all recovered, and how many ended in FAULT with the reason said."""
+    off = sum(run.safe and not run.recovered for run in runs)
+    return f"{sum(run.recovered for run in runs)}/{len(runs)}" + (f", {off} in FAULT" if off else "")
 
 
 def recovery_text(runs: Sequence[Recovery]) -> str:
