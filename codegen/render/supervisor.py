@@ -28,6 +28,7 @@ from model.filters.program import Restart
 from model.inverter import TRANSFORM
 from model.loop.controller import Gains, clarke_block
 from model.loop.injection import faded, injected_voltage, injection_block
+from model.loop.link_limits import limit_block, limit_constants
 from model.quantities import Constant
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
@@ -60,16 +61,17 @@ def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:
 
 
 def drive_listings(about: Description) -> list[Listing]:
-    """The block that the drive adds to the controller's voltages, laid out; a round rotor has none.
+    """What the DC link allows; and what the drive adds to the controller's voltages, where the rotor is not round.
 
     Parameters
     ----------
     about : Description
     """
+    allowed = lay_out(limit_block(about.drive), limit_constants(about.drive))
     if not injected_voltage(about.drive):
-        return []
+        return [allowed]
     named = (*TRANSFORM, Constant("PER_FADED_SPEED", faded(about.drive), "1 / (0.2 of rated speed), s/rad", None))
-    return [lay_out(injection_block(about.drive), named)]
+    return [allowed, lay_out(injection_block(about.drive), named)]
 
 
 def _listings(about: Description, machine: Supervisor) -> list[Listing]:
@@ -116,7 +118,7 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     return {
         "machine": machine,
         "injected": repr(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
-        "inject": [printer.format_block(listing) for listing in drive_listings(about)],
+        "around": [printer.format_block(listing) for listing in drive_listings(about)],
         "drive_listings": drive_listings(about),
         "rivals": machine.rivals,
         "filter_fields": filter_fields(about, step),
@@ -191,13 +193,13 @@ def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
 
 
 def _drive_text(about: Description, printer: ModesC) -> dict[str, Any]:
-    """What the drive's source says of controller, rival and square wave."""
+    """What the drive's source says of controller, rival, DC link and square wave."""
     clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about)
     return {
         "max_current": Gains.names().index("max_current"),
         "clarke": printer.format_block(clarke),
         "constants": _constants(about, [*([clarke] if printer.machine.rivals else []), *around], printer),
-        "inject": [printer.format_block(listing) for listing in around],
+        "around": [printer.format_block(listing) for listing in around],
         "omega": state_place(printer.prefix, "omega"),
         "theta": state_place(printer.prefix, ANGLE),
     }

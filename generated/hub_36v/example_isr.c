@@ -181,10 +181,13 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
 static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
     float32 share = (supervisor.torque != 0) ? 1.0f : 0.0f; /* of the current that may be asked for */
+    float32 command[2];
     float32 i[2];
     float32 v[2] = {0.0f, 0.0f};
     i[0] = phase[0]; /* CLARKE, amplitude-invariant */
     i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));
+    command[0] = read_speed_reference();
+    command[1] = read_dc_link();
     status[0] = 0;
     duty[0] = 0.5f;
     duty[1] = 0.5f;
@@ -203,14 +206,15 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
             share = HUB_36V_CKF_START_SHARE;
         }
         status[0] = hub_36v_ckf_step(&filter, v_acting, i);
+        share = share * hub_36v_ckf_link_share(command, filter.x[OMEGA]); /* less where the DC link is low, or high */
         your_current_loop(i, filter.x[OMEGA], per_unit(filter.x[THETA]), share, supervisor.anew, v);
-        your_svgen(v, read_dc_link(), duty);
+        your_svgen(v, command[1], duty);
         v_acting[0] = v_queued[0];
         v_acting[1] = v_queued[1];
         v_queued[0] = v[0]; /* what the inverter really makes of duty: with v limited, the limited one */
         v_queued[1] = v[1];
     }
-    (void)hub_36v_ckf_supervise(&supervisor, &filter, status[0], phase, read_speed_reference());
+    (void)hub_36v_ckf_supervise(&supervisor, &filter, status[0], phase, command[0]);
     return supervisor.inverter;
 }
 #endif

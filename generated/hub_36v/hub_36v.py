@@ -102,6 +102,11 @@ LEAST_SIZE = 1e-12  # A^2: no less is divided by
 QUARTER_PI = 0.7853981633974483  # pi / 4
 ARC_BEND = 0.273  # of the arc tangent, within 0.004 rad
 PROBE_SPEED = 7.544401158442799  # L_q / (psi_m p T), rad/s per A, of one interval
+PER_LOW = 0.13888888888888892  # 1 / (7.2 V): all torque from 0.7 of the DC link up
+LINK_LOW = 18.0  # 0.5 of the DC link, V: no torque from here down
+PER_HIGH = 0.2777777777777775  # 1 / (3.6 V): all braking up to 1.15 of the DC link
+LINK_HIGH = 45.0  # 1.25 of the DC link, V: no braking from here up
+PER_BRAKING = 0.84167999326656  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 CURVE_DEPTH = 1.1  # of -i_d at the largest torque, which the curve may take
 OWN_STATOR_RESISTANCE = 0.15  # the motor's stator_resistance
 RETURN = 1.52587890625e-05  # T / adaptive_time, to a power of two
@@ -1842,6 +1847,17 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
+def allow(command, rotor, math, stages=None):
+    """What the DC link allows: a share of the largest current."""
+    (omega_ref, v_dc) = command
+    omega = rotor[0]
+    held = _smaller(_larger(PER_LOW * (v_dc - LINK_LOW), 0.0), 1.0)
+    taken = _smaller(_larger(PER_HIGH * (LINK_HIGH - v_dc), 0.0), 1.0)
+    braking = _larger(_smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0), 0.0)
+
+    return (held * (1.0 - braking * (1.0 - taken)),)
+
+
 def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
@@ -1866,7 +1882,8 @@ def drive_step(d, filter_step, phase, command, math):
         if s.rivals != 0:
             filter_step(s.rival, c.v_acting, clarke(phase, math), math)
             limit = START_SHARE * gain[5]
-        c.gain = (*gain[:5], limit, *gain[6:])
+        (share,) = allow(command, (c.filter.x[2],), math)
+        c.gain = (*gain[:5], limit * share, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
     else:

@@ -88,6 +88,11 @@ LEAST_SIZE = 1e-12  # A^2: no less is divided by
 QUARTER_PI = 0.7853981633974483  # pi / 4
 ARC_BEND = 0.273  # of the arc tangent, within 0.004 rad
 PROBE_SPEED = 311.9266055045871  # L_q / (psi_m p T), rad/s per A, of one interval
+PER_LOW = 0.009259259259259262  # 1 / (108 V): all torque from 0.7 of the DC link up
+LINK_LOW = 270.0  # 0.5 of the DC link, V: no torque from here down
+PER_HIGH = 0.0185185185185185  # 1 / (54 V): all braking up to 1.15 of the DC link
+LINK_HIGH = 675.0  # 1.25 of the DC link, V: no braking from here up
+PER_BRAKING = 0.0625  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.0477464829275686  # 1 / (0.2 of rated speed), s/rad
 INV_L_D = 27.77777777777778  # 1 / L_d, A/Wb
 HALF_T = 5e-05  # T / 2, s
@@ -2046,6 +2051,17 @@ def supervise(s, f, status, phase, reference, math):
 INJECTED_VOLTAGE = 359.99999999999994  # V: amplitude of the square wave on the d axis
 
 
+def allow(command, rotor, math, stages=None):
+    """What the DC link allows: a share of the largest current."""
+    (omega_ref, v_dc) = command
+    omega = rotor[0]
+    held = _smaller(_larger(PER_LOW * (v_dc - LINK_LOW), 0.0), 1.0)
+    taken = _smaller(_larger(PER_HIGH * (LINK_HIGH - v_dc), 0.0), 1.0)
+    braking = _larger(_smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0), 0.0)
+
+    return (held * (1.0 - braking * (1.0 - taken)),)
+
+
 def inject(rotor, duty, v, link, injection, math, stages=None):
     """A square wave on the estimated d axis."""
     (omega, theta) = rotor
@@ -2095,7 +2111,8 @@ def drive_step(d, filter_step, phase, command, math):
         if s.rivals != 0:
             filter_step(s.rival, c.v_acting, clarke(phase, math), math)
             limit = START_SHARE * gain[5]
-        c.gain = (*gain[:5], limit, *gain[6:])
+        (share,) = allow(command, (c.filter.x[2],), math)
+        c.gain = (*gain[:5], limit * share, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
         if s.torque != 0:

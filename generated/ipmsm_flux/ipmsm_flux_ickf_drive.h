@@ -27,6 +27,10 @@ void ipmsm_flux_ickf_drive_init(ipmsm_flux_ickf_drive_t *d, int delay);
  * Returns 1 where the gates may be enabled with these duty cycles; 0: all six off. */
 int ipmsm_flux_ickf_drive_step(ipmsm_flux_ickf_drive_t *d, const float32 phase[2], const float32 command[2], float32 duty[3]);
 
+/* Share of the largest current that the DC link allows, 0 .. 1: of a low one less of any torque, of a high one less of
+ * torque that brakes; _drive_step asks for it. command: as above; omega: rad/s mechanical, estimated. */
+float32 ipmsm_flux_ickf_link_share(const float32 command[2], float32 omega);
+
 #ifdef __cplusplus
 }
 #endif

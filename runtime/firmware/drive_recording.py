@@ -36,6 +36,8 @@ AGREE, DIFFER = (1.2, 1.2), (1.2, -1.2)
 BEYOND, NOISE = 2e5, 1e9
 #: Shares of the largest current: reads as zero, tells that the rotor turns, trips.
 NONE, TELLS, TRIPS = 0.01, 0.5, 2.0
+#: Of the drive file's DC link, by turns: all torque is allowed, some, and some that brakes.
+LINKS = (1.0, 0.6, 1.2)
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,7 @@ def _pieces(folder: GeneratedFolder) -> Iterator[Segment]:
     for number, case in enumerate(cases):
         inputs = np.tile([0.0, 0.0, speed, control["dc_link"]], (PIECE, 1))
         inputs[:, :2] = NONE * control["max_current"] * np.array([1.0, -0.5])
+        inputs[:, 3] *= LINKS[number % len(LINKS)]
         inputs[0, :2] = case.current * control["max_current"] * np.array([1.0, -0.5])
         yield Segment(inputs, _fields(case, module), option=number % 2)
 

@@ -33,6 +33,8 @@ ANY_MEMORY = 3000
 #: By hand the currents and the square wave are summed in another order, on the scale of the number or of 1; what a last
 #: bit of the currents is to the rival's state and covariance is as much as link B-C allows.
 ALLOWED = 1e-9
+#: Draws of what the DC link allows; some ten roundings of numbers about 1, of squares of speeds that differ little too.
+LINKS, SHARE_ALLOWED = 2000, 1e-11
 #: Place of the largest current among the controller's gains.
 MOST = 5
 
@@ -79,7 +81,7 @@ def link_drive(
 # --- by hand
 
 
-def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[Row, Row]:
+def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[Row, ...]:
     """What the drive does around the controller and the supervisor, which are the generated ones.
 
     Parameters
@@ -110,7 +112,24 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
     return (
         Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * samples),
         Row("-", "drive, modes", "not visited", missed, 0.0, len(seen)),
+        _by_link(module, hand),
     )
+
+
+def _by_link(module: ModuleType, hand: Modes) -> Row:
+    """What the DC link allows, over links, speeds and references, and what is no number."""
+    rng, worst = np.random.default_rng(4), 0.0
+    for _ in range(LINKS):
+        omega = hand.speed * rng.uniform(-1.5, 1.5) * rng.choice([1.0, 0.02])
+        reference = rng.choice([omega + 1e-3 * hand.speed * rng.uniform(-1, 1), hand.speed * rng.uniform(-1.5, 1.5)])
+        given = np.array([hand.link * rng.uniform(0.3, 1.5), reference, omega])
+        given = np.where(rng.random(3) < 0.05, rng.choice([np.nan, np.inf, -np.inf, 0.0, -1.0], 3), given)
+        link, reference, omega = (np.float64(value) for value in given)
+        with np.errstate(all="ignore"):
+            (found,) = module.allow((reference, link), (omega,), module.MATH["float64"])
+            wanted = hand.allowed_by_link(link, reference, omega)
+        worst = max(worst, _deviation([found], [wanted]))
+    return Row("-", "drive, DC link", "share of the largest current", worst, SHARE_ALLOWED, LINKS)
 
 
 def _interrupt(
@@ -128,6 +147,7 @@ def _interrupt(
             i = clarke(np.array(phase))
             step(s.rival, c.v_acting, (np.float64(i.real), np.float64(i.imag)), math)
         allowed = most / hand.most * hand.allowed_current(mode)
+        allowed *= hand.allowed_by_link(command[1], command[0], c.filter.x[2])
         c.gain = tuple(allowed if k == MOST else value for k, value in enumerate(c.gain))
         duty, d.status = module.foc_step(c, step, phase, command, math)
         c.gain = tuple(most if k == MOST else value for k, value in enumerate(c.gain))
@@ -164,7 +184,8 @@ def _inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any
     """Currents, A, mostly small; reference, rad/s, and DC link, V."""
     phase = rng.uniform(-1, 1, 2) * hand.most * rng.choice([0.02, 0.3, 2.0], p=(0.7, 0.2, 0.1))
     phase = np.where(rng.random(2) < 0.02, np.nan, phase)
-    command = np.array([rng.uniform(-1, 1) * hand.speed, hand.link * rng.uniform(0.5, 1.5)])
+    command = np.array([rng.uniform(-1, 1) * hand.speed, hand.link * rng.uniform(0.4, 1.4)])
+    command = np.where(rng.random(2) < 0.02, rng.choice([np.nan, np.inf, -np.inf, 0.0], 2), command)
     return tuple(dtype(i) for i in phase), tuple(dtype(v) for v in command)
 
 

@@ -33,6 +33,9 @@ SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
 READ_ANGLE, START_ANGLE, READ_SPEED, MIRROR_SPEED, HELD = 0.01, 0.09, 0.5, 0.25, 1e-3
 #: s: from this sample time on there is room for a second filter. Samples: no count goes further.
 ROOM, MOST = 50e-6, 32000
+#: Shares of the nominal DC link: torque comes in from here to there; torque that brakes goes out. Of the box's speed,
+#: squared: (omega - reference) omega counts as braking in full.
+LINK_LOW, LINK_HIGH, BRAKES = (0.5, 0.7), (1.15, 1.25), 0.02
 
 
 class Numbers:
@@ -73,6 +76,23 @@ class Numbers:
         """
         return times * min(max(int(seconds / self.T + 0.5), 1), MOST // times)
 
+    def allowed_by_link(self, link: float, reference: float, omega: float) -> float:
+        """The share of the largest current that the DC link leaves.
+
+        Parameters
+        ----------
+        link : float
+            As measured, V; NaN leaves none.
+        reference, omega : float
+            Speed, rad/s; what is no number brakes.
+        """
+        if math.isnan(link):
+            return 0.0
+        driving, of_braking = (_between(link / self.link, *limits) for limits in (LINK_LOW, LINK_HIGH))
+        brakes = (omega / self.speed) ** 2 - omega / self.speed * (reference / self.speed)
+        brakes = 1.0 if math.isnan(brakes) else min(max(brakes, 0.0), BRAKES**2) / BRAKES**2
+        return driving - brakes * driving * of_braking
+
     @property
     def window(self) -> int:
         """Samples of a window of STARTING: a rotor without load, pushed from rest, turns by a radian electrical."""
@@ -100,6 +120,13 @@ class Numbers:
         impedance = R / -math.expm1(-PROBE * R / L)  # V/A
         flux: float = self.motor["magnet_flux"]
         return float(SHOWS * self.most * impedance / (flux * self.p))
+
+
+def _between(value: float, first: float, last: float) -> float:
+    """How far a value is from the first to the last, 0 .. 1."""
+    if value <= first:
+        return 0.0
+    return 1.0 if value >= last else (value - first) / (last - first)
 
 
 def _two_filters(parameters: Mapping[str, Any]) -> bool:

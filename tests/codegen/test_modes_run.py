@@ -20,6 +20,7 @@ from tests.codegen.modes import (
     COMMAND,
     DIVERGED,
     LOCKED,
+    NAN,
     NOT_CONVERGED,
     REJECTED,
     REPAIRED,
@@ -218,6 +219,18 @@ def test_a_maximum_current_that_was_tuned_stays(board: Board) -> None:
     begun(board)
     assert board.now.gain_max == pytest.approx((START_SHARE if board.rivals else 1.0) * other)
     assert board.largest_current[0] == pytest.approx(other)
+
+
+def test_the_dc_link_takes_torque_away(board: Board) -> None:
+    """Less of any below 70 % of the drive file's, none from 50 % down; above 115 % less of torque that brakes."""
+    running(board)
+    link, omega = board.drive.control.dc_link, 0.5 * board.drive.operating_box.speed
+    for volts, drives, brakes in ((1.0, 1, 1), (0.6, 0.5, 0.5), (0.5, 0, 0), (1.2, 1, 0.5), (1.3, 1, 0), (NAN, 0, 0)):
+        for reference, wanted in ((1.1 * omega, drives), (0.9 * omega, brakes)):
+            board.now.reference, board.now.link = reference, volts * link
+            spin(board, 2, omega)
+            assert board.gates
+            assert board.share == pytest.approx(wanted, abs=1e-5)
 
 
 def test_torque_comes_back_after_catches_that_failed(board: Board) -> None:

@@ -230,7 +230,26 @@ _SUPERVISOR_C: Rows = (
     ("integers as the memory has them", "    s->{{ field.name }} = 0;", "    ;", LOADED),
 )  # fmt: skip
 
+_LINK: Rows = (
+    ("torque of a lower link", "HIGH_START, HIGH_END = 0.5, 0.7", "HIGH_START, HIGH_END = 0.45, 0.7", LOADED),
+    ("torque falls from 60 %", "HIGH_START, HIGH_END = 0.5, 0.7", "HIGH_START, HIGH_END = 0.5, 0.6", LOADED),
+    ("braking falls from the nominal link", "1.15, 1.25\n", "1.0, 1.25\n", LOADED),
+    ("braking of a higher link", "1.15, 1.25\n", "1.15, 1.4\n", LOADED),
+    ("braking in full later", "BRAKES = 0.02", "BRAKES = 0.03", LOADED),
+    ("a low link is none", "held = ca.fmin(ca.fmax((v_dc - low) * per_low, 0.0), 1.0)", "held = ca.SX(1.0)", LOADED),
+    ("a link that is no number leaves all", "ca.fmin(ca.fmax((v_dc - low) * per_low, 0.0), 1.0)", "ca.fmax(ca.fmin((v_dc - low) * per_low, 1.0), 0.0)", LOADED),
+    ("a reference that is no number drives", "ca.fmax(ca.fmin((omega - reference) * omega * per_braking, 1.0), 0.0)", "ca.fmin(ca.fmax((omega - reference) * omega * per_braking, 0.0), 1.0)", LOADED),
+    ("driving for braking", "(omega - reference) * omega", "(reference - omega) * omega", LOADED),
+    ("braking by the direction forgotten", "(omega - reference) * omega * per_braking", "(omega - reference) * (omega + reference) * per_braking", LOADED),
+    ("a high link takes any torque", "held * (1.0 - braking * (1.0 - taken))", "held * taken", LOADED),
+    ("a high link takes none", "held * (1.0 - braking * (1.0 - taken))", "held", LOADED),
+)  # fmt: skip
+
 _DRIVE_C: Rows = (
+    ("torque of any link", "    allowed = allowed * {{ p }}_link_share(command, d->control.filter.x[{{ omega }}]);\n", "", LOADED),
+    ("the link's share by the angle", "{{ p }}_link_share(command, d->control.filter.x[{{ omega }}])", "{{ p }}_link_share(command, d->control.filter.x[{{ theta }}])", LOADED),
+    ("the link's share of the last command", "{{ p }}_link_share(command, d->", "{{ p }}_link_share(d->control.command_held, d->", LOADED),
+    ("the link's share turns round", "    rotor[0] = omega;\n    allow(", "    rotor[0] = -omega;\n    allow(", LOADED),
     ("torque in any mode", "(d->supervisor.torque != 0) ? max_current : 0.0f", "max_current", LOADED),
     ("current limited for ever", "    d->control.gain[MAX_CURRENT] = max_current;\n", "", LOADED),
     ("current not limited", "    d->control.gain[MAX_CURRENT] = allowed;\n", "", LOADED),
@@ -256,6 +275,7 @@ _DRIVE_C: Rows = (
 _MODULE: Rows = (
     ("gates on: another's word", "    return duty, s.inverter", "    return duty, s.runs", LOADED),
     ("a start with all of the current, Python", "limit = START_SHARE * gain", "limit = gain", LOADED),
+    ("torque of any link, Python", "limit * share, *gain", "limit, *gain", LOADED),
     ("reset keeps the voltage", "    f.u_held = _select(where, (math.dtype(0), math.dtype(0)), f.u_held)\n", "", LOADED),
     ("no mode rests not", "    _go(s, {{ machine.modes[0].name }}, lost)\n", "", LOADED),
     ("time goes on in a new mode, Python", "    s.since = np.where(where, 0, s.since)[()]\n", "", LOADED),
@@ -275,6 +295,7 @@ SUPERVISOR = (
     *_of("codegen/render/printers/modes.py", _PRINTERS),
     *_of("codegen/render/printers/places.py", _PLACES),
     *_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
+    *_of("model/loop/link_limits.py", _LINK),
     *_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
     *_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )

@@ -14,6 +14,7 @@ Row = tuple[str, str, str, tuple[str, ...]]
 _TESTS = "tests/codegen/test_example.py tests/codegen/test_modes_start.py -k"
 WHOLE = (f"example paper_spmsm {_TESTS} paper_spmsm-1",)
 ALONE = (f"example paper_spmsm {_TESTS} paper_spmsm-0",)
+LINKED = ("example paper_spmsm tests/codegen/test_modes_run.py -k 'dc_link and paper_spmsm-0'",)
 RIVAL = ("example ipmsm_flux tests/codegen/test_modes_rival.py -k ipmsm_flux-0",)
 
 _EXAMPLE: tuple[Row, ...] = (
@@ -23,15 +24,17 @@ _EXAMPLE: tuple[Row, ...] = (
     ("gates on before rest", "    drive_gates(0); /* the motor may", "    drive_gates(1); /* the motor may", WHOLE),
     ("gates not driven", "    drive_gates(inverter);", "    (void)inverter;", WHOLE),
     ("gates by torque", "return supervisor.inverter;", "return supervisor.torque;", ALONE),
-    ("DC link for the reference", "command[0] = read_speed_reference();", "command[0] = read_dc_link();", WHOLE),
+    ("DC link for the reference", "command[0] = read_speed_reference();\n    command[1] = read_dc_link();\n    inverter", "command[0] = read_dc_link();\n    command[1] = read_dc_link();\n    inverter", WHOLE),
     ("no duty is written", "    write_duty(duty);\n", "", WHOLE),
     ("filter runs in every mode", "    if (supervisor.runs != 0) {", "    if (supervisor.runs >= 0) {", ALONE),
     ("supervisor told of no status", "_supervise(&supervisor, &filter, status[0], phase", "_supervise(&supervisor, &filter, 0, phase", ALONE),
-    ("supervisor told of no reference", "status[0], phase, read_speed_reference());", "status[0], phase, 0.0f);", ALONE),
+    ("supervisor told of no reference", "status[0], phase, command[0]);", "status[0], phase, 0.0f);", ALONE),
     ("queued voltage left", "    v_queued[0] = 0.0f;\n", "", ALONE),
     ("voltages never forgotten", "    if (supervisor.fresh != 0) {", "    if (supervisor.fresh > 1) {", ALONE),
     ("voltage of one interrupt ago", "    v_acting[0] = v_queued[0];", "    v_acting[0] = v[0];", ALONE),
     ("torque in every mode", "(supervisor.torque != 0) ? 1.0f : 0.0f", "1.0f", ALONE),
+    ("torque of any DC link", "        share = share * {{ p }}_link_share(command, filter.x[OMEGA]); /* less where the DC link is low, or high */\n", "", LINKED),
+    ("modulated by the reference", "your_svgen(v, command[1], duty);", "your_svgen(v, command[0], duty);", ALONE),
     ("regulators go on from where they were", "share, supervisor.anew, v);", "share, 0, v);", ALONE),
     ("speed loop gets the angle in rad", "per_unit(filter.x[THETA]), share", "filter.x[THETA], share", ALONE),
     ("Clarke's factor in the example", "i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));", "i[1] = INV_SQRT_3 * (phase[0] + phase[1]);", ALONE),
