@@ -29,6 +29,16 @@ from model.schema import Drive
 RIPPLE, FADED = 0.05, 0.2
 
 
+def ripple_scale(drive: Drive) -> float:
+    """The current of which the ripple is a share, A: what rated torque takes, or the largest where none is stated.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    return rating(drive).current if drive.rated else drive.control.max_current
+
+
 def injected_voltage(drive: Drive) -> float:
     """Amplitude of the square wave, V; 0 for a round rotor, which shows nothing.
 
@@ -40,8 +50,7 @@ def injected_voltage(drive: Drive) -> float:
     m = drive.motor
     if m.inductance_d == m.inductance_q:
         return 0.0
-    current = rating(drive).current if drive.rated else drive.control.max_current
-    return 2.0 * RIPPLE * current * m.inductance_d / drive.model.sample_time
+    return 2.0 * RIPPLE * ripple_scale(drive) * m.inductance_d / drive.model.sample_time
 
 
 def faded(drive: Drive) -> float:

@@ -22,23 +22,35 @@ def starts(
     ] = 100,
     turning: Annotated[bool, typer.Option("--turning", help="Also rotors that turn at power-up.")] = False,
     reverse: Annotated[bool, typer.Option("--reverse", help="Also reversals through zero speed under load.")] = False,
+    still: Annotated[
+        bool, typer.Option("--still", help="Also standstill under load: held, or what is promised of a round rotor.")
+    ] = False,
     json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
 ) -> None:
     """Start drives from rest at an unknown angle, in either direction, under load: whether and how fast they lock.
 
-    The generated example interrupt drives the generated motor. Exit code 1: a run did not lock.
+    The generated example interrupt drives the generated motor. Exit code 1: a run did not lock, or a
+    standstill was not as promised.
     """
     from model.drives.load import shipped_drives
+    from runtime.faults.standstill import STANDSTILL
     from runtime.faults.starts import FROM_REST, REVERSAL, TURNING, survey_starts, write_starts
-    from runtime.faults.tables import STARTS_LEGEND, starts_table
+    from runtime.faults.tables import STANDSTILL_LEGEND, STARTS_LEGEND, starts_table
     from runtime.folders.resolve import drive_folder
 
-    tasks = [FROM_REST, *([TURNING] if turning else []), *([REVERSAL] if reverse else [])]
+    tasks = [
+        FROM_REST,
+        *([TURNING] if turning else []),
+        *([REVERSAL] if reverse else []),
+        *([STANDSTILL] if still else []),
+    ]
     folders = [drive_folder(drive) for drive in drives or shipped_drives()]
     with working() as progress:
         found = survey_starts(folders, filters.split(",") if filters else None, tasks, runs, progress)
     console.print(starts_table(found))
     console.print(STARTS_LEGEND, highlight=False)
+    if still:
+        console.print(STANDSTILL_LEGEND, highlight=False)
     if json is not None:
         write_starts(found, json)
     if not all_hold(item.locked for item in found):

@@ -88,7 +88,9 @@ class Start:
 
     ``locked``: to the end. ``time`` s until it was for good, NaN if it never was. ``kept``: RUNNING was not left again.
     ``wrong_way`` r/min: largest speed against the reference. ``angle`` degrees electrical: largest error while RUNNING.
-    ``current``: largest amplitude as a share of the drive's largest.
+    ``current``: largest amplitude as a share of the drive's largest. ``ripple``: amplitude of the injected current as a
+    share of the one that rated torque takes. NaN: the task does not ask. ``gave_up``: the reason, where it ended in
+    FAULT.
     """
 
     locked: bool
@@ -97,16 +99,52 @@ class Start:
     wrong_way: float
     angle: float
     current: float
+    ripple: float = float("nan")
+    gave_up: str = ""
+
+
+def judge_start(run: FaultyRun, attempt: Attempt, max_current: float) -> Start:
+    """How a run went.
+
+    Parameters
+    ----------
+    run : FaultyRun
+    attempt : Attempt
+        What it was to master.
+    max_current : float
+        The drive's, A.
+    """
+    T = run.t[1] - run.t[0]
+    along = run.omega * np.sign(run.reference[-1])
+    good = run.running & (np.abs(run.angle_error) < ANGLE_BAND)
+    last = slice(len(good) - round(LATE / T), None)
+    locked = bool(np.all(good[last]) and np.all(along[last] > attempt.least))
+    bad = np.flatnonzero(~good)
+    since = run.t[bad[-1]] + T if len(bad) else 0.0
+    began = np.flatnonzero(run.running)
+    return Start(
+        locked=locked,
+        time=max(0.0, float(since - attempt.since)) if locked else float("nan"),
+        kept=bool(len(began) and np.all(run.running[began[0] :])),
+        wrong_way=max(0.0, float(np.max(-along)) * RPM),
+        angle=float(np.max(np.abs(run.angle_error[run.running]), initial=0.0)),
+        current=float(np.max(run.current)) / max_current,
+        gave_up=run.gave_up,
+    )
 
 
 @dataclass(frozen=True)
 class Task:
-    """A kind of run: ``attempt`` draws one. ``told``: a speed against the reference says something of it."""
+    """A kind of run: ``attempt`` draws one, ``judge`` says how it went.
+
+    ``told``: a speed against the reference says something of it.
+    """
 
     name: str
     title: str
     attempt: Callable[[Drive, np.random.Generator], Attempt]
     told: bool = False
+    judge: Callable[[FaultyRun, Any, float], Start] = judge_start
 
 
 @dataclass(frozen=True)
@@ -233,35 +271,6 @@ def run_attempt(loop: FaultyLoop, task: Task, number: int) -> tuple[Attempt, Fau
     return attempt, loop.run(attempt.scenario, np.empty(0, FAULT), 0.0, seed=number, motor=attempt.motor)
 
 
-def judge_start(run: FaultyRun, attempt: Attempt, max_current: float) -> Start:
-    """How a run went.
-
-    Parameters
-    ----------
-    run : FaultyRun
-    attempt : Attempt
-        What it was to master.
-    max_current : float
-        The drive's, A.
-    """
-    T = run.t[1] - run.t[0]
-    along = run.omega * np.sign(run.reference[-1])
-    good = run.running & (np.abs(run.angle_error) < ANGLE_BAND)
-    last = slice(len(good) - round(LATE / T), None)
-    locked = bool(np.all(good[last]) and np.all(along[last] > attempt.least))
-    bad = np.flatnonzero(~good)
-    since = run.t[bad[-1]] + T if len(bad) else 0.0
-    began = np.flatnonzero(run.running)
-    return Start(
-        locked=locked,
-        time=max(0.0, float(since - attempt.since)) if locked else float("nan"),
-        kept=bool(len(began) and np.all(run.running[began[0] :])),
-        wrong_way=max(0.0, float(np.max(-along)) * RPM),
-        angle=float(np.max(np.abs(run.angle_error[run.running]), initial=0.0)),
-        current=float(np.max(run.current)) / max_current,
-    )
-
-
 def survey_starts(
     folders: Sequence[GeneratedFolder],
     kinds: Sequence[str] | None,
@@ -300,7 +309,7 @@ def _runs(loop: FaultyLoop, task: Task, runs: int, progress: Progress) -> Iterat
         if number % TOLD_EVERY == 1:
             progress(f"{loop.folder.drive}: {loop.kind}: {task.title}, run {number} of {runs}")
         attempt, run = run_attempt(loop, task, number)
-        yield judge_start(run, attempt, max_current)
+        yield task.judge(run, attempt, max_current)
 
 
 def times(runs: Sequence[Start]) -> tuple[float, float] | None:
@@ -310,7 +319,7 @@ def times(runs: Sequence[Start]) -> tuple[float, float] | None:
     ----------
     runs : sequence of Start
     """
-    found = [run.time for run in runs if run.locked]
+    found = [run.time for run in runs if np.isfinite(run.time)]
     return (float(np.median(found)), float(np.max(found))) if found else None
 
 
@@ -340,9 +349,26 @@ def _facts(item: Starts) -> dict[str, Any]:
         "time": dict(zip(("median", "worst"), until, strict=True)) if until else None,
         "kept": sum(run.kept for run in item.runs),
         **({"wrong_way": max(run.wrong_way for run in item.runs)} if item.task.told else {}),
-        "angle": max(run.angle for run in item.runs),
-        "current": max(run.current for run in item.runs),
+        **{name: _number(largest(item.runs, name)) for name in ("angle", "current", "ripple")},
+        "gave_up": [number for number, run in enumerate(item.runs, start=1) if run.gave_up],
     }
+
+
+def _number(value: float) -> float | None:
+    """As JSON has it."""
+    return value if np.isfinite(value) else None
+
+
+def largest(runs: Sequence[Start], name: str) -> float:
+    """The largest of a figure over all runs; NaN where the task does not ask for it.
+
+    Parameters
+    ----------
+    runs : sequence of Start
+    name : str
+        Of the figure.
+    """
+    return float(np.max([getattr(run, name) for run in runs]))
 
 
 def write_starts(starts: Sequence[Starts], path: Path) -> None:

@@ -9,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from runtime.drive.scenario import LATE, REACHED_OF_RATED
-from runtime.faults.starts import Starts, times
+from runtime.faults.standstill import BACK_TIME, SLIP_SHARE
+from runtime.faults.starts import Start, Starts, largest, times
 from runtime.faults.survey import ANGLE_BAND, Outcome, Recovery, column
 from runtime.style.tables import columns_table
 
@@ -88,11 +89,33 @@ def told_text(runs: Sequence[Recovery]) -> str:
 STARTS_LEGEND = (
     f"locked: in the last {LATE * 1e3:g} ms the drive runs, the estimated angle stays within {ANGLE_BAND:g} degrees "
     "electrical of the truth, and the rotor turns as it should. ms: from power-up (of a reversal: from its end) until "
-    "that holds for good, median (worst). kept: runs that never left RUNNING again. Worst of all runs: deg, angle "
-    "error while running; wrong way, speed against the reference, r/min; current, share of the largest."
+    "that holds for good, median (worst). kept: runs that never left RUNNING again. FAULT: runs that ended there, "
+    "inverter off. Worst of all runs: deg, angle error while running; wrong way, speed against the reference, r/min; "
+    "current, share of the largest."
+)
+#: What the words mean in a row of standstill.
+STANDSTILL_LEGEND = (
+    f"standstill, locked: a salient drive ran all the time under load, its angle within {ANGLE_BAND:g} degrees, and "
+    f"turned as wanted afterwards; a round rotor may have slipped, but turned no faster than {SLIP_SHARE:.0%} of rated "
+    f"speed and was back {BACK_TIME * 1e3:g} ms after the reference had risen, or ended in FAULT if the drive has no "
+    "rival filter. ms: from when it was wanted to turn again. wrong way: speed either way while rest was wanted. "
+    "ripple: amplitude of the injected current, % of what rated torque takes, or of the largest where none is stated."
 )
 
-STARTS_COLUMNS = ("drive", "filter", "task", "runs", "locked", "ms", "kept", "deg", "wrong way", "current")
+STARTS_COLUMNS = (
+    "drive",
+    "filter",
+    "task",
+    "runs",
+    "locked",
+    "FAULT",
+    "ms",
+    "kept",
+    "deg",
+    "wrong way",
+    "current",
+    "ripple",
+)
 
 
 def starts_table(starts: Sequence[Starts]) -> Table:
@@ -106,10 +129,18 @@ def starts_table(starts: Sequence[Starts]) -> Table:
             item.task.title,
             str(len(runs)),
             Text(str(sum(run.locked for run in runs)), style="green" if item.locked else "bold red"),
+            str(sum(bool(run.gave_up) for run in runs)),
             f"{until[0] * 1e3:.0f} ({until[1] * 1e3:.0f})" if until else "-",
             str(sum(run.kept for run in runs)),
-            f"{max(run.angle for run in runs):.0f}",
-            f"{max(run.wrong_way for run in runs):.0f}" if item.task.told else "-",
-            f"{max(run.current for run in runs):.2f}",
+            _largest(runs, "angle", ".0f"),
+            _largest(runs, "wrong_way", ".0f") if item.task.told else "-",
+            _largest(runs, "current", ".2f"),
+            _largest(runs, "ripple", ".1%").rstrip("%"),
         )
     return table
+
+
+def _largest(runs: Sequence[Start], name: str, spec: str) -> str:
+    """The largest of a figure, or a dash where the task does not ask for it."""
+    value = largest(runs, name)
+    return format(value, spec) if value == value else "-"

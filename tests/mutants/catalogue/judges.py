@@ -278,6 +278,17 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
         ("recovered without torque", "run.running & (np.abs(run.speed_error)", "(np.abs(run.speed_error)", "test_who_has_no_rest_or_no_torque_has_not_recovered"),
         ("time from the fault's begin", "max(0, back - run.after) * T", "max(0, back - run.first) * T", "test_recovery_counts_from_the_faults_end_to_the_last_bad_sample"),
     )),
+    "runtime/faults/standstill.py": ("start_verdicts", (
+        ("any angle is held", "good = back.locked and kept and angle < ANGLE_BAND", "good = back.locked and kept", "test_a_salient_rotor_is_held_and_then_turns"),
+        ("who left RUNNING has held", "good = back.locked and kept and angle", "good = back.locked and angle", "test_a_salient_rotor_is_held_and_then_turns"),
+        ("who does not turn again has held", "good = back.locked and kept and angle", "good = kept and angle", "test_a_salient_rotor_is_held_and_then_turns"),
+        ("held is judged to the end", "(run.t < attempt.held[1])", "(run.t < np.inf)", "test_a_salient_rotor_is_held_and_then_turns"),
+        ("a round rotor may turn at any speed", "<= SLIP_SHARE * attempt.speed", "<= np.inf", "test_a_round_rotor_may_slip_but_neither_turn_fast_nor_stay_away"),
+        ("a round rotor may stay away", "good &= back.locked or", "good &= True or", "test_a_round_rotor_may_slip_but_neither_turn_fast_nor_stay_away"),
+        ("every drive may end in FAULT", "(bool(run.gave_up) and not attempt.rival)", "bool(run.gave_up)", "test_only_a_drive_without_a_rival_may_end_in_fault_at_rest"),
+        ("speed with the gates off counts", "on = held & (run.mode != run.mode[-1]) if run.gave_up else held", "on = held", "test_only_a_drive_without_a_rival_may_end_in_fault_at_rest"),
+        ("ripple of slow currents", "* (-1.0) ** np.arange(len(phase))", "", "test_the_injected_current_is_what_changes_its_sign"),
+    )),
     "runtime/faults/tables.py": ("fault_verdicts", (
         ("worst that is the median", "worst = float(np.max(column(runs, name)))", "worst = float(np.median(column(runs, name)))", "test_figures_over_runs"),
         ("seconds called ms", '"time") * 1e3', '"time")', "test_figures_over_runs"),
