@@ -162,14 +162,15 @@ static void watch_turning(const float32 x[5], const float32 turning[5], float32 
     const float32 stated = turning[1];
     const float32 theta_before = turning[2];
     const float32 turned_now = turned + wrap_angle(theta - theta_before);
-    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
+    const float32 turn_now = TURN_PER_SAMPLE * omega;
+    const float32 stated_now = stated + turn_now;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = TURN_PER_SAMPLE * omega;
+    turning_out[4] = turn_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */

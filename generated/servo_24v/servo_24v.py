@@ -1225,11 +1225,11 @@ def watch_turning(x, turning, math, stages=None):
     stated = turning[1]
     theta_before = turning[2]
     turned_now = turned + math.wrap(theta - theta_before)
-    stated_now = stated + TURN_PER_SAMPLE * omega
+    turn_now = TURN_PER_SAMPLE * omega
+    stated_now = stated + turn_now
     off = turned_now - stated_now
 
-    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now),
-        TURN_PER_SAMPLE * omega,)
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), turn_now,)
 
 
 def read_current(phase, first, math, stages=None):

@@ -73,7 +73,8 @@ def turning_block(drive: Drive, model: StateSpaceModel) -> Block:
     turn = _turn_per_sample(drive) * omega
     stated = stated + turn
     off = turned - stated
-    b.stage("turned", "", "", [turned, stated, off], ["turned_now", "stated_now", "off"], scale="none")
+    named = {"turned_now": turned, "turn_now": turn, "stated_now": stated, "off": off}
+    b.stage("turned", "", "", list(named.values()), list(named), scale="none")
     doubt = off * off - ANGLE_SHARE**2 * (stated * stated)
     b.output("turning", [turned, stated, theta, doubt, turn])
     return b.build()
