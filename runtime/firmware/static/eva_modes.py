@@ -53,10 +53,12 @@ def mode_checks(folder: Path) -> list[Check]:
     folder : Path
         A generated one.
     """
+    absent = missing(NAME, f"{folder.name}, supervisor", "frama-c")
+    if absent:
+        return [absent]
     manifest = read_manifest(folder)
     kinds = [kind for kind in manifest["filters"] if f"{manifest['drive']}_{kind}_supervisor.c" in manifest["files"]]
-    absent = missing(NAME, f"{folder.name}, supervisor", "frama-c") if kinds else None
-    return [absent] if absent else [mode_check(folder, kind) for kind in kinds]
+    return [mode_check(folder, kind) for kind in kinds]
 
 
 def mode_check(folder: Path, kind: str) -> Check:
