@@ -85,6 +85,7 @@
 
 #define MAX_REJECTED 20 /* inputs rejected in a row: no estimate is left */
 #define MAX_DIVERGED 1000 /* steps in a row with PMSM_DIVERGED: less is ridden through */
+#define MAX_OPEN 1000 /* steps in a row with a phase that is silent: a stuck sensor is ridden through */
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
 #define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 20 /* so long both currents must read zero before the inverter is enabled */
@@ -239,6 +240,7 @@ static void forget(ipmsm_ickf_supervisor_t *s)
 {
     s->failures = 0;
     s->reason = 0;
+    s->open = 0;
     s->silent[0] = 0.0f;
     s->silent[1] = 0.0f;
     s->silent[2] = 0.0f;
@@ -530,6 +532,11 @@ static void watch(ipmsm_ickf_supervisor_t *s, const ipmsm_ickf_t *f, int status,
                 s->silent[2] = 0.0f;
             }
         }
+        if ((s->silent[0] * s->silent[0] >= SILENT_TURN_SQUARED) || (s->silent[1] * s->silent[1] >= SILENT_TURN_SQUARED) || (s->silent[2] * s->silent[2] >= SILENT_TURN_SQUARED)) {
+            s->open += (s->open < MAX_OPEN) ? 1 : 0;
+        } else {
+            s->open = 0;
+        }
     }
 }
 
@@ -551,6 +558,7 @@ void ipmsm_ickf_supervisor_init(ipmsm_ickf_supervisor_t *s)
     s->rejected = 0;
     s->diverged = 0;
     s->excess = 0;
+    s->open = 0;
     s->content = 0;
     s->mirrored = 0;
     s->failures = 0;
@@ -710,10 +718,8 @@ int ipmsm_ickf_supervise(
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
             taken = 23;
-        } else if ((s->silent[0] * s->silent[0] >= SILENT_TURN_SQUARED) ||
-                (s->silent[1] * s->silent[1] >= SILENT_TURN_SQUARED) ||
-                (s->silent[2] * s->silent[2] >= SILENT_TURN_SQUARED)) {
-            /* a phase is open: half a turn went by without a current in it */
+        } else if (s->open >= MAX_OPEN) {
+            /* a phase is open: turn after turn goes by without a current in it */
             s->reason = PMSM_REASON_PHASE;
             go(s, PMSM_FAULT);
             taken = 24;

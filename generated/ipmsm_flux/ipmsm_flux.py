@@ -1277,6 +1277,7 @@ REASON_SELF_TEST = 10  # the self-test failed: no acknowledgement helps
 REASONS = ("NONE", "CURRENT", "BLIND", "DIVERGED", "RESTARTED", "SLIPPED", "RUNAWAY", "PHASE", "NOT_CAUGHT", "NOT_STARTED", "SELF_TEST")
 MAX_REJECTED = 20  # inputs rejected in a row: no estimate is left
 MAX_DIVERGED = 1000  # steps in a row with PMSM_DIVERGED: less is ridden through
+MAX_OPEN = 1000  # steps in a row with a phase that is silent: a stuck sensor is ridden through
 MAX_EXCESS = 3  # samples in a row beyond the trip current
 MAX_FAILURES = 10  # attempts in a row that fail end in FAULT
 REST_SAMPLES = 20  # so long both currents must read zero before the inverter is enabled
@@ -1332,6 +1333,7 @@ def new_supervisor(dtype=np.float32):
         rejected=np.int64(0),
         diverged=np.int64(0),
         excess=np.int64(0),
+        open=np.int64(0),
         content=np.int64(0),
         mirrored=np.int64(0),
         failures=np.int64(0),
@@ -1486,6 +1488,7 @@ def _forget(s, f, phase, where, math):
     silent = list(s.silent)
     s.failures = np.where(where, 0, s.failures)[()]
     s.reason = np.where(where, 0, s.reason)[()]
+    s.open = np.where(where, 0, s.open)[()]
     silent[0] = np.where(where, 0.0, silent[0])[()]
     silent[1] = np.where(where, 0.0, silent[1])[()]
     silent[2] = np.where(where, 0.0, silent[2])[()]
@@ -1763,6 +1766,12 @@ def _watch(s, f, status, phase, reference, math):
     silent[2] = np.where(hit_11, silent[2] + turning[4], silent[2])[()]
     hit_14 = hit_11 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
     silent[2] = np.where(hit_14, 0.0, silent[2])[()]
+    hit_15 = (hit_7 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
+    miss_15 = (hit_7 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
+    s.open = np.where(hit_15 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_15, 0, s.open)[()]
     s.probe = tuple(probe)
     s.turning = tuple(turning)
     s.silent = tuple(silent)
@@ -1801,9 +1810,7 @@ def supervise(s, f, status, phase, reference, math):
     found = np.where(s.diverged >= MAX_DIVERGED, 27, found)
     found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 26, found)
     found = np.where(s.rejected >= MAX_REJECTED, 25, found)
-    found = (np.where((s.silent[0] * s.silent[0] >= SILENT_TURN_SQUARED) |
-        (s.silent[1] * s.silent[1] >= SILENT_TURN_SQUARED) |
-        (s.silent[2] * s.silent[2] >= SILENT_TURN_SQUARED), 24, found))
+    found = np.where(s.open >= MAX_OPEN, 24, found)
     found = np.where(s.excess >= MAX_EXCESS, 23, found)
     taken = np.where(s.mode == RUNNING, found, taken)[()]
     found = 0
@@ -1997,7 +2004,7 @@ def supervise(s, f, status, phase, reference, math):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
-    # RUNNING: a phase is open: half a turn went by without a current in it.
+    # RUNNING: a phase is open: turn after turn goes by without a current in it.
     where = taken == 24
     if np.any(where):
         s.reason = np.where(where, REASON_PHASE, s.reason)[()]

@@ -44,6 +44,7 @@ typedef struct {
     int rejected; /* inputs rejected in a row */
     int diverged; /* steps in a row */
     int excess; /* samples in a row beyond the trip current */
+    int open; /* steps in a row in which a phase had been silent for half a turn */
     int content; /* steps in a row of which the status is good */
     int mirrored; /* 1: the guess was turned round already */
     int failures; /* attempts in a row that did not end in steady running */

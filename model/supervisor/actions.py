@@ -63,6 +63,7 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
                     Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
                     tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
                 ),
+                _in_a_row("open", Either(tuple(_half_turn(k) for k in range(3))), "MAX_OPEN"),
             ),
         ),
     )
@@ -78,6 +79,11 @@ def _silent(k: int, current: Value) -> tuple[Set, If]:
     silent = Entry("silent", k)
     more = Set(silent, Operation("+", silent, Entry("turning", 4)))
     return more, If(Compare(">", square(current), Name("ZERO_SQUARED")), (Set(silent, Number(0.0)),))
+
+
+def _half_turn(k: int) -> Condition:
+    """So far a healthy phase is never silent; one whose sensor is stuck, or full, is for a while."""
+    return Compare(">=", square(Entry("silent", k)), Name("SILENT_TURN_SQUARED"))
 
 
 def _clear(counter: str) -> Set:
@@ -118,7 +124,12 @@ def _counting() -> tuple[Action, ...]:
         Action(
             "forget",
             "The next attempt is the first one again.",
-            (_clear("failures"), _clear("reason"), *(Set(Entry("silent", k), Number(0.0)) for k in range(3))),
+            (
+                _clear("failures"),
+                _clear("reason"),
+                _clear("open"),
+                *(Set(Entry("silent", k), Number(0.0)) for k in range(3)),
+            ),
         ),
         Action(
             "count_steady",

@@ -12,6 +12,8 @@ from model.supervisor.words import Limit
 #: s. Lost is who is blind for so long, or diverged: a fault of some 50 ms is ridden through, and torque is cut where
 #: the angle no longer turns as the speed says.
 BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
+#: s: so long a phase is silent before it is open; as long as what is ridden through, which a stuck sensor may be.
+OPEN_TIME = 100e-3
 #: s. Currents must read zero for REST; zero voltage is tried for PROBE; the current of a first reading has WAIT to die
 #: out; the filter has CATCH to lock, of which its angle may jump for SETTLE, and must be content for LOCKED. Attempts
 #: are forgotten after STEADY of running.
@@ -144,6 +146,7 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
     return (
         samples("MAX_REJECTED", BLIND_TIME, "inputs rejected in a row: no estimate is left"),
         samples("MAX_DIVERGED", DIVERGED_TIME, "steps in a row with PMSM_DIVERGED: less is ridden through"),
+        samples("MAX_OPEN", OPEN_TIME, "steps in a row with a phase that is silent: a stuck sensor is ridden through"),
         Limit("MAX_EXCESS", MAX_EXCESS, "samples in a row beyond the trip current"),
         Limit(
             "MAX_FAILURES", MAX_FAILURES if rivals else MAX_FAILURES_ALONE, "attempts in a row that fail end in FAULT"

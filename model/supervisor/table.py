@@ -101,6 +101,7 @@ FIELDS = (
     Field("rejected", "inputs rejected in a row"),
     Field("diverged", "steps in a row"),
     Field("excess", "samples in a row beyond the trip current"),
+    Field("open", "steps in a row in which a phase had been silent for half a turn"),
     Field("content", "steps in a row of which the status is good"),
     Field("mirrored", "1: the guess was turned round already"),
     Field("failures", "attempts in a row that did not end in steady running"),
@@ -313,14 +314,13 @@ def _starting(states: list[str]) -> tuple[Transition, ...]:
 
 
 def _running(omega: int) -> tuple[Transition, ...]:
-    half_turn = tuple(Compare(">=", square(Entry("silent", k)), Name("SILENT_TURN_SQUARED")) for k in range(3))
     return (
         _lost("RUNNING", at_least("excess", "MAX_EXCESS"), "a current is too large", "CURRENT"),
         Transition(
             "RUNNING",
             "FAULT",
-            Either(half_turn),
-            "a phase is open: half a turn went by without a current in it",
+            at_least("open", "MAX_OPEN"),
+            "a phase is open: turn after turn goes by without a current in it",
             reason="PHASE",
         ),
         _lost("RUNNING", at_least("rejected", "MAX_REJECTED"), "the filter is blind", "BLIND"),

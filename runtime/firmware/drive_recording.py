@@ -29,7 +29,7 @@ PIECE = 6
 #: Where the rotor of the start is, rad electrical.
 ANGLE = 2.0
 #: Counts of which the interrupt makes one more: they stand one before their limit, others at it.
-COUNTED = ("since", "quiet", "gap", "rejected", "diverged", "excess", "content")
+COUNTED = ("since", "quiet", "gap", "rejected", "diverged", "excess", "open", "content")
 #: rad: how far the angle turned, and should have by the speed.
 AGREE, DIFFER = (1.2, 1.2), (1.2, -1.2)
 #: rad/s: no motor turns so fast; and A^2: variances of the sensors by which the filter keeps what it begins with.
@@ -102,7 +102,7 @@ CASES = (
     Case("STARTING", given=_turned(DIFFER)),
     Case("STARTING", ends={"since": "WINDOW_SAMPLES"}),
     *_lost("RUNNING"),
-    Case("RUNNING", given={"silent[1]": 4.0}),
+    Case("RUNNING", ends={"open": "MAX_OPEN"}, given={"silent[1]": 4.0}),
     Case("RUNNING", tuned={"x_0[2]": BEYOND, "R[0]": NOISE, "R[1]": NOISE}),
     Case("RUNNING", ends={"diverged": "MAX_DIVERGED"}, tuned={"nis_max": -1.0}),
     Case("RUNNING", ends={"since": "LOCKED_SAMPLES"}, given=_turned(DIFFER)),

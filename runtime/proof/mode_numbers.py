@@ -24,8 +24,8 @@ EXCESS, ATTEMPTS, ATTEMPTS_ALONE, WINDOWS, GOOD = 3, 10, 20, 20, 1
 GAP, GAP_TURN, TELLS = 0.5e-3, 1.2, 0.1
 #: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
-#: rad, without a current in one phase. Of the box's speed: more is no estimate.
-SILENT_TURN, RUNAWAY_SPEED = math.pi, 3.0
+#: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.
+SILENT_TURN, OPEN, RUNAWAY_SPEED = math.pi, 100e-3, 3.0
 #: A start: share of the largest current, s, rad, rad of motion enough; by so much better; the largest torque's cost.
 SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
 #: rad^2: the angle's variance after two readings, and at a start. Of the box's speed: its spread after either, and

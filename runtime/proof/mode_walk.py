@@ -155,7 +155,7 @@ class Walk:
         for name, limit in self._ends().items():
             self._set(self.s, name, self._about(np.full(self.lanes, limit)))
         fine = self.where & (rng.random(self.lanes) < 0.4)
-        for name in ("excess", "rejected", "windows"):  # or most attempts would end here
+        for name in ("excess", "rejected", "windows", "open"):  # or most attempts would end here
             if hasattr(self.s, name):
                 setattr(self.s, name, np.where(fine, 0, getattr(self.s, name)))
         since = np.zeros(self.lanes, np.int64)
@@ -189,6 +189,7 @@ class Walk:
             "diverged": n.samples(numbers.ADRIFT),
             "content": n.samples(numbers.LOCKED),
             "excess": numbers.EXCESS,
+            "open": n.samples(numbers.OPEN),
             "failures": n.attempts,
             "steady": round(numbers.STEADY / numbers.LOCKED),
             "windows": numbers.WINDOWS,
@@ -231,7 +232,7 @@ class Walk:
         """Half a turn without a current in a phase, or nearly; most phases are never silent so long."""
         rng, shape = self.rng, (3, self.lanes)
         silent = numbers.SILENT_TURN * (1 + rng.choice(NEAR, shape)) * rng.choice([-1.0, 1.0], shape)
-        self._set(self.s, "silent", np.where(rng.random(shape) < 0.1, silent, 0.0))
+        self._set(self.s, "silent", np.where(rng.random(shape) < 0.4, silent, 0.0))
 
     def _set_readings(self, phase: tuple[Array, Array]) -> None:
         """The first current's direction: anywhere, or where the sine from there to this one's is about what tells."""

@@ -27,6 +27,7 @@ from runtime.proof.mode_numbers import (
     MIRROR_SPEED,
     MOST,
     MOTION,
+    OPEN,
     PROBE,
     READ_ANGLE,
     READ_SPEED,
@@ -146,6 +147,7 @@ class Modes(Numbers):
         if any(abs(i) > SHOWS * self.most for i in phase):
             turns = zip((i_a, i_b, -i_a - i_b), m.arrays["silent"], strict=True)
             m.arrays["silent"] = [0.0 if abs(i) > ZERO * self.most else turn + now for i, turn in turns]
+        self._row(m, "open", any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]), self.samples(OPEN))
 
     @staticmethod
     def _as_stated(m: Memory, jolt: float) -> bool:
@@ -329,7 +331,7 @@ class Modes(Numbers):
     def _running(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         n = m.whole
         over = n["since"] >= self.samples(LOCKED)
-        if n["excess"] < EXCESS and any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]):
+        if n["excess"] < EXCESS and n["open"] >= self.samples(OPEN):
             m.reason = "PHASE"
             self._go(m, "FAULT")
             return "open"
@@ -356,6 +358,7 @@ class Modes(Numbers):
     def _fault(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         if m.whole["acknowledged"] != 1 or m.reason == "SELF_TEST":
             return ""
-        m.whole["failures"], m.reason, m.arrays["silent"] = 0, "NONE", [0.0, 0.0, 0.0]
+        m.whole["failures"] = m.whole["open"] = 0
+        m.reason, m.arrays["silent"] = "NONE", [0.0, 0.0, 0.0]
         self._go(m, "RESTING")
         return "acknowledged"
