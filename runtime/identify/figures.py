@@ -67,8 +67,9 @@ def innovations_figure(found: Identified) -> str:
             white = np.clip(told[:, 0, k] / sigma, -1e3, 1e3)
             axis.plot(t[thin], white[thin], color=colour, lw=0.6, alpha=0.85, label=label)
         axis.set_yscale("symlog", linthresh=5)
+        axis.set_yticks([-1000, -100, -10, 0, 10, 100, 1000])
         axis.set(ylabel="innovation, sigma", title=problem.recordings[recording].recorded.path.name)
-        axis.legend(loc="upper right", ncols=2, fontsize=7)
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
     axes[-1, 0].set_xlabel("time, s")
     return svg_text(figure)
 
@@ -85,6 +86,8 @@ def likelihood_figure(found: Identified) -> str:
     str
         SVG.
     """
+    from matplotlib.ticker import MaxNLocator
+
     problem, estimates = found.problem, found.result.estimates
     columns = 3
     rows = -(-len(estimates) // columns)
@@ -103,6 +106,10 @@ def likelihood_figure(found: Identified) -> str:
             f"{estimate.datum.word}, {estimate.datum.unit}" + ("" if estimate.told else " (not shown)"), fontsize=8
         )
         axis.tick_params(labelsize=6)
+        axis.xaxis.get_offset_text().set_fontsize(6)
+        axis.xaxis.set_major_locator(MaxNLocator(4))
+    for axis in axes[:, 0]:
+        axis.set_ylabel("log likelihood", fontsize=7)
     return svg_text(figure)
 
 
