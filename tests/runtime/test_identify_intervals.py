@@ -1,0 +1,51 @@
+"""Half-widths of identified data, on scores whose statistics are known: no filter, no recording."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from runtime.identify.intervals import half_widths
+from runtime.identify.likelihood import Slope
+
+#: Of the search vector: two data, one known ten times as well as the other, and correlated.
+INFORMATION = np.array([[100.0, 5.0], [5.0, 1.0]])
+WIDE = np.full(2, 1e3)
+
+
+def widths(scores: Any, prior: Any = WIDE) -> Any:
+    slope = Slope(0.0, np.zeros(2), INFORMATION, np.asarray(scores))
+    return half_widths(SimpleNamespace(slope=slope), prior)  # type: ignore[arg-type]
+
+
+def test_without_scatter_it_is_fishers() -> None:
+    """The marginal standard deviation, by the determinant: of the first 1 / (I_11 - I_12^2 / I_22)."""
+    sigma = np.array([1 / (100.0 - 25.0), 1 / (1.0 - 25.0 / 100.0)]) ** 0.5
+    np.testing.assert_allclose(widths(np.zeros((400, 2))), stats.norm.ppf(0.975) * sigma, rtol=1e-9)
+
+
+def test_the_prior_is_the_widest() -> None:
+    np.testing.assert_allclose(widths(np.zeros((400, 2)), np.full(2, 1e-3)), stats.norm.ppf(0.975) * 1e-3, rtol=1e-9)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_the_interval_holds_the_truth_as_often_as_it_says(memory: float) -> None:
+    """Scores are what the model says, or go on as they were, which Fisher's information knows nothing of."""
+    rng, grains, draws = np.random.default_rng(2), 400, 400
+    root = np.linalg.cholesky(INFORMATION / grains)
+    held = 0
+    for _ in range(draws):
+        white = rng.normal(size=(grains, 2))
+        for k in range(1, grains):
+            white[k] += memory * white[k - 1]
+        scores = white @ root.T
+        error = np.linalg.solve(INFORMATION, scores.sum(axis=0))
+        held += np.count_nonzero(
+            np.abs(error) <= widths(scores - scores.mean(axis=0))
+        )  # at the estimate they sum to zero
+    assert held >= 0.93 * 2 * draws
+    assert memory > 0 or held <= 0.999 * 2 * draws, "an interval that always holds says nothing"
