@@ -71,6 +71,6 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
 def _set_angle(f: SimpleNamespace, module: ModuleType, rng: np.random.Generator, dtype: Any) -> None:
     """An angle that is known well, or not, and then by no current, either: as a variance, or as the pivot of one."""
     known, own, words = rng.random() < 0.5, module.VARIANCES[3], getattr(f, module.COVARIANCE)
-    variance = dtype(0.01 if known else 1.0)
+    variance = dtype(0.01 if known else rng.uniform(0.1, 0.6))
     setattr(f, module.COVARIANCE, tuple(variance if k == own else word for k, word in enumerate(words)))
     f.R = tuple(dtype(r if known else 1e6) for r in module.DEFAULTS["R"])
