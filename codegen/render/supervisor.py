@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from codegen.ir.covariance import CovarianceLayout, state_place
+from codegen.ir.covariance import CovarianceLayout, place, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
@@ -29,6 +29,7 @@ from model.inverter import TRANSFORM
 from model.loop.controller import Gains, clarke_block
 from model.loop.injection import faded, injected_voltage, injection_block
 from model.loop.link_limits import limit_block, limit_constants
+from model.loop.observability import angle_block, least_speed, most_variance
 from model.quantities import Constant
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
@@ -60,18 +61,33 @@ def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:
     return render_diagram(machine, about.drive.name, stay_texts(machine, about.drive.model.sample_time))
 
 
-def drive_listings(about: Description) -> list[Listing]:
-    """What the DC link allows; and what the drive adds to the controller's voltages, where the rotor is not round.
+def drive_listings(about: Description, layout: CovarianceLayout) -> list[Listing]:
+    """What the DC link allows, how well the angle is known; where the rotor is not round what is added to the voltages.
 
     Parameters
     ----------
     about : Description
+    layout : CovarianceLayout
+        Where the filter has its covariance.
     """
-    allowed = lay_out(limit_block(about.drive), limit_constants(about.drive))
+    allowed = [lay_out(limit_block(about.drive), limit_constants(about.drive)), _angle_listing(layout)]
     if not injected_voltage(about.drive):
-        return [allowed]
+        return allowed
     named = (*TRANSFORM, Constant("PER_FADED_SPEED", faded(about.drive), "1 / (0.2 of rated speed), s/rad", None))
-    return [allowed, lay_out(injection_block(about.drive), named)]
+    return [*allowed, lay_out(injection_block(about.drive), named)]
+
+
+def _angle_listing(layout: CovarianceLayout) -> Listing:
+    """The variance of the angle: of P an entry, of L D L^T the squares of a row."""
+    factored, angle = layout.field == "LD", layout.row(ANGLE)
+    row = [place(angle, k) for k in range(angle)] if factored else []
+    pivots = [*(place(k, k) for k in range(len(row))), layout.variance(ANGLE)]
+    words = [
+        f"P_{i}{j}" if not factored else f"D_{i}" if i == j else f"L_{i}{j}"
+        for i in range(len(layout.states))
+        for j in range(i + 1)
+    ]
+    return lay_out(angle_block(words, row, pivots), ())
 
 
 def _listings(about: Description, machine: Supervisor) -> list[Listing]:
@@ -113,13 +129,15 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
         Any of the module's: where the covariance lives is the same for all.
     """
     machine = machine_of(about, step)
-    printer = ModesPython(machine, CovarianceLayout.of(step))
-    listings = _listings(about, machine)
+    layout = CovarianceLayout.of(step)
+    printer = ModesPython(machine, layout)
+    listings, around = _listings(about, machine), drive_listings(about, layout)
     return {
         "machine": machine,
         "injected": repr(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
-        "around": [printer.format_block(listing) for listing in drive_listings(about)],
-        "drive_listings": drive_listings(about),
+        "around": [printer.format_block(listing) for listing in around],
+        "drive_listings": around,
+        **_seen(about, printer),
         "rivals": machine.rivals,
         "filter_fields": filter_fields(about, step),
         "start_share": printer.format_literal(start_share(about.drive)),
@@ -162,12 +180,21 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "below_pi": printer.format_literal(SINGLE.below_pi),
     }
     source = render("supervisor.c.j2", **common, **_machine_text(about, printer))
-    drive = render("drive.c.j2", **common, notes=notes, **_drive_text(about, printer))
+    drive = render("drive.c.j2", **common, notes=notes, **_drive_text(about, printer, CovarianceLayout.of(step)))
     return {
         "supervisor.h": render("supervisor.h.j2", **common),
         "supervisor.c": with_ramfuncs(source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}),
         "drive.h": render("drive.h.j2", **common),
         "drive.c": with_ramfuncs(drive, cold={f"{prefix}_drive_init"}),
+    }
+
+
+def _seen(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, str]:
+    """From where on the angle is seen; of a salient machine at any speed."""
+    slowest = least_speed(about.drive)
+    return {
+        "most_variance": printer.format_literal(most_variance()),
+        "least_speed_squared": printer.format_literal(slowest**2) if slowest else "",
     }
 
 
@@ -192,14 +219,16 @@ def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
     }
 
 
-def _drive_text(about: Description, printer: ModesC) -> dict[str, Any]:
-    """What the drive's source says of controller, rival, DC link and square wave."""
-    clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about)
+def _drive_text(about: Description, printer: ModesC, layout: CovarianceLayout) -> dict[str, Any]:
+    """What the drive's source says of controller, rival, DC link, angle and square wave."""
+    clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about, layout)
     return {
         "max_current": Gains.names().index("max_current"),
         "clarke": printer.format_block(clarke),
         "constants": _constants(about, [*([clarke] if printer.machine.rivals else []), *around], printer),
         "around": [printer.format_block(listing) for listing in around],
+        "covariance": layout.field,
+        **_seen(about, printer),
         "omega": state_place(printer.prefix, "omega"),
         "theta": state_place(printer.prefix, ANGLE),
     }

@@ -16,7 +16,7 @@ extern "C" {
 typedef struct {
     hub_36v_ckf_foc_t control; /* gains, integrators, and the filter with its tuning */
     hub_36v_ckf_supervisor_t supervisor; /* mode, and why the last rotor was given up */
-    int status; /* of the last step, 0 where the filter did not run */
+    int status; /* of the last step, 0 where the filter did not run; with torque PMSM_UNOBSERVABLE, too */
 } hub_36v_ckf_drive_t;
 
 /* Power-up; delay: samples from measuring to acting, 0 or 1. */

@@ -41,6 +41,7 @@ COMMAND_REJECTED = 4  # controller: a command, or a sensed speed or angle, is Na
 COVARIANCE_REPAIRED = 8  # a pivot of P was raised to its floor, or an angle known to no better than a turn was given up
 DIVERGED = 16  # nis >= nis_max: over a window the measurements were not what the filter expected
 RESTARTED = 32  # the state was not a number or absurdly large: it is x_0, P_0 again
+UNOBSERVABLE = 64  # drive, with torque: the angle is not seen, by P or by a back-EMF that is too small
 
 SANE_LIMIT = 1000000000.0  # a state, variance or mean beyond it makes the step restart
 PER_SANE_LIMIT = 1e-09
@@ -2470,6 +2471,9 @@ def supervise(s, f, status, phase, reference, math):
 INJECTED_VOLTAGE = 359.99999999999994  # V: amplitude of the square wave on the d axis
 
 
+MOST_VARIANCE = 0.2741556778080377  # rad^2: an angle that P knows no better is not seen
+
+
 def allow(command, rotor, math, stages=None):
     """What the DC link allows: a share of the largest current."""
     (omega_ref, v_dc) = command
@@ -2479,6 +2483,13 @@ def allow(command, rotor, math, stages=None):
     braking = _larger(_smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0), 0.0)
 
     return (held * (1.0 - braking * (1.0 - taken)),)
+
+
+def angle_variance(covariance, math, stages=None):
+    """How well the angle is known by P, rad^2."""
+    D_0 = covariance[0]
+
+    return (D_0,)
 
 
 def inject(rotor, duty, v, link, injection, math, stages=None):
@@ -2535,6 +2546,8 @@ def drive_step(d, filter_step, phase, command, math):
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
         if s.torque != 0:
+            (variance,) = angle_variance(c.filter.LD, math)
+            d.status = d.status | np.where(variance <= MOST_VARIANCE, 0, UNOBSERVABLE)[()]
             rotor, link = (c.filter.x[2], c.filter.x[3]), (c.command_held[1],)
             if c.delay != 0:
                 duty, c.v_queued, d.injection = inject(rotor, duty, c.v_queued, link, d.injection, math)

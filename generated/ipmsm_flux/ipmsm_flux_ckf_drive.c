@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 479 add, 673 mul, 27 div, 7 sqrt, 6 sincos;
  *   estimated 4082 cycles on C28x + FPU32 (k = 2.5; 6962 at k = 5; from published cycles, not measured), 282 words of state.
- * Cost at most, a whole interrupt, RUNNING: 482 add, 668 mul, 30 div, 7 sqrt, 6 sincos;
- *   estimated 4152 cycles on C28x + FPU32 (k = 2.5; 7027 at k = 5; from published cycles, not measured), 282 words of state.
- * Cost at most, a whole interrupt, STARTING: 876 add, 1239 mul, 42 div, 7 sqrt, 9 sincos;
- *   estimated 7230 cycles on C28x + FPU32 (k = 2.5; 12518 at k = 5; from published cycles, not measured), 282 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 485 add, 674 mul, 30 div, 7 sqrt, 6 sincos;
+ *   estimated 4174 cycles on C28x + FPU32 (k = 2.5; 7072 at k = 5; from published cycles, not measured), 282 words of state.
+ * Cost at most, a whole interrupt, STARTING: 879 add, 1245 mul, 42 div, 7 sqrt, 9 sincos;
+ *   estimated 7253 cycles on C28x + FPU32 (k = 2.5; 12563 at k = 5; from published cycles, not measured), 282 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -17,11 +17,13 @@
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(clarke, ".TI.ramfunc")
 #pragma CODE_SECTION(allow, ".TI.ramfunc")
+#pragma CODE_SECTION(angle_variance, ".TI.ramfunc")
 #pragma CODE_SECTION(inject, ".TI.ramfunc")
 #pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
 #pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(ipmsm_flux_ckf_link_share, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
+#pragma CODE_SECTION(look_at_angle, ".TI.ramfunc")
 #pragma CODE_SECTION(add_injection, ".TI.ramfunc")
 #pragma CODE_SECTION(ipmsm_flux_ckf_drive_step, ".TI.ramfunc")
 #else
@@ -30,11 +32,13 @@
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(clarke, "ramfuncs")
 #pragma CODE_SECTION(allow, "ramfuncs")
+#pragma CODE_SECTION(angle_variance, "ramfuncs")
 #pragma CODE_SECTION(inject, "ramfuncs")
 #pragma CODE_SECTION(forget_voltages, "ramfuncs")
 #pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(ipmsm_flux_ckf_link_share, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
+#pragma CODE_SECTION(look_at_angle, "ramfuncs")
 #pragma CODE_SECTION(add_injection, "ramfuncs")
 #pragma CODE_SECTION(ipmsm_flux_ckf_drive_step, "ramfuncs")
 #endif
@@ -44,6 +48,7 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
+#define MOST_VARIANCE 0.27415568f /* rad^2: (30 degrees)^2; an angle that P knows no better is not seen */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 #define PER_LOW 0.009259259f /* 1 / (108 V): all torque from 0.7 of the DC link up */
@@ -109,6 +114,20 @@ static void allow(const float32 command[2], const float32 rotor[1], float32 shar
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));
+}
+
+/* How well the angle is known by P, rad^2 */
+static void angle_variance(const float32 covariance[10], float32 variance_out[1])
+{
+    const float32 D_0 = covariance[0];
+    const float32 D_1 = covariance[2];
+    const float32 D_2 = covariance[5];
+    const float32 L_30 = covariance[6];
+    const float32 L_31 = covariance[7];
+    const float32 L_32 = covariance[8];
+    const float32 D_3 = covariance[9];
+
+    variance_out[0] = D_3 + L_30 * L_30 * D_0 + L_31 * L_31 * D_1 + L_32 * L_32 * D_2;
 }
 
 /* A square wave on the estimated d axis */
@@ -193,6 +212,14 @@ static int run(ipmsm_flux_ckf_drive_t *d, const float32 phase[2], const float32 
     return status;
 }
 
+/* PMSM_UNOBSERVABLE where P does not know the angle; else 0. */
+static int look_at_angle(const ipmsm_flux_ckf_t *f)
+{
+    float32 variance[1];
+    angle_variance(f->LD, variance);
+    return (variance[0] <= MOST_VARIANCE) ? 0 : PMSM_UNOBSERVABLE;
+}
+
 /* The square wave, in the interval for which the controller has just made its voltage. */
 static void add_injection(ipmsm_flux_ckf_drive_t *d, float32 duty[3])
 {
@@ -228,6 +255,7 @@ int ipmsm_flux_ckf_drive_step(ipmsm_flux_ckf_drive_t *d, const float32 phase[2],
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);
         if (d->supervisor.torque != 0) {
+            d->status |= look_at_angle(&d->control.filter);
             add_injection(d, duty);
         }
     } else {

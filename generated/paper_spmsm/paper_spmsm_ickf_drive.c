@@ -3,8 +3,8 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 247 add, 341 mul, 17 div, 2 sqrt, 3 sincos;
  *   estimated 2145 cycles on C28x + FPU32 (k = 2.5; 3615 at k = 5; from published cycles, not measured), 194 words of state.
- * Cost at most, a whole interrupt, RUNNING: 244 add, 340 mul, 17 div, 2 sqrt, 3 sincos;
- *   estimated 2135 cycles on C28x + FPU32 (k = 2.5; 3595 at k = 5; from published cycles, not measured), 194 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 247 add, 347 mul, 17 div, 2 sqrt, 3 sincos;
+ *   estimated 2160 cycles on C28x + FPU32 (k = 2.5; 3645 at k = 5; from published cycles, not measured), 194 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -13,19 +13,23 @@
 #pragma CODE_SECTION(smaller, ".TI.ramfunc")
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(allow, ".TI.ramfunc")
+#pragma CODE_SECTION(angle_variance, ".TI.ramfunc")
 #pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
 #pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(paper_spmsm_ickf_link_share, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
+#pragma CODE_SECTION(look_at_angle, ".TI.ramfunc")
 #pragma CODE_SECTION(paper_spmsm_ickf_drive_step, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(smaller, "ramfuncs")
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(allow, "ramfuncs")
+#pragma CODE_SECTION(angle_variance, "ramfuncs")
 #pragma CODE_SECTION(forget_voltages, "ramfuncs")
 #pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(paper_spmsm_ickf_link_share, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
+#pragma CODE_SECTION(look_at_angle, "ramfuncs")
 #pragma CODE_SECTION(paper_spmsm_ickf_drive_step, "ramfuncs")
 #endif
 #endif
@@ -34,6 +38,8 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
+#define MOST_VARIANCE 0.27415568f /* rad^2: (30 degrees)^2; an angle that P knows no better is not seen */
+#define LEAST_SPEED_SQUARED 16.868622f /* (rad/s)^2: the back-EMF is a twentieth of R times the largest current */
 #define PER_LOW 0.01607717f /* 1 / (62.2 V): all torque from 0.7 of the DC link up */
 #define LINK_LOW 155.5f /* 0.5 of the DC link, V: no torque from here down */
 #define PER_HIGH 0.03215434f /* 1 / (31.1 V): all braking up to 1.15 of the DC link */
@@ -61,6 +67,20 @@ static void allow(const float32 command[2], const float32 rotor[1], float32 shar
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));
+}
+
+/* How well the angle is known by P, rad^2 */
+static void angle_variance(const float32 covariance[10], float32 variance_out[1])
+{
+    const float32 D_0 = covariance[0];
+    const float32 D_1 = covariance[2];
+    const float32 D_2 = covariance[5];
+    const float32 L_30 = covariance[6];
+    const float32 L_31 = covariance[7];
+    const float32 L_32 = covariance[8];
+    const float32 D_3 = covariance[9];
+
+    variance_out[0] = D_3 + L_30 * L_30 * D_0 + L_31 * L_31 * D_1 + L_32 * L_32 * D_2;
 }
 
 /* No voltage is under way. */
@@ -103,6 +123,15 @@ static int run(paper_spmsm_ickf_drive_t *d, const float32 phase[2], const float3
     return status;
 }
 
+/* PMSM_UNOBSERVABLE where P does not know the angle, or a back-EMF is too small to show it; else 0. */
+static int look_at_angle(const paper_spmsm_ickf_t *f)
+{
+    float32 variance[1];
+    const float32 omega = f->x[PAPER_SPMSM_ICKF_OMEGA];
+    angle_variance(f->LD, variance);
+    return ((variance[0] <= MOST_VARIANCE) && (omega * omega >= LEAST_SPEED_SQUARED)) ? 0 : PMSM_UNOBSERVABLE;
+}
+
 void paper_spmsm_ickf_drive_init(paper_spmsm_ickf_drive_t *d, int delay)
 {
     paper_spmsm_ickf_foc_init(&d->control, delay);
@@ -120,6 +149,9 @@ int paper_spmsm_ickf_drive_step(paper_spmsm_ickf_drive_t *d, const float32 phase
     }
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);
+        if (d->supervisor.torque != 0) {
+            d->status |= look_at_angle(&d->control.filter);
+        }
     } else {
         d->status = 0;
         duty[0] = 0.5f;

@@ -16,7 +16,7 @@ extern "C" {
 typedef struct {
     paper_spmsm_ickf_foc_t control; /* gains, integrators, and the filter with its tuning */
     paper_spmsm_ickf_supervisor_t supervisor; /* mode, and why the last rotor was given up */
-    int status; /* of the last step, 0 where the filter did not run */
+    int status; /* of the last step, 0 where the filter did not run; with torque PMSM_UNOBSERVABLE, too */
 } paper_spmsm_ickf_drive_t;
 
 /* Power-up; delay: samples from measuring to acting, 0 or 1. */

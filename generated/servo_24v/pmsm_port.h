@@ -119,6 +119,7 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 #define PMSM_COVARIANCE_REPAIRED 0x8 /* a pivot of P was raised to its floor, or an angle known to no better than a turn was given up */
 #define PMSM_DIVERGED 0x10 /* nis >= nis_max: over a window the measurements were not what the filter expected */
 #define PMSM_RESTARTED 0x20 /* the state was not a number or absurdly large: it is x_0, P_0 again */
+#define PMSM_UNOBSERVABLE 0x40 /* drive, with torque: the angle is not seen, by P or by a back-EMF that is too small */
 
 /* --- modes of a drive, and why it last gave up a rotor -------------------------------------------------------- */
 

@@ -41,6 +41,7 @@ COMMAND_REJECTED = 4  # controller: a command, or a sensed speed or angle, is Na
 COVARIANCE_REPAIRED = 8  # a pivot of P was raised to its floor, or an angle known to no better than a turn was given up
 DIVERGED = 16  # nis >= nis_max: over a window the measurements were not what the filter expected
 RESTARTED = 32  # the state was not a number or absurdly large: it is x_0, P_0 again
+UNOBSERVABLE = 64  # drive, with torque: the angle is not seen, by P or by a back-EMF that is too small
 
 SANE_LIMIT = 1000000000.0  # a state, variance or mean beyond it makes the step restart
 PER_SANE_LIMIT = 1e-09
@@ -1854,6 +1855,10 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
+MOST_VARIANCE = 0.2741556778080377  # rad^2: an angle that P knows no better is not seen
+LEAST_SPEED_SQUARED = 28.698979591836732  # (rad/s)^2: where the back-EMF is a twentieth of R times the largest current
+
+
 def allow(command, rotor, math, stages=None):
     """What the DC link allows: a share of the largest current."""
     (omega_ref, v_dc) = command
@@ -1863,6 +1868,19 @@ def allow(command, rotor, math, stages=None):
     braking = _larger(_smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0), 0.0)
 
     return (held * (1.0 - braking * (1.0 - taken)),)
+
+
+def angle_variance(covariance, math, stages=None):
+    """How well the angle is known by P, rad^2."""
+    D_0 = covariance[0]
+    D_1 = covariance[2]
+    D_2 = covariance[5]
+    L_30 = covariance[6]
+    L_31 = covariance[7]
+    L_32 = covariance[8]
+    D_3 = covariance[9]
+
+    return (D_3 + L_30 * L_30 * D_0 + L_31 * L_31 * D_1 + L_32 * L_32 * D_2,)
 
 
 def new_drive(dtype=np.float32, delay=1, **settings):
@@ -1893,6 +1911,11 @@ def drive_step(d, filter_step, phase, command, math):
         c.gain = (*gain[:5], limit * share, *gain[6:])
         duty, d.status = foc_step(c, filter_step, phase, command, math)
         c.gain = gain
+        if s.torque != 0:
+            (variance,) = angle_variance(c.filter.LD, math)
+            omega = c.filter.x[2]
+            seen = (variance <= MOST_VARIANCE) & (omega * omega >= LEAST_SPEED_SQUARED)
+            d.status = d.status | np.where(seen, 0, UNOBSERVABLE)[()]
     else:
         half = math.dtype(0.5)
         duty, d.status = (half, half, half), 0

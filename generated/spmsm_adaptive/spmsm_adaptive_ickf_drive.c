@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 563 add, 819 mul, 20 div, 2 sqrt, 3 sincos;
  *   estimated 4205 cycles on C28x + FPU32 (k = 2.5; 7660 at k = 5; from published cycles, not measured), 398 words of state.
- * Cost at most, a whole interrupt, RUNNING: 560 add, 816 mul, 20 div, 2 sqrt, 3 sincos;
- *   estimated 4190 cycles on C28x + FPU32 (k = 2.5; 7630 at k = 5; from published cycles, not measured), 398 words of state.
- * Cost at most, a whole interrupt, STARTING: 1058 add, 1561 mul, 29 div, 2 sqrt, 4 sincos;
- *   estimated 7980 cycles on C28x + FPU32 (k = 2.5; 14528 at k = 5; from published cycles, not measured), 398 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 563 add, 823 mul, 20 div, 2 sqrt, 3 sincos;
+ *   estimated 4215 cycles on C28x + FPU32 (k = 2.5; 7680 at k = 5; from published cycles, not measured), 398 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1061 add, 1568 mul, 29 div, 2 sqrt, 4 sincos;
+ *   estimated 8006 cycles on C28x + FPU32 (k = 2.5; 14578 at k = 5; from published cycles, not measured), 398 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -16,20 +16,24 @@
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(clarke, ".TI.ramfunc")
 #pragma CODE_SECTION(allow, ".TI.ramfunc")
+#pragma CODE_SECTION(angle_variance, ".TI.ramfunc")
 #pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
 #pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(spmsm_adaptive_ickf_link_share, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
+#pragma CODE_SECTION(look_at_angle, ".TI.ramfunc")
 #pragma CODE_SECTION(spmsm_adaptive_ickf_drive_step, ".TI.ramfunc")
 #else
 #pragma CODE_SECTION(smaller, "ramfuncs")
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(clarke, "ramfuncs")
 #pragma CODE_SECTION(allow, "ramfuncs")
+#pragma CODE_SECTION(angle_variance, "ramfuncs")
 #pragma CODE_SECTION(forget_voltages, "ramfuncs")
 #pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(spmsm_adaptive_ickf_link_share, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
+#pragma CODE_SECTION(look_at_angle, "ramfuncs")
 #pragma CODE_SECTION(spmsm_adaptive_ickf_drive_step, "ramfuncs")
 #endif
 #endif
@@ -38,6 +42,8 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
+#define MOST_VARIANCE 0.27415568f /* rad^2: (30 degrees)^2; an angle that P knows no better is not seen */
+#define LEAST_SPEED_SQUARED 16.868622f /* (rad/s)^2: the back-EMF is a twentieth of R times the largest current */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 #define PER_LOW 0.01607717f /* 1 / (62.2 V): all torque from 0.7 of the DC link up */
@@ -77,6 +83,20 @@ static void allow(const float32 command[2], const float32 rotor[1], float32 shar
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));
+}
+
+/* How well the angle is known by P, rad^2 */
+static void angle_variance(const float32 covariance[28], float32 variance_out[1])
+{
+    const float32 D_0 = covariance[0];
+    const float32 D_1 = covariance[2];
+    const float32 D_2 = covariance[5];
+    const float32 L_30 = covariance[6];
+    const float32 L_31 = covariance[7];
+    const float32 L_32 = covariance[8];
+    const float32 D_3 = covariance[9];
+
+    variance_out[0] = D_3 + L_30 * L_30 * D_0 + L_31 * L_31 * D_1 + L_32 * L_32 * D_2;
 }
 
 /* No voltage is under way. */
@@ -125,6 +145,15 @@ static int run(spmsm_adaptive_ickf_drive_t *d, const float32 phase[2], const flo
     return status;
 }
 
+/* PMSM_UNOBSERVABLE where P does not know the angle, or a back-EMF is too small to show it; else 0. */
+static int look_at_angle(const spmsm_adaptive_ickf_t *f)
+{
+    float32 variance[1];
+    const float32 omega = f->x[SPMSM_ADAPTIVE_ICKF_OMEGA];
+    angle_variance(f->LD, variance);
+    return ((variance[0] <= MOST_VARIANCE) && (omega * omega >= LEAST_SPEED_SQUARED)) ? 0 : PMSM_UNOBSERVABLE;
+}
+
 void spmsm_adaptive_ickf_drive_init(spmsm_adaptive_ickf_drive_t *d, int delay)
 {
     spmsm_adaptive_ickf_foc_init(&d->control, delay);
@@ -142,6 +171,9 @@ int spmsm_adaptive_ickf_drive_step(spmsm_adaptive_ickf_drive_t *d, const float32
     }
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);
+        if (d->supervisor.torque != 0) {
+            d->status |= look_at_angle(&d->control.filter);
+        }
     } else {
         d->status = 0;
         duty[0] = 0.5f;

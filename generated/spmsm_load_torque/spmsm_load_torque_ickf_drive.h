@@ -16,7 +16,7 @@ extern "C" {
 typedef struct {
     spmsm_load_torque_ickf_foc_t control; /* gains, integrators, and the filter with its tuning */
     spmsm_load_torque_ickf_supervisor_t supervisor; /* mode, and why the last rotor was given up */
-    int status; /* of the last step, 0 where the filter did not run */
+    int status; /* of the last step, 0 where the filter did not run; with torque PMSM_UNOBSERVABLE, too */
 } spmsm_load_torque_ickf_drive_t;
 
 /* Power-up; delay: samples from measuring to acting, 0 or 1. */

@@ -17,11 +17,13 @@
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(clarke, ".TI.ramfunc")
 #pragma CODE_SECTION(allow, ".TI.ramfunc")
+#pragma CODE_SECTION(angle_variance, ".TI.ramfunc")
 #pragma CODE_SECTION(inject, ".TI.ramfunc")
 #pragma CODE_SECTION(forget_voltages, ".TI.ramfunc")
 #pragma CODE_SECTION(clear_regulators, ".TI.ramfunc")
 #pragma CODE_SECTION(traction_70kw_ckf_link_share, ".TI.ramfunc")
 #pragma CODE_SECTION(run, ".TI.ramfunc")
+#pragma CODE_SECTION(look_at_angle, ".TI.ramfunc")
 #pragma CODE_SECTION(add_injection, ".TI.ramfunc")
 #pragma CODE_SECTION(traction_70kw_ckf_drive_step, ".TI.ramfunc")
 #else
@@ -30,11 +32,13 @@
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(clarke, "ramfuncs")
 #pragma CODE_SECTION(allow, "ramfuncs")
+#pragma CODE_SECTION(angle_variance, "ramfuncs")
 #pragma CODE_SECTION(inject, "ramfuncs")
 #pragma CODE_SECTION(forget_voltages, "ramfuncs")
 #pragma CODE_SECTION(clear_regulators, "ramfuncs")
 #pragma CODE_SECTION(traction_70kw_ckf_link_share, "ramfuncs")
 #pragma CODE_SECTION(run, "ramfuncs")
+#pragma CODE_SECTION(look_at_angle, "ramfuncs")
 #pragma CODE_SECTION(add_injection, "ramfuncs")
 #pragma CODE_SECTION(traction_70kw_ckf_drive_step, "ramfuncs")
 #endif
@@ -44,6 +48,7 @@
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 
+#define MOST_VARIANCE 0.27415568f /* rad^2: (30 degrees)^2; an angle that P knows no better is not seen */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define TWO_BY_SQRT_3 1.1547005f /* 2 / sqrt(3) */
 #define PER_LOW 0.008333334f /* 1 / (120 V): all torque from 0.7 of the DC link up */
@@ -109,6 +114,14 @@ static void allow(const float32 command[2], const float32 rotor[1], float32 shar
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));
+}
+
+/* How well the angle is known by P, rad^2 */
+static void angle_variance(const float32 covariance[15], float32 variance_out[1])
+{
+    const float32 D_0 = covariance[0];
+
+    variance_out[0] = D_0;
 }
 
 /* A square wave on the estimated d axis */
@@ -193,6 +206,14 @@ static int run(traction_70kw_ckf_drive_t *d, const float32 phase[2], const float
     return status;
 }
 
+/* PMSM_UNOBSERVABLE where P does not know the angle; else 0. */
+static int look_at_angle(const traction_70kw_ckf_t *f)
+{
+    float32 variance[1];
+    angle_variance(f->LD, variance);
+    return (variance[0] <= MOST_VARIANCE) ? 0 : PMSM_UNOBSERVABLE;
+}
+
 /* The square wave, in the interval for which the controller has just made its voltage. */
 static void add_injection(traction_70kw_ckf_drive_t *d, float32 duty[3])
 {
@@ -228,6 +249,7 @@ int traction_70kw_ckf_drive_step(traction_70kw_ckf_drive_t *d, const float32 pha
     if (d->supervisor.runs != 0) {
         d->status = run(d, phase, command, duty);
         if (d->supervisor.torque != 0) {
+            d->status |= look_at_angle(&d->control.filter);
             add_injection(d, duty);
         }
     } else {

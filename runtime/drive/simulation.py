@@ -36,7 +36,10 @@ LOCKED_ANGLE = 30.0
 #: The verdict of a good run.
 LOCKED = "locked"
 #: Bits of the status, by their names in the generated module.
-STATUS_BITS = ("INPUT_REJECTED", "NOT_CONVERGED", "COMMAND_REJECTED", "COVARIANCE_REPAIRED", "DIVERGED", "RESTARTED")
+STATUS_BITS = (
+    *("INPUT_REJECTED", "NOT_CONVERGED", "COMMAND_REJECTED", "COVARIANCE_REPAIRED", "DIVERGED", "RESTARTED"),
+    "UNOBSERVABLE",
+)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, find_compiler, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.control import clarke
+from runtime.proof.drive_draws import inputs, set_drive
 from runtime.proof.link_injection import injected
 from runtime.proof.mode_walk import Walk, lane_of
 from runtime.proof.modes import OFF, TORQUE, Modes
@@ -35,6 +36,8 @@ ANY_MEMORY = 3000
 ALLOWED = 1e-9
 #: Draws of what the DC link allows; some ten roundings of numbers about 1, of squares of speeds that differ little too.
 LINKS, SHARE_ALLOWED = 2000, 1e-11
+#: Bit of the status: with torque, the angle is not seen.
+UNOBSERVABLE = 64
 #: Place of the largest current among the controller's gains.
 MOST = 5
 
@@ -94,24 +97,26 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
     samples : int
         Interrupts, for each delay.
     """
-    math, step, worst, seen = module.MATH["float64"], module.STEPS[kind], 0.0, set()
+    math, step, worst, seen, bits = module.MATH["float64"], module.STEPS[kind], 0.0, set(), set()
     for delay in (0, 1):
         rng = np.random.default_rng(delay)
         d = module.new_drive(np.float64, delay)
         for _ in range(samples):
-            _set_drive(d, module, hand, rng, np.float64)
-            phase, command = _inputs(hand, rng, np.float64)
+            set_drive(d, module, hand, rng, np.float64)
+            phase, command = inputs(hand, rng, np.float64)
             wanted = deepcopy(d)
             seen.add(module.MODES[d.supervisor.mode])
             with np.errstate(all="ignore"):
                 duty, inverter = module.drive_step(d, step, phase, command, math)
                 duty_wanted, inverter_wanted = _interrupt(module, step, hand, wanted, phase, command)
+            bits.add(int(d.status) & UNOBSERVABLE)
             found = [*_numbers(d), *duty, inverter]
             worst = max(worst, _deviation(found, [*_numbers(wanted), *duty_wanted, inverter_wanted]))
     missed = float(len(set(module.MODES) - seen))
     return (
         Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * samples),
         Row("-", "drive, modes", "not visited", missed, 0.0, len(seen)),
+        Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * samples),
         _by_link(module, hand),
     )
 
@@ -151,6 +156,9 @@ def _interrupt(
         c.gain = tuple(allowed if k == MOST else value for k, value in enumerate(c.gain))
         duty, d.status = module.foc_step(c, step, phase, command, math)
         c.gain = tuple(most if k == MOST else value for k, value in enumerate(c.gain))
+        if mode in TORQUE:
+            P = module.unpack(np.array(getattr(c.filter, module.COVARIANCE), dtype=float))
+            d.status |= 0 if hand.sees(float(np.sqrt(P[3, 3])), c.filter.x[2]) else UNOBSERVABLE
         if hasattr(d, "injection") and mode in TORQUE:
             told, (amplitude, sign) = "v_queued" if c.delay else "v_acting", d.injection
             v, rotor = complex(*getattr(c, told)), np.array(c.filter.x[2:4])
@@ -178,36 +186,6 @@ def _deviation(found: list[float], wanted: list[float]) -> float:
     with np.errstate(all="ignore"):
         error = np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(a - b) / np.maximum(1.0, np.abs(b)))
     return float(np.max(error, initial=0.0)) if np.isfinite(error).all() else float("inf")
-
-
-def _inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any]:
-    """Currents, A, mostly small; reference, rad/s, and DC link, V."""
-    phase = rng.uniform(-1, 1, 2) * hand.most * rng.choice([0.02, 0.3, 2.0], p=(0.7, 0.2, 0.1))
-    phase = np.where(rng.random(2) < 0.02, np.nan, phase)
-    command = np.array([rng.uniform(-1, 1) * hand.speed, hand.link * rng.uniform(0.4, 1.4)])
-    command = np.where(rng.random(2) < 0.02, rng.choice([np.nan, np.inf, -np.inf, 0.0], 2), command)
-    return tuple(dtype(i) for i in phase), tuple(dtype(v) for v in command)
-
-
-def _set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any) -> bool:
-    """Now and then another mode with what it allows, counts near their ends, and regulators that have regulated."""
-    if rng.random() < 0.7:
-        return False
-    s, name = d.supervisor, str(rng.choice(module.MODES))
-    s.mode = np.int64(module.MODES.index(name))
-    s.runs = np.int64(name in ("CATCHING", "STARTING", "RUNNING"))
-    s.torque = np.int64(name in ("STARTING", "RUNNING"))
-    if hasattr(s, "rivals"):
-        s.rivals = np.int64(name == "STARTING")
-    for field in ("fresh", "anew", "acknowledged"):
-        setattr(s, field, np.int64(rng.integers(2)))
-    s.since = np.int64(rng.integers(0, hand.samples(0.01)))
-    s.quiet, s.content = np.int64(hand.samples(0.002) - 1), np.int64(hand.samples(0.003) - 1)
-    s.failures = np.int64(rng.integers(0, 11))
-    d.control.integrator = tuple(dtype(v) for v in rng.uniform(-1, 1, 4))
-    for field in ("v_acting", "v_queued"):
-        setattr(d.control, field, tuple(dtype(v) for v in rng.uniform(-1, 1, 2)))
-    return True
 
 
 # --- C
@@ -383,9 +361,9 @@ def _drive_bits(compiled: Compiled, module: ModuleType, kind: str, hand: Modes, 
         twin, duty = module.new_drive(np.float32, delay), compiled.ffi.new("float[3]")
         different += int(_differ(view[0:1], twin).sum())
         for _ in range(samples):
-            if _set_drive(twin, module, hand, rng, np.float32):
+            if set_drive(twin, module, hand, rng, np.float32):
                 _store(view, twin)
-            phase, command = _inputs(hand, rng, np.float32)
+            phase, command = inputs(hand, rng, np.float32)
             inverter = compiled.function("drive_step")(made, phase, command, duty)
             with np.errstate(all="ignore"):
                 duties, told = module.drive_step(twin, module.STEPS[kind], phase, command, math)

@@ -36,6 +36,8 @@ ROOM, MOST = 50e-6, 32000
 #: Shares of the nominal DC link: torque comes in from here to there; torque that brakes goes out. Of the box's speed,
 #: squared: (omega - reference) omega counts as braking in full.
 LINK_LOW, LINK_HIGH, BRAKES = (0.5, 0.7), (1.15, 1.25), 0.02
+#: Degrees of P's sigma; of the largest current, the voltage on R that may be wrong.
+UNSEEN, DROP_WRONG = 30.0, 0.05
 
 
 class Numbers:
@@ -92,6 +94,20 @@ class Numbers:
         brakes = (omega / self.speed) ** 2 - omega / self.speed * (reference / self.speed)
         brakes = 1.0 if math.isnan(brakes) else min(max(brakes, 0.0), BRAKES**2) / BRAKES**2
         return driving - brakes * driving * of_braking
+
+    def sees(self, sigma: float, omega: float) -> bool:
+        """The angle is seen: by P, and where reluctance does not show it by a back-EMF beside the resistance's voltage.
+
+        Parameters
+        ----------
+        sigma : float
+            Of the angle by P, rad; NaN: it is not.
+        omega : float
+            Speed, rad/s.
+        """
+        m = self.motor
+        back_emf, unknown = abs(omega) * self.p * m["magnet_flux"], DROP_WRONG * self.most * m["stator_resistance"]
+        return bool(math.degrees(sigma) <= UNSEEN and (m["inductance_d"] != m["inductance_q"] or back_emf >= unknown))
 
     @property
     def window(self) -> int:

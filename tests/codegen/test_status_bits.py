@@ -38,6 +38,7 @@ BITS = {
     "COVARIANCE_REPAIRED": 0x8,
     "DIVERGED": 0x10,
     "RESTARTED": 0x20,
+    "UNOBSERVABLE": 0x40,
 }
 
 

@@ -248,7 +248,20 @@ _LINK: Rows = (
     ("a high link takes none", "held * (1.0 - braking * (1.0 - taken))", "held", LOADED),
 )  # fmt: skip
 
+_SEEN: Rows = (
+    ("seen by 40 degrees", "math.radians(30.0)", "math.radians(40.0)", LOADED),
+    ("sigma for variance", "return UNSEEN_ANGLE**2", "return UNSEEN_ANGLE", LOADED),
+    ("a slower back-EMF shows", "UNKNOWN_VOLTAGE = 0.05", "UNKNOWN_VOLTAGE = 0.02", LOADED),
+    ("pole pairs forgotten", " / (m.magnet_flux * m.pole_pairs)", " / m.magnet_flux", LOADED),
+    ("a salient rotor by its back-EMF", "if m.inductance_d != m.inductance_q:", "if m.inductance_d > m.inductance_q:", FLUX),
+    ("by the pivot alone", "variance = variance + word[place] * word[place] * word[pivot]", "pass", LOADED),
+    ("rows of L not squared", "word[place] * word[place] * word[pivot]", "word[place] * word[pivot]", LOADED),
+)  # fmt: skip
+
 _DRIVE_C: Rows = (
+    ("seen, whatever P says", "            d->status |= look_at_angle(&d->control.filter);\n", "", FLUX),
+    ("seen by P or by speed", "(variance[0] <= MOST_VARIANCE) && (omega", "(variance[0] <= MOST_VARIANCE) || (omega", LOADED),
+    ("the angle of the rival", "look_at_angle(&d->control.filter)", "look_at_angle(&d->supervisor.rival)", LOADED),
     ("torque of any link", "    allowed = allowed * {{ p }}_link_share(command, d->control.filter.x[{{ omega }}]);\n", "", LOADED),
     ("the link's share by the angle", "{{ p }}_link_share(command, d->control.filter.x[{{ omega }}])", "{{ p }}_link_share(command, d->control.filter.x[{{ theta }}])", LOADED),
     ("the link's share of the last command", "{{ p }}_link_share(command, d->", "{{ p }}_link_share(d->control.command_held, d->", LOADED),
@@ -270,7 +283,7 @@ _DRIVE_C: Rows = (
     ("a leg at zero", "duty[2] = 0.5f;", "duty[2] = 0.0f;", LOADED),
     ("supervised by the DC link", "d->status, phase, command[0])", "d->status, phase, command[1])", LOADED),
     ("supervised before it is known", "return d->supervisor.inverter;", "return d->supervisor.runs;", LOADED),
-    ("the wave without torque", "        if (d->supervisor.torque != 0) {\n            add_injection", "        if (d->supervisor.runs != 0) {\n            add_injection", FLUX),
+    ("the wave without torque", "        if (d->supervisor.torque != 0) {\n            d->status", "        if (d->supervisor.runs != 0) {\n            d->status", FLUX),
     ("the wave a sample late", "if (d->control.delay != 0) {", "if (d->control.delay == 0) {", FLUX),
     ("the wave at rest", "rotor[0] = d->control.filter.x[{{ omega }}];", "rotor[0] = 0.0f;", FLUX),
 )  # fmt: skip
@@ -279,6 +292,7 @@ _MODULE: Rows = (
     ("gates on: another's word", "    return duty, s.inverter", "    return duty, s.runs", LOADED),
     ("a start with all of the current, Python", "limit = START_SHARE * gain", "limit = gain", LOADED),
     ("torque of any link, Python", "limit * share, *gain", "limit, *gain", LOADED),
+    ("not seen without torque, Python", "        if s.torque != 0:\n            (variance,)", "        if s.runs != 0:\n            (variance,)", LOADED),
     ("reset keeps the voltage", "    f.u_held = _select(where, (math.dtype(0), math.dtype(0)), f.u_held)\n", "", LOADED),
     ("no mode rests not", "    _go(s, {{ machine.modes[0].name }}, lost)\n", "", LOADED),
     ("time goes on in a new mode, Python", "    s.since = np.where(where, 0, s.since)[()]\n", "", LOADED),
@@ -299,6 +313,7 @@ SUPERVISOR = (
     *_of("codegen/render/printers/places.py", _PLACES),
     *_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
     *_of("model/loop/link_limits.py", _LINK),
+    *_of("model/loop/observability.py", _SEEN),
     *_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
     *_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )

@@ -1,0 +1,76 @@
+"""What a drive is tried with, in C, in NumPy and by hand: inputs, and memory as no run would leave it so soon."""
+
+from __future__ import annotations
+
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from runtime.proof.modes import Modes
+
+
+def inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any]:
+    """Currents, A, mostly small; reference, rad/s, and DC link, V; now and then one that is no number.
+
+    Parameters
+    ----------
+    hand : Modes
+        Gives the scales.
+    rng : np.random.Generator
+    dtype : type
+    """
+    phase = rng.uniform(-1, 1, 2) * hand.most * rng.choice([0.02, 0.3, 2.0], p=(0.7, 0.2, 0.1))
+    phase = np.where(rng.random(2) < 0.02, np.nan, phase)
+    command = np.array([rng.uniform(-1, 1) * hand.speed, hand.link * rng.uniform(0.4, 1.4)])
+    command = np.where(rng.random(2) < 0.02, rng.choice([np.nan, np.inf, -np.inf, 0.0], 2), command)
+    return tuple(dtype(i) for i in phase), tuple(dtype(v) for v in command)
+
+
+def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any) -> bool:
+    """Now and then another mode with what it allows, counts near their ends, and regulators that have regulated.
+
+    Parameters
+    ----------
+    d : SimpleNamespace
+        Changed.
+    module : ModuleType
+        The generated module.
+    hand : Modes
+    rng : np.random.Generator
+    dtype : type
+
+    Returns
+    -------
+    bool
+        Whether it was changed.
+    """
+    if rng.random() < 0.7:
+        return False
+    s, name = d.supervisor, str(rng.choice(module.MODES))
+    s.mode = np.int64(module.MODES.index(name))
+    s.runs = np.int64(name in ("CATCHING", "STARTING", "RUNNING"))
+    s.torque = np.int64(name in ("STARTING", "RUNNING"))
+    if hasattr(s, "rivals"):
+        s.rivals = np.int64(name == "STARTING")
+    for field in ("fresh", "anew", "acknowledged"):
+        setattr(s, field, np.int64(rng.integers(2)))
+    s.since = np.int64(rng.integers(0, hand.samples(0.01)))
+    s.quiet, s.content = np.int64(hand.samples(0.002) - 1), np.int64(hand.samples(0.003) - 1)
+    s.failures = np.int64(rng.integers(0, 11))
+    d.control.integrator = tuple(dtype(v) for v in rng.uniform(-1, 1, 4))
+    _set_angle(d.control.filter, module, rng, dtype)
+    d.control.filter.x = tuple(
+        dtype(rng.uniform(-0.1, 0.1) * hand.speed) if k == 2 else value for k, value in enumerate(d.control.filter.x)
+    )
+    for field in ("v_acting", "v_queued"):
+        setattr(d.control, field, tuple(dtype(v) for v in rng.uniform(-1, 1, 2)))
+    return True
+
+
+def _set_angle(f: SimpleNamespace, module: ModuleType, rng: np.random.Generator, dtype: Any) -> None:
+    """An angle that is known well, or not, and then by no current, either: as a variance, or as the pivot of one."""
+    known, own, words = rng.random() < 0.5, module.VARIANCES[3], getattr(f, module.COVARIANCE)
+    variance = dtype(0.01 if known else rng.uniform(0.1, 0.6))
+    setattr(f, module.COVARIANCE, tuple(variance if k == own else word for k, word in enumerate(words)))
+    f.R = tuple(dtype(r if known else 1e6) for r in module.DEFAULTS["R"])
