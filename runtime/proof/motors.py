@@ -98,7 +98,7 @@ class MotorData:
         w, th = x[2], x[3]
         if not self.exact:  # (7) rows 3 and 4; (1) where the torque is known
             w_next = (1 - self.T * self.D / self.J) * w
-            w_next += self.T / self.J * (T_e - x[4]) if self.loaded else 0.0
+            w_next = w_next + (self.T / self.J * (T_e - x[4]) if self.loaded else 0.0)  # T_e may be complex, w not
             return [w_next, th + self.T * self.p * w, *self.rest(x)]
         # (1) solved for a torque that is held; where it is known the angle takes the mean of the speeds.
         z = self.T * self.D / self.J

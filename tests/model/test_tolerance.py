@@ -147,7 +147,7 @@ def test_adaptive_states_are_held_within_their_tolerance() -> None:
 
 
 def test_without_a_tolerance_nothing_is_uncertain() -> None:
-    drive = load_drive("ipmsm")
+    drive = load_drive("paper_spmsm")
     for exact in (None, Tolerance(), Tolerance(correlation_time=1.0)):
         assert build(tolerant(drive, exact)).G == {}
     assert "tolerance" not in drive.model_dump()

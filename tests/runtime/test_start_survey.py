@@ -106,7 +106,7 @@ def test_motors_are_drawn_within_the_tolerance_and_a_round_rotor_stays_round() -
         assert widths["L_d"] <= about.inductance
         alike = drive.motor.inductance_d == drive.motor.inductance_q or about.inductance == 0.0
         assert np.array_equal(drawn["L_d"], drawn["L_q"]) == alike
-    assert set(draw_factors(load_drive("ipmsm"), rng).values()) == {1.0}
+    assert set(draw_factors(load_drive("paper_spmsm"), rng).values()) == {1.0}
 
 
 def _columns(rows: list[dict[str, float]]) -> list[tuple[str, list[float]]]:
