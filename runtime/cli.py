@@ -21,6 +21,7 @@ from codegen.output.version import __version__
 from model.schema import DriveError
 from runtime.commands.compare import compare
 from runtime.commands.design import design
+from runtime.commands.export import app as export
 from runtime.commands.faults import faults
 from runtime.commands.firmware import firmware
 from runtime.commands.fuzz import fuzz
@@ -81,6 +82,7 @@ for command in (
 ):
     app.command()(command)
 app.add_typer(study, name="study")
+app.add_typer(export, name="export")
 
 
 @app.callback(invoke_without_command=True)

@@ -85,7 +85,13 @@ def _attributes(variable: Variable, reference: int) -> dict[str, str]:
 
 
 def description(
-    version: str, name: str, token: str, words: str, sample_time: float, table: Sequence[Variable], starts: Sequence[str]
+    version: str,
+    name: str,
+    token: str,
+    words: str,
+    sample_time: float,
+    table: Sequence[Variable],
+    starts: Sequence[str],
 ) -> bytes:
     """The model description as the FMU carries it.
 

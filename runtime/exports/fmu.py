@@ -13,6 +13,7 @@ from xml.etree import ElementTree as xml
 
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
+from runtime.exports.blocks import block_name
 from runtime.exports.description import description
 from runtime.exports.single_file import part_text
 from runtime.exports.variables import DOUBLE, INTEGER, SINGLE, Variable, variables
@@ -75,7 +76,7 @@ def write_fmu(folder: GeneratedFolder, kind: str, part: str, version: int) -> by
     """
     place, ending = binary_place(version)
     table = variables(folder, part)
-    name = f"{folder.drive}_motor" if part == "motor" else f"{folder.drive}_{kind}_{part}"
+    name = block_name(folder, kind, part)
     body = part_text(folder, kind, part, table)
     token = "{" + hashlib.sha256(body.encode()).hexdigest()[:32] + "}"
     shared = (_OWN / "fmi.h").read_text(encoding="utf-8") + (_OWN / f"fmi{version}.c").read_text(encoding="utf-8")

@@ -65,7 +65,7 @@ def one_file(sources: Mapping[str, str], order: Sequence[str]) -> str:
     return "".join(texts)
 
 
-def part_text(folder: GeneratedFolder, kind: str, part: str, table: Sequence[Variable]) -> str:
+def part_text(folder: GeneratedFolder, kind: str, part: str, table: Sequence[Variable], inverter_delay: int = 0) -> str:
     """The C of a part: ``part_t``, ``part_init``, ``part_begin``, ``part_step``, SAMPLE_TIME, VARIABLES.
 
     Parameters
@@ -76,6 +76,9 @@ def part_text(folder: GeneratedFolder, kind: str, part: str, table: Sequence[Var
     part : {"filter", "drive", "motor"}
     table : sequence of Variable
         The part's.
+    inverter_delay : {0, 1}
+        Samples until the motor's inverter takes duty cycles, unless it is told: 0 where the exchange of values takes
+        a sample already.
     """
     filter_name, plant = f"{folder.drive}_{kind}", f"{folder.drive}_plant"
     wanted = {
@@ -93,7 +96,10 @@ def part_text(folder: GeneratedFolder, kind: str, part: str, table: Sequence[Var
         "" if part != "motor" else sources["pmsm_port.h"],
         code,
         "\n#ifndef JOIN\n#define JOIN_(a, b) a##b\n#define JOIN(a, b) JOIN_(a, b)\n#endif\n" if part != "motor" else "",
-        "".join(f"#define {name} {value}\n" for name, value in {**names, **_numbers(folder, part)}.items()),
+        "".join(
+            f"#define {name} {value}\n"
+            for name, value in {**names, **_numbers(folder, part), "INVERTER_DELAY": str(inverter_delay)}.items()
+        ),
         _without_includes(POWERED_MOTOR.read_text(encoding="utf-8")) if part == "motor" else "",
         "\n",
         (_OWN / "parts" / f"{part}.h").read_text(encoding="utf-8"),

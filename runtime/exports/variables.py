@@ -96,9 +96,7 @@ def _tuning(folder: GeneratedFolder, place: str) -> list[Variable]:
         Variable("nis_max", TUNABLE, f"{place}.nis_max", "", "divergence is reported from here on", "nis_max"),
         Variable("nis_weight", TUNABLE, f"{place}.nis_weight", "", "one over the window of nis, samples", "nis_weight"),
         Variable("tolerance", TUNABLE, f"{place}.tolerance", "", "eps of (33)", "tolerance"),
-        Variable(
-            "max_iterations", TUNABLE, f"{place}.max_iterations", "", "N_max of (33)", "max_iterations", INTEGER
-        ),
+        Variable("max_iterations", TUNABLE, f"{place}.max_iterations", "", "N_max of (33)", "max_iterations", INTEGER),
     ]
     return found
 
@@ -168,7 +166,11 @@ def _motor(folder: GeneratedFolder) -> list[Variable]:
     salient = "per_L_q" in folder.manifest["plant"]["motor"]
     data = [("R", "ohm", "stator resistance", 0), ("L_d" if salient else "L", "H", "inductance", 1)]
     data += [("L_q", "H", "inductance", 2)] if salient else []
-    data += [("psi_m", "Wb", "magnet flux linkage", 3), ("J", "kg m^2", "inertia", 4), ("D", "N m s/rad", "friction", 5)]
+    data += [
+        ("psi_m", "Wb", "magnet flux linkage", 3),
+        ("J", "kg m^2", "inertia", 4),
+        ("D", "N m s/rad", "friction", 5),
+    ]
     axes = list(enumerate(("alpha", "beta")))
     return [
         *(

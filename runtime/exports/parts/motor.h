@@ -60,6 +60,7 @@ static void part_init(part_t *p)
     p->m.drop = SWITCH_DROP;
     p->m.range = SENSOR_RANGE;
     p->m.h_max = LONGEST_STEP;
+    p->m.delay = INVERTER_DELAY;
     p->m.pole_pairs = POLE_PAIRS_OF_MOTOR;
     part_begin(p);
 }
