@@ -127,7 +127,8 @@ def _shared(folder: GeneratedFolder, kind: str, part: str) -> str:
     return (
         part_text(folder, kind, part, table, inverter_delay=1)
         + _ports_text(table)
-        + f"/* 1: outputs depend on the inputs of the same sample. */\n#define FEEDTHROUGH {int(feeds_through(part))}\n\n"
+        + "/* 1: outputs depend on the inputs of the same sample. */\n"
+        + f"#define FEEDTHROUGH {int(feeds_through(part))}\n\n"
         + (_OWN / "values.h").read_text(encoding="utf-8")
     )
 
@@ -176,7 +177,7 @@ def plecs_text(folder: GeneratedFolder, kind: str, part: str, name: str) -> str:
         f"{name}: {part} of {folder.drive} for a C-Script block of PLECS. Made by pmsm-ickf export; do not edit.",
         "",
         f"Setup: inputs [{ports[0]}], outputs [{ports[1]}], sample time {folder.module.SAMPLE_TIME!r},",
-        f"direct feedthrough {int(feeds_through(part))}; no states. A file for each block: copy it where there are two.",
+        f"direct feedthrough {int(feeds_through(part))}; no states. Each block has a copy of this file to itself.",
         "",
         "Code declarations:",
         f'    #include "{name}"',

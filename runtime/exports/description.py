@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from xml.etree import ElementTree as xml
+from xml.etree import ElementTree
 
 from codegen.output.version import __version__
 from runtime.exports.variables import FIXED, INPUT, INTEGER, OUTPUT, SINGLE, TUNABLE, Variable
@@ -47,9 +47,21 @@ def base_unit(unit: str) -> dict[str, int]:
     return {base: exponent for base, exponent in found.items() if exponent}
 
 
-def _root(version: str, name: str, token: str, words: str) -> xml.Element:
+def written(root: ElementTree.Element) -> bytes:
+    """The file's bytes.
+
+    Parameters
+    ----------
+    root : Element
+    """
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def _root(version: str, name: str, token: str, words: str) -> ElementTree.Element:
     key = "guid" if version == "2.0" else "instantiationToken"
-    return xml.Element(
+    return ElementTree.Element(
         "fmiModelDescription",
         {
             "fmiVersion": version,
@@ -62,11 +74,11 @@ def _root(version: str, name: str, token: str, words: str) -> xml.Element:
     )
 
 
-def _units(root: xml.Element, table: Sequence[Variable]) -> None:
-    place = xml.SubElement(root, "UnitDefinitions")
+def _units(root: ElementTree.Element, table: Sequence[Variable]) -> None:
+    place = ElementTree.SubElement(root, "UnitDefinitions")
     for unit in dict.fromkeys(variable.unit for variable in table if variable.unit and variable.type != INTEGER):
-        xml.SubElement(
-            xml.SubElement(place, "Unit", name=unit),
+        ElementTree.SubElement(
+            ElementTree.SubElement(place, "Unit", name=unit),
             "BaseUnit",
             {base: str(exponent) for base, exponent in base_unit(unit).items()},
         )
@@ -112,12 +124,11 @@ def description(
     """
     root = _root(version, name, token, words)
     (_two if version == "2.0" else _three)(root, name, sample_time, table, starts)
-    xml.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, encoding="utf-8") + b"\n"
+    return written(root)
 
 
-def _two(root: xml.Element, name: str, T: float, table: Sequence[Variable], starts: Sequence[str]) -> None:
-    slave = xml.SubElement(
+def _two(root: ElementTree.Element, name: str, T: float, table: Sequence[Variable], starts: Sequence[str]) -> None:
+    slave = ElementTree.SubElement(
         root,
         "CoSimulation",
         modelIdentifier=name,
@@ -125,31 +136,31 @@ def _two(root: xml.Element, name: str, T: float, table: Sequence[Variable], star
         canGetAndSetFMUstate="true",
         canSerializeFMUstate="true",
     )
-    xml.SubElement(xml.SubElement(slave, "SourceFiles"), "File", name=f"{name}.c")
+    ElementTree.SubElement(ElementTree.SubElement(slave, "SourceFiles"), "File", name=f"{name}.c")
     _units(root, table)
-    xml.SubElement(xml.SubElement(root, "LogCategories"), "Category", name="logStatusError")
-    xml.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(T))
-    place = xml.SubElement(root, "ModelVariables")
+    ElementTree.SubElement(ElementTree.SubElement(root, "LogCategories"), "Category", name="logStatusError")
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(T))
+    place = ElementTree.SubElement(root, "ModelVariables")
     for reference, (variable, start) in enumerate(zip(table, starts, strict=True)):
         about = _attributes(variable, reference)
         if variable.role == OUTPUT:
             about["initial"] = "calculated"
-        entry = xml.SubElement(place, "ScalarVariable", about)
+        entry = ElementTree.SubElement(place, "ScalarVariable", about)
         own = {} if variable.role == OUTPUT else {"start": start}
         if variable.type == INTEGER:
-            xml.SubElement(entry, "Integer", own)
+            ElementTree.SubElement(entry, "Integer", own)
         else:
-            xml.SubElement(entry, "Real", own | ({"unit": variable.unit} if variable.unit else {}))
-    structure = xml.SubElement(root, "ModelStructure")
+            ElementTree.SubElement(entry, "Real", own | ({"unit": variable.unit} if variable.unit else {}))
+    structure = ElementTree.SubElement(root, "ModelStructure")
     for kind in ("Outputs", "InitialUnknowns"):
-        unknowns = xml.SubElement(structure, kind)
+        unknowns = ElementTree.SubElement(structure, kind)
         for index, variable in enumerate(table, start=1):
             if variable.role == OUTPUT:
-                xml.SubElement(unknowns, "Unknown", index=str(index))
+                ElementTree.SubElement(unknowns, "Unknown", index=str(index))
 
 
-def _three(root: xml.Element, name: str, T: float, table: Sequence[Variable], starts: Sequence[str]) -> None:
-    xml.SubElement(
+def _three(root: ElementTree.Element, name: str, T: float, table: Sequence[Variable], starts: Sequence[str]) -> None:
+    ElementTree.SubElement(
         root,
         "CoSimulation",
         modelIdentifier=name,
@@ -159,10 +170,10 @@ def _three(root: xml.Element, name: str, T: float, table: Sequence[Variable], st
         canSerializeFMUState="true",
     )
     _units(root, table)
-    xml.SubElement(xml.SubElement(root, "LogCategories"), "Category", name="logStatusError")
-    xml.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(T))
-    place = xml.SubElement(root, "ModelVariables")
-    xml.SubElement(
+    ElementTree.SubElement(ElementTree.SubElement(root, "LogCategories"), "Category", name="logStatusError")
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(T))
+    place = ElementTree.SubElement(root, "ModelVariables")
+    ElementTree.SubElement(
         place,
         "Float64",
         name="time",
@@ -180,9 +191,9 @@ def _three(root: xml.Element, name: str, T: float, table: Sequence[Variable], st
             about["start"] = start
         if variable.unit and variable.type != INTEGER:
             about["unit"] = variable.unit
-        xml.SubElement(place, kind, about)
-    structure = xml.SubElement(root, "ModelStructure")
+        ElementTree.SubElement(place, kind, about)
+    structure = ElementTree.SubElement(root, "ModelStructure")
     for kind in ("Output", "InitialUnknown"):
         for reference, variable in enumerate(table):
             if variable.role == OUTPUT:
-                xml.SubElement(structure, kind, valueReference=str(reference))
+                ElementTree.SubElement(structure, kind, valueReference=str(reference))

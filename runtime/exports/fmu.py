@@ -9,12 +9,13 @@ import platform
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree import ElementTree as xml
+from typing import Any
+from xml.etree import ElementTree
 
 from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.exports.blocks import block_name
-from runtime.exports.description import description
+from runtime.exports.description import description, written
 from runtime.exports.single_file import part_text
 from runtime.exports.variables import DOUBLE, INTEGER, SINGLE, Variable, variables
 from runtime.system.errors import UserError
@@ -26,7 +27,7 @@ VERSIONS = {2: "2.0", 3: "3.0"}
 _SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("win", "dll")}
 _PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
-_PLAIN = {SINGLE: ctypes.c_float, DOUBLE: ctypes.c_double, INTEGER: ctypes.c_int}
+_PLAIN: dict[str, Any] = {SINGLE: ctypes.c_float, DOUBLE: ctypes.c_double, INTEGER: ctypes.c_int}
 
 _WORDS = {
     "filter": "{kind} of the drive {drive}: currents and voltages in, speed and angle out, every {T:g} s",
@@ -119,13 +120,14 @@ def _starts(folder: GeneratedFolder, kind: str, part: str, table: Sequence[Varia
 
 
 def _build_description(name: str) -> bytes:
-    root = xml.Element("fmiBuildDescription", fmiVersion="3.0")
-    files = xml.SubElement(xml.SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet")
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    files = ElementTree.SubElement(
+        ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name), "SourceFileSet"
+    )
     files.set("language", "C99")
     files.set("compilerOptions", "-ffp-contract=off")
-    xml.SubElement(files, "SourceFile", name=f"{name}.c")
-    xml.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, encoding="utf-8") + b"\n"
+    ElementTree.SubElement(files, "SourceFile", name=f"{name}.c")
+    return written(root)
 
 
 def _zipped(files: dict[str, bytes]) -> bytes:
