@@ -28,6 +28,7 @@ from runtime.commands.fuzz import fuzz
 from runtime.commands.generate import generate
 from runtime.commands.identify import identify
 from runtime.commands.new import new
+from runtime.commands.package import package
 from runtime.commands.pil import pil
 from runtime.commands.record import record
 from runtime.commands.replay import replay
@@ -70,6 +71,7 @@ for command in (
     simulate,
     verify,
     firmware,
+    package,
     pil,
     record,
     replay,

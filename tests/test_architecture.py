@@ -41,7 +41,7 @@ FLOORS = (
         "runtime.study",
         "runtime.design",
     ),
-    ("runtime.firmware", "runtime.board", "runtime.identify"),
+    ("runtime.firmware", "runtime.board", "runtime.identify", "runtime.packages"),
     ("runtime.endurance",),
     ("runtime.report",),
     ("runtime.commands",),
