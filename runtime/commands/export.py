@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from runtime.estimator.folder import GeneratedFolder
 
 app = typer.Typer(
-    help="For other tools: FMU, Simulink S-function, PLECS C-Script, calibration (.a2l).", no_args_is_help=True
+    name="export",
+    help="For other tools: FMU, Simulink S-function, PLECS C-Script, calibration (.a2l).",
+    no_args_is_help=True,
 )
 
 
