@@ -1876,11 +1876,10 @@ def place_state(phase, guess, math, stages=None):
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
     sin_theta, cos_theta = math.sin_cos(theta)
-    part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
-    part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a)
+    psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
+    psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
-    return (cos_theta * part_of_the_result - sin_theta * part_of_the_result_2, sin_theta * part_of_the_result
-        + cos_theta * part_of_the_result_2, omega, theta,)
+    return (cos_theta * psi_d - sin_theta * psi_q, sin_theta * psi_d + cos_theta * psi_q, omega, theta,)
 
 
 def _fail(s, f, phase, where, math):

@@ -978,19 +978,16 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_highest = _larger(v_alpha, _larger(v_b, v_c))
     v_lowest = _smaller(v_alpha, _smaller(v_b, v_c))
     v_common = 0.5 * (v_highest + v_lowest)
+    duty_a = _smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0)
+    duty_b = _smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b, 0.0), 1.0)
+    duty_c = _smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c, 0.0), 1.0)
 
     # --- the voltage commanded
-    part_of_v_alpha_commanded = (_smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b,
-        0.0), 1.0))
-    part_of_v_alpha_commanded_2 = (_smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c,
-        0.0), 1.0))
-    v_alpha_commanded = (v_link * (TWO_THIRDS * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link +
-        lost_share * sign_i_a, 0.0), 1.0) - 0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
-    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2))
+    v_alpha_commanded = v_link * (TWO_THIRDS * (duty_a - 0.5 * (duty_b + duty_c)))
+    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (duty_b - duty_c))
 
     return (
-        (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0),
-            part_of_v_alpha_commanded, part_of_v_alpha_commanded_2,),
+        (duty_a, duty_b, duty_c,),
         (v_alpha_commanded, v_beta_commanded,),
         (integral_speed_next, integral_d_next, integral_q_next, integral_weakening_next,),
     )

@@ -1136,19 +1136,16 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_highest = _larger(v_alpha, _larger(v_b, v_c))
     v_lowest = _smaller(v_alpha, _smaller(v_b, v_c))
     v_common = 0.5 * (v_highest + v_lowest)
+    duty_a = _smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0)
+    duty_b = _smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b, 0.0), 1.0)
+    duty_c = _smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c, 0.0), 1.0)
 
     # --- the voltage commanded
-    part_of_v_alpha_commanded = (_smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b,
-        0.0), 1.0))
-    part_of_v_alpha_commanded_2 = (_smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c,
-        0.0), 1.0))
-    v_alpha_commanded = (v_link * (TWO_THIRDS * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link +
-        lost_share * sign_i_a, 0.0), 1.0) - 0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
-    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2))
+    v_alpha_commanded = v_link * (TWO_THIRDS * (duty_a - 0.5 * (duty_b + duty_c)))
+    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (duty_b - duty_c))
 
     return (
-        (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0),
-            part_of_v_alpha_commanded, part_of_v_alpha_commanded_2,),
+        (duty_a, duty_b, duty_c,),
         (v_alpha_commanded, v_beta_commanded,),
         (integral_speed_next, integral_d_next, integral_q_next, integral_weakening_next,),
     )
@@ -1429,11 +1426,10 @@ def place_state(phase, guess, math, stages=None):
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
     sin_theta, cos_theta = math.sin_cos(theta)
-    part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
-    part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a)
+    psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
+    psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
-    return (cos_theta * part_of_the_result - sin_theta * part_of_the_result_2, sin_theta * part_of_the_result
-        + cos_theta * part_of_the_result_2, omega, theta,)
+    return (cos_theta * psi_d - sin_theta * psi_q, sin_theta * psi_d + cos_theta * psi_q, omega, theta,)
 
 
 def _fail(s, f, phase, where, math):

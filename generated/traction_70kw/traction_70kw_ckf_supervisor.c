@@ -252,11 +252,11 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
-    const float32 part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M;
-    const float32 part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a);
+    const float32 psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M;
+    const float32 psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a);
 
-    guess_out[0] = cos_theta * part_of_the_result - sin_theta * part_of_the_result_2;
-    guess_out[1] = sin_theta * part_of_the_result + cos_theta * part_of_the_result_2;
+    guess_out[0] = cos_theta * psi_d - sin_theta * psi_q;
+    guess_out[1] = sin_theta * psi_d + cos_theta * psi_q;
     guess_out[2] = omega;
     guess_out[3] = theta;
 }

@@ -132,6 +132,8 @@ def place_block(drive: Drive) -> Block:
     i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
     b.stage("i_beta", "", "", [i_beta], ["i_beta"], scale="none")
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
-    z = machine.electrical_state((i_a, i_beta), Rotor.at(theta))
+    z, named = machine.named_state((i_a, i_beta), Rotor.at(theta))
+    if named:
+        b.stage(next(iter(named)), "", "", list(named.values()), list(named), scale="none")
     b.output("guess", [z[0], z[1], omega, theta])
     return b.build()
