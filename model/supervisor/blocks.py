@@ -119,6 +119,19 @@ def probe_block(drive: Drive) -> Block:
     return b.build()
 
 
+def onward_block(drive: Drive) -> Block:
+    """Where the rotor of the guess is a sample later: it turns on while the inverter is off.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    b = BlockBuilder("turn_guess", "Where the rotor of the guess is a sample later")
+    z_alpha, z_beta, omega, theta = b.input("guess", ["z_alpha", "z_beta", "omega", "theta"])
+    b.output("guess", [z_alpha, z_beta, omega, ca.remainder(theta + _turn_per_sample(drive) * omega, 2 * math.pi)])
+    return b.build()
+
+
 def place_block(drive: Drive) -> Block:
     """The electrical states that carry the measured currents with the rotor at the guessed angle.
 
