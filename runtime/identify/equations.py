@@ -16,7 +16,7 @@ that of one inductance (with (L_d + L_q) / 2 instead, L_q of ``ipmsm_flux`` behi
 sign fades below I_0, and F is the derivative by way of the signs, too. Process noise of a sample::
 
     Q = (df/dv)(df/dv)^T (v_noise + v_unsure (1 - mean of the squared signs)) + diag(0, 0, omega_noise, theta_noise,
-        torque_noise step, drift_noise (1 - drift_kept^2) twice)
+        torque_noise + step, drift_noise (1 - drift_kept^2) twice)
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "lead", "drift_noise", "dri
 OFFSETS = ("offset_alpha", "offset_beta")
 #: What is given of the rotor in the first row: rad, rad/s, N m, their variances, and that of d.
 START = ("theta", "omega", "load", "theta_var", "omega_var", "load_var", "drift_var")
-#: A row of a recording: V, V, A, A; 1 if it was measured; factor of the load torque's noise; for each leg when it turns
-#: on, as a share of the sample, and its ripple there times the inductance, V s.
+#: A row of a recording: V, V, A, A; 1 if it was measured; variance of a step of the load torque, (N m)^2; for each leg
+#: when it turns on, as a share of the sample, and how far the flux linkage is below its course then, V s, two axes.
 ROW: tuple[str, ...] = ("u_alpha", "u_beta", "i_alpha", "i_beta", "measured", "step")
 ROW += ("edge_a", "edge_b", "edge_c", *(f"swing_{leg}_{axis}" for leg in "abc" for axis in ("alpha", "beta")))
 #: What a step tells: innovation (A) and its covariance (A^2).
@@ -142,7 +142,7 @@ class Equations:
         x_pred, F, G, unsure = (in_values(part, signs) for part in (f, F, G, unsure))
         noise = tuning["v_noise"] + tuning["v_unsure"] * unsure
         drift = tuning["drift_noise"] * (1 - tuning["drift_kept"] * tuning["drift_kept"])
-        walk = (0, 0, tuning["omega_noise"], tuning["theta_noise"], tuning["torque_noise"] * row[5], drift, drift)
+        walk = (0, 0, tuning["omega_noise"], tuning["theta_noise"], tuning["torque_noise"] + row[5], drift, drift)
         return x_pred, symmetric(lower(F @ P @ F.T + noise * (G @ G.T) + ca.diag(ca.vertcat(*walk))))
 
     def _applied(self, x: list[Any], row: list[Any], ripple: Any, lead: Any) -> tuple[Any, Any, list[Sign]]:

@@ -28,13 +28,15 @@ AXES = np.array([[1.0, 0.0], [-0.5, SQRT_3 / 2], [-0.5, -SQRT_3 / 2]])
 class Rows:
     """``table`` (N, 15), see :data:`runtime.identify.equations.ROW`; ``omega_e``: first electrical speed, rad/s.
 
-    The first row begins the filter: its currents count, its voltage does not.
+    The first row begins the filter: its currents count, its voltage does not. ``load_steps``: when the load may step, s
+    after the first row.
     """
 
     recorded: Recorded
     table: Array
     omega_e: float
     notes: tuple[str, ...]
+    load_steps: tuple[float, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -79,7 +81,7 @@ def rows_of(recorded: Recorded, T: float, dc_link: float, name: str) -> Rows:
         notes.append(f"{missing:,} rows are not numbers: bridged by prediction")
     edges, swing = ripple(u, dc_link, T)
     y = np.where(measured[:, None], y, 0.0)[begin:]
-    table = np.column_stack([u, y, measured[begin:], np.ones(len(u)), edges, swing])
+    table = np.column_stack([u, y, measured[begin:], np.zeros(len(u)), edges, swing])
     return Rows(recorded, table, first_speed(u, T), tuple(notes))
 
 

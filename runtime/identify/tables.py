@@ -33,6 +33,17 @@ def estimates_table(found: Identified) -> Table:
     return table
 
 
+def steps_words(found: Identified) -> list[str]:
+    """When the load was taken to step, a line a recording that has steps.
+
+    Parameters
+    ----------
+    found : Identified
+    """
+    told = [(rows.recorded.path.name, rows.load_steps) for rows in found.problem.recordings if rows.load_steps]
+    return [f"{name}: the load steps at {', '.join(f'{t:.3g} s' for t in sorted(steps))}" for name, steps in told]
+
+
 def summary(found: Identified) -> str:
     """How the search ended, in a line.
 
@@ -102,7 +113,12 @@ def identified_facts(found: Identified, compared: Compared | None) -> dict[str, 
         "log_likelihood": _finite(-found.found.slope.value),
         "interrupted": found.found.interrupted,
         "recordings": [
-            {"path": rows.recorded.path.name, "samples": rows.steps, "notes": list(rows.notes)}
+            {
+                "path": rows.recorded.path.name,
+                "samples": rows.steps,
+                "notes": list(rows.notes),
+                "load_steps": list(rows.load_steps),
+            }
             for rows in found.problem.recordings
         ],
     }

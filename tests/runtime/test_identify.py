@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import math
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -23,11 +20,11 @@ from runtime.identify.identify import Identified, identify
 from runtime.identify.intervals import student
 from runtime.identify.kernel import Kernel
 from runtime.identify.likelihood import STEP, slope, values
+from runtime.identify.load_steps import with_next_step
 from runtime.identify.problem import Problem, Stage
 from runtime.identify.rows import ripple, rows_of
 from runtime.identify.search import search
-from runtime.recorded.data import Recorded, write_recorded
-from tests.runtime.test_cli import call
+from runtime.recorded.data import Recorded
 
 FREE = "R,L_d,L_q,psi_m,J"
 #: What is asked of 0.4 s of a recording, 0.05 A of noise.
@@ -179,12 +176,53 @@ def test_the_model_takes_what_the_other_simulators_legs_took() -> None:
     x = np.column_stack([flux.real, flux.imag, data["omega"], data["theta"], data["load_torque"], nothing, nothing])
     columns = np.column_stack([u.real, u.imag])
     edges, swing = ripple(columns, truth.dc_link, truth.T)
-    rows = np.column_stack([columns, i.real, i.imag, np.ones(len(u)), np.ones(len(u)), edges, swing])
+    rows = np.column_stack([columns, i.real, i.imag, np.ones(len(u)), nothing, edges, swing])
     v, unsure = (np.array(part).T for part in applied(x[:-1].T, rows[1:].T))
     clear = unsure[:, 0] < 1e-9
     assert clear.sum() > 1500
     off = np.abs(u[1:] - v[:, 0] - 1j * v[:, 1] - lost) / volts
     assert np.count_nonzero(off[clear] > 0.01) == 0, np.count_nonzero(off[clear] > 0.01)
+
+
+# --- load steps
+
+
+def problem_with_load(steps_at: float) -> Problem:
+    """Of the truth, the load taken for one that wanders, as the search leaves it."""
+    truth, _ = pump()
+    recording = recordings(MOTORS["pump"], 1, 0.2, load=0.8, steps_at=steps_at)[0]
+    return Problem(subject(truth, truth, False, "J"), (rows_of(recording, truth.T, truth.dc_link, "pump"),))
+
+
+def test_the_step_of_a_load_is_found_and_inertia_shows() -> None:
+    task = problem_with_load(0.7)
+    q, J = task.guess, [task.index("J"), task.index("s_T")]
+    q[[task.index("s_v"), task.index("s_d")]] -= 4.0
+    stepped, quieter = with_next_step(task, q) or pytest.fail("no step")
+    (at,) = stepped.recordings[0].load_steps
+    assert at == pytest.approx(0.14, abs=0.003)
+    assert with_next_step(stepped, quieter) is None, "and no other"
+    before, after = (slope(one, at_q, J, Stage()).information for one, at_q in ((task, q), (stepped, quieter)))
+    assert after[0, 0] > 30 * before[0, 0]
+
+
+def test_a_load_without_steps_has_none() -> None:
+    task = problem_with_load(0.0)
+    q = task.guess
+    q[[task.index("s_v"), task.index("s_d")]] -= 4.0
+    assert with_next_step(task, q) is None
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_inertia_is_told_beside_a_load_step() -> None:
+    """Behind a switching inverter; without the step it lies between a seventh and seven times its value."""
+    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 6000)
+    rng = np.random.default_rng(1)
+    run = identify(subject(truth, guessed(truth, rng), True), [draw(rng)])
+    assert run.problem.recordings[0].load_steps == (pytest.approx(0.4, abs=0.005),)
+    assert run.result.of("J").told
+    assert off(run, truth)["J"] < 0.03
 
 
 # --- the search
@@ -292,94 +330,3 @@ def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -
 
     with pytest.raises(KeyboardInterrupt):
         search(problem(), at_once)
-
-
-# --- the command
-
-FACTS = """\
-# a pump
-name = "pump"
-[motor]
-line_resistance = 10.0   # a cheap meter
-inductance_d = 30e-3
-inductance_q = 60e-3
-ke_v_per_krpm = 180.0    # the label
-pole_pairs = 3
-inertia = 0.02
-[rated]
-speed = 104.7
-torque = 5.0
-max_current = 15.0
-[inverter]
-dc_link = 540.0
-sample_time = 100e-6
-[sensor]
-range = 37.5
-bits = 16
-noise = 0.05
-"""
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("identify")
-    _, recording = pump()
-    i, u = recording.y, recording.u
-    columns = {"t": recording.t, "u_alpha": u[:, 0], "u_beta": u[:, 1], "i_alpha": i[:, 0], "i_beta": i[:, 1]}
-    write_recorded(folder / "run.npz", {**columns, **recording.truth})
-    (folder / "facts.toml").write_text(FACTS, encoding="utf-8")
-    (folder / "copy.toml").write_text(FACTS, encoding="utf-8")
-    return folder
-
-
-@pytest.mark.slow
-def test_the_command_writes_what_it_found(files: Path) -> None:
-    given = [str(files / "facts.toml"), str(files / "run.npz"), "--free", FREE]
-    out = call("identify", *given, "--json", str(files / "f.json"), "--write", str(files / "copy.toml"), cwd=files)
-    assert out.returncode == 0, out.stderr
-    facts = json.loads((files / "f.json").read_text(encoding="utf-8"))
-    m = MOTORS["pump"]
-    true = {"stator_resistance": m.R, "inductance_d": m.L_d, "inductance_q": m.L_q, "magnet_flux": m.psi_m}
-    for key, value in {**true, "inertia": m.J}.items():
-        entry = facts["parameters"][key]
-        assert entry["low"] < entry["value"] < entry["high"]
-        assert entry["told"]
-        assert entry["value"] == pytest.approx(value, rel=0.02)
-    assert facts["filters"][0]["after"]["position, rms at the end"] < 2.0
-    text = (files / "copy.toml").read_text(encoding="utf-8")
-    assert "# a pump" in text
-    assert "a cheap meter; now: identified" in text
-    from runtime.design.facts import read_facts
-
-    written = read_facts(files / "copy.toml")
-    assert pytest.approx(facts["parameters"]["stator_resistance"]["value"], rel=1e-5) == written.R
-    assert written.psi_m == pytest.approx(facts["parameters"]["magnet_flux"]["value"], rel=1e-5)
-    assert written.d_R == 0.01
-    assert (files / "facts.toml").read_text(encoding="utf-8") == FACTS
-
-
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (["--free", "R,X"], "no such datum"),
-        (["--free", "L"], "two inductances"),
-        (["--free", "D"], "stated as 0"),
-        (["--free", "R,R"], "twice"),
-        (["--write", "somewhere.txt"], "ends in .toml"),
-    ],
-)
-def test_what_cannot_be_asked_is_told_in_one_line(files: Path, more: list[str], said: str) -> None:
-    out = call("identify", str(files / "facts.toml"), str(files / "run.npz"), *more, cwd=files)
-    assert out.returncode == 2
-    assert said in out.stderr
-    assert len(out.stderr.strip().splitlines()) == 1
-
-
-def test_too_short_a_recording_is_refused(files: Path) -> None:
-    truth, recording = pump()
-    short = cut(recording, slice(0, 50))
-    from runtime.system.errors import UserError
-
-    with pytest.raises(UserError, match="50 measured rows"):
-        rows_of(short, truth.T, truth.dc_link, "pump")
-    assert math.isclose(truth.T, 1e-4)
