@@ -3,7 +3,8 @@
 A half-width is the largest of Fisher's and of several that the scores give (the sandwich of Huber and White):
 summed over blocks of samples, since the errors of a model that is a little wrong stay alike for a while, and over a few
 long stretches of the recordings, with Student's factor, since they differ from one way of running to the next. Where
-that is too wide to tell the datum, the interval also holds all that the guess may be off.
+the search was ended before it was at the best, the way to there by Newton's step is added. Where that is too wide to
+tell the datum, the interval also holds all that the guess may be off.
 """
 
 from __future__ import annotations
@@ -105,7 +106,9 @@ def result(problem: Problem, found: Found) -> Result:
     correlation = covariance / np.outer(sigma, sigma)
     scale = np.array(limits) / Z_95
     rank = int(np.sum(np.linalg.eigvalsh(np.linalg.inv(covariance / np.outer(scale, scale))) > 1.0))
-    return Result(tuple(estimates), correlation, rank, tuple(_words(estimates, correlation)))
+    prior, said = 1 / problem.prior[data] ** 2, np.diag(found.slope.information)[data]
+    idle = [bool(k) for k in said <= prior * (1 + 1e-9)]
+    return Result(tuple(estimates), correlation, rank, tuple(_words(estimates, correlation, idle)))
 
 
 def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
@@ -126,7 +129,8 @@ def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
         widest = np.maximum(widest, factor * spread)
     for place in shape:  # what the estimates become where the shape of the inverter's loss is another
         widest = np.hypot(widest, SHAPE * inverse[:, place] / inverse[place, place])
-    return np.minimum(widest, Z_95 * prior)
+    left = np.abs(inverse @ found.slope.gradient)  # the way to the best, where the search was ended before
+    return np.minimum(widest + left, Z_95 * prior)
 
 
 def _cuts(scores: Array) -> Any:
@@ -175,11 +179,15 @@ def _limit(problem: Problem, datum: Datum, value: float) -> float:
     return max(TOLD * abs(value), enough)
 
 
-def _words(estimates: list[Estimate], correlation: Array) -> Any:
+def _words(estimates: list[Estimate], correlation: Array, idle: list[bool]) -> Any:
+    """What is not told, and what goes together; ``idle``: data that no innovation hangs on."""
     for k, estimate in enumerate(estimates):
         if estimate.told:
             continue
         datum = estimate.datum
+        if idle[k]:
+            yield f"{datum.word}: the equations of this machine do not have it."
+            continue
         partners = [
             other.datum.word for j, other in enumerate(estimates) if j != k and abs(correlation[k, j]) > TOGETHER
         ]

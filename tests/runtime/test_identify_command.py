@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.other_motor import MOTORS
+from benchmarks.other_motor import MOTORS, recordings
 from runtime.identify.rows import rows_of
 from runtime.recorded.data import write_recorded
 from tests.runtime.test_cli import call
@@ -41,7 +41,7 @@ noise = 0.05
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("identify")
-    _, recording = pump()
+    recording = recordings(MOTORS["pump"], 1, 0.2)[0]
     i, u = recording.y, recording.u
     columns = {"t": recording.t, "u_alpha": u[:, 0], "u_beta": u[:, 1], "i_alpha": i[:, 0], "i_beta": i[:, 1]}
     write_recorded(folder / "run.npz", {**columns, **recording.truth})

@@ -17,8 +17,8 @@ INFORMATION = np.array([[100.0, 5.0], [5.0, 1.0]])
 WIDE = np.full(2, 1e3)
 
 
-def widths(scores: Any, prior: Any = WIDE) -> Any:
-    slope = Slope(0.0, np.zeros(2), INFORMATION, np.asarray(scores))
+def widths(scores: Any, prior: Any = WIDE, gradient: Any = (0.0, 0.0)) -> Any:
+    slope = Slope(0.0, np.asarray(gradient), INFORMATION, np.asarray(scores))
     return half_widths(SimpleNamespace(slope=slope), prior)  # type: ignore[arg-type]
 
 
@@ -26,6 +26,13 @@ def test_without_scatter_it_is_fishers() -> None:
     """The marginal standard deviation, by the determinant: of the first 1 / (I_11 - I_12^2 / I_22)."""
     sigma = np.array([1 / (100.0 - 25.0), 1 / (1.0 - 25.0 / 100.0)]) ** 0.5
     np.testing.assert_allclose(widths(np.zeros((400, 2))), stats.norm.ppf(0.975) * sigma, rtol=1e-9)
+
+
+def test_a_search_that_was_ended_on_its_way_allows_for_the_rest_of_it() -> None:
+    """Away from the best of a parabola by 0.3 and -2: the interval about there reaches the one about the best."""
+    away = np.array([0.3, -2.0])
+    there = widths(np.zeros((400, 2)), gradient=INFORMATION @ away)
+    np.testing.assert_allclose(there, widths(np.zeros((400, 2))) + np.abs(away), rtol=1e-9)
 
 
 def test_the_prior_is_the_widest() -> None:
