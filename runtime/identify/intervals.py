@@ -36,6 +36,8 @@ SHAPED, SHAPE = ("ripple", "I_0"), 0.15
 #: A datum counts as told where its half-width is below this share of it; a signed one also where it is below a size
 #: that does not matter: of the DC link, or in sigmas of the current sensors.
 TOLD, TOLD_VOLTAGE, TOLD_SIGMAS = 0.25, 0.002, 0.5
+#: Beyond are told: the factor of the sensors' noise, and how far in logarithms a datum is from its guess.
+NOISY, FAR = 2.0, math.log(3.0)
 #: Correlations beyond are told.
 TOGETHER = 0.95
 
@@ -108,7 +110,8 @@ def result(problem: Problem, found: Found) -> Result:
     rank = int(np.sum(np.linalg.eigvalsh(np.linalg.inv(covariance / np.outer(scale, scale))) > 1.0))
     prior, said = 1 / problem.prior[data] ** 2, np.diag(found.slope.information)[data]
     idle = [bool(k) for k in said <= prior * (1 + 1e-9)]
-    return Result(tuple(estimates), correlation, rank, tuple(_words(estimates, correlation, idle)))
+    words = (*_words(estimates, correlation, idle), *doubts(problem, found, estimates))
+    return Result(tuple(estimates), correlation, rank, words)
 
 
 def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
@@ -168,6 +171,31 @@ def student(degrees: int) -> float:
         (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384,
     )
     return float(z + sum(term / n ** (k + 1) for k, term in enumerate(terms)))
+
+
+def doubts(problem: Problem, found: Found, estimates: list[Estimate]) -> Any:
+    """What lets one doubt that this is the machine, in words.
+
+    Parameters
+    ----------
+    problem : Problem
+    found : Found
+    estimates : list of Estimate
+    """
+    k = problem.index("noise")
+    noise = float(problem.unknowns[k].value(found.q[k]))
+    if noise > NOISY:
+        sigma = math.sqrt(problem.subject.noise[0])
+        yield (
+            f"the currents err by {noise:.2g} times the {sigma:.2g} A that the file says of the sensors: is that "
+            "right, and is the machine of this kind? If not, the intervals are too narrow."
+        )
+    far = [e.datum.word for e in estimates if e.told and e.datum.positive and abs(math.log(e.value / e.guess)) > FAR]
+    if far:
+        yield (
+            f"{', '.join(far)}: beyond a third or three times the guess, which is farther than a guess should be off; "
+            "do columns, units and pole pairs fit?"
+        )
 
 
 def _limit(problem: Problem, datum: Datum, value: float) -> float:

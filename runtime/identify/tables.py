@@ -22,7 +22,7 @@ def estimates_table(found: Identified) -> Table:
     ----------
     found : Identified
     """
-    table = columns_table("datum", "guess", "found", "95 % interval", "", "", left=(0, 4, 5))
+    table = columns_table("datum", "guess", "found", "95 % interval", "unit, half-width", "", left=(0, 4, 5))
     for e in found.result.estimates:
         half = f"+- {100 * e.width:.2g} %" if e.datum.positive else ""
         said = "" if e.told else "[yellow]not shown[/yellow]"

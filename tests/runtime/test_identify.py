@@ -17,11 +17,11 @@ from model.drives.load import load_drive
 from runtime.design.facts import Facts
 from runtime.identify import search as search_module
 from runtime.identify.equations import STATES, TOLD, Equations
+from runtime.identify.figures import along, write_figures
 from runtime.identify.identify import Identified, identify
 from runtime.identify.intervals import student
 from runtime.identify.kernel import Kernel
 from runtime.identify.likelihood import STEP, slope, values
-from runtime.identify.load_steps import with_next_step
 from runtime.identify.problem import Problem, Stage
 from runtime.identify.rows import ripple, rows_of
 from runtime.identify.search import search
@@ -188,47 +188,6 @@ def test_the_model_takes_what_the_other_simulators_legs_took() -> None:
     assert np.count_nonzero(off[clear] > 0.01) == 0, np.count_nonzero(off[clear] > 0.01)
 
 
-# --- load steps
-
-
-def problem_with_load(steps_at: float) -> Problem:
-    """Of the truth, the load taken for one that wanders, as the search leaves it."""
-    truth, _ = pump()
-    recording = recordings(MOTORS["pump"], 1, 0.12, load=0.8, steps_at=steps_at)[0]
-    return Problem(subject(truth, truth, False, "J"), (rows_of(recording, truth.T, truth.dc_link, "pump"),))
-
-
-def test_the_step_of_a_load_is_found_and_inertia_shows() -> None:
-    task = problem_with_load(0.7)
-    q, J = task.guess, [task.index("J"), task.index("s_T")]
-    q[[task.index("s_v"), task.index("s_d")]] -= 4.0
-    stepped, quieter = with_next_step(task, q) or pytest.fail("no step")
-    (at,) = stepped.recordings[0].load_steps
-    assert at == pytest.approx(0.084, abs=0.003)
-    assert with_next_step(stepped, quieter) is None, "and no other"
-    before, after = (slope(one, at_q, J, Stage()).information for one, at_q in ((task, q), (stepped, quieter)))
-    assert after[0, 0] > 30 * before[0, 0]
-
-
-def test_a_load_without_steps_has_none() -> None:
-    task = problem_with_load(0.0)
-    q = task.guess
-    q[[task.index("s_v"), task.index("s_d")]] -= 4.0
-    assert with_next_step(task, q) is None
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_inertia_is_told_beside_a_load_step() -> None:
-    """Behind a switching inverter; without the step it lies between a seventh and seven times its value."""
-    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 6000)
-    rng = np.random.default_rng(1)
-    run = identify(subject(truth, guessed(truth, rng), True), [draw(rng)])
-    assert run.problem.recordings[0].load_steps == (pytest.approx(0.4, abs=0.005),)
-    assert run.result.of("J").told
-    assert off(run, truth)["J"] < 0.03
-
-
 # --- the search
 
 
@@ -248,6 +207,19 @@ def test_another_simulators_motor_is_found_from_guesses_half_as_large_again(foun
     assert found.result.rank == 5
     assert not found.result.words
     assert found.result.of("R").value == found.facts.R
+
+
+@pytest.mark.slow
+def test_the_likelihood_falls_to_either_side_as_the_interval_says(found: Identified, tmp_path: Path) -> None:
+    """At least by half of 1.96^2 at its ends, which is where a right model ends it; the figures are drawn."""
+    for place in found.problem.data:
+        x, height = along(found, place)
+        e = found.result.estimates[found.problem.data.index(place)]
+        assert height[len(x) // 2] == pytest.approx(0.0, abs=1e-6)
+        assert np.all(np.interp([e.low, e.high], x, height) < -1.7)
+    pictures = write_figures(found, tmp_path / "figures")
+    assert [path.name for path in pictures] == ["innovations.svg", "likelihood.svg"]
+    assert all(path.read_text(encoding="utf-8").rstrip().endswith("</svg>") for path in pictures)
 
 
 @pytest.mark.slow

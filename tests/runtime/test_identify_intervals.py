@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from runtime.identify.intervals import half_widths
+from runtime.identify.intervals import Estimate, doubts, half_widths
 from runtime.identify.likelihood import Slope
+from runtime.identify.unknowns import DATA
 
 #: Of the search vector: two data, one known ten times as well as the other, and correlated.
 INFORMATION = np.array([[100.0, 5.0], [5.0, 1.0]])
@@ -56,3 +57,19 @@ def test_the_interval_holds_the_truth_as_often_as_it_says(memory: float) -> None
         )  # at the estimate they sum to zero
     assert held >= 0.93 * 2 * draws
     assert memory > 0 or held <= 0.999 * 2 * draws, "an interval that always holds says nothing"
+
+
+@pytest.mark.parametrize(
+    ("noise", "value", "said"),
+    [(1.0, 1.4, []), (3.0, 1.4, ["the currents err by 3 times the 0.05 A"]), (1.0, 0.2, ["R: beyond a third"])],
+)
+def test_what_lets_one_doubt_the_machine_is_said(noise: float, value: float, said: list[str]) -> None:
+    unknown = SimpleNamespace(value=np.exp)
+    problem = SimpleNamespace(
+        index=lambda name: 0, unknowns=[unknown], subject=SimpleNamespace(noise=(0.0025, 0.0, 0.0025))
+    )
+    found = SimpleNamespace(q=np.array([np.log(noise)]))
+    estimates = [Estimate(DATA["R"], 1.0, value, 0.9 * value, 1.1 * value, True)]
+    words = list(doubts(problem, found, estimates))  # type: ignore[arg-type]
+    assert len(words) == len(said)
+    assert all(word.startswith(expected) for word, expected in zip(words, said, strict=True))
