@@ -240,7 +240,7 @@ def test_the_truth_lies_in_the_intervals(name: str) -> None:
 
 @pytest.mark.slow
 def test_behind_a_switching_inverter_with_dead_time() -> None:
-    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 2800)
+    truth, draw = other_pwm("ipmsm", "ipmsm_flux", 2200)
     rng = np.random.default_rng(1)
     run = identify(subject(truth, guessed(truth, rng), True), [draw(rng)])
     errors = off(run, truth)
@@ -288,7 +288,7 @@ def test_what_a_recording_cannot_show_is_told_with_the_run_that_would() -> None:
 @pytest.mark.usefixtures("one_start")
 def test_two_recordings_say_more_than_one() -> None:
     truth, recording = pump()
-    parts = [cut(recording, slice(0, 1500)), cut(recording, slice(1500, 3000))]
+    parts = [cut(recording, slice(0, 1000)), cut(recording, slice(1000, 2000))]
     task = subject(truth, replace(truth, R=1.3 * truth.R, psi_m=0.8 * truth.psi_m), False, "R,psi_m")
     both, first = identify(task, parts), identify(task, parts[:1])
     assert len(both.problem.recordings) == 2
@@ -300,7 +300,7 @@ def test_two_recordings_say_more_than_one() -> None:
 @pytest.mark.usefixtures("one_start")
 def test_offsets_of_the_sensors_are_found() -> None:
     truth, recording = pump()
-    short = cut(recording, slice(0, 1500))
+    short = cut(recording, slice(0, 1200))
     guess = replace(truth, R=0.7 * truth.R, psi_m=1.3 * truth.psi_m)
     task = subject(truth, guess, False, "R,psi_m,i_alpha_offset,i_beta_offset")
     run = identify(task, [replace(short, y=short.y + np.array([0.12, -0.07]))])
@@ -315,7 +315,7 @@ def test_offsets_of_the_sensors_are_found() -> None:
 @pytest.mark.usefixtures("one_start")
 def test_friction_is_told_from_a_constant_load_by_running_at_several_speeds() -> None:
     motor = replace(MOTORS["pump"], D=0.02)
-    truth, recording = facts_of(motor), recordings(motor, 1, 0.2)[0]
+    truth, recording = facts_of(motor), recordings(motor, 1, 0.12)[0]
     run = identify(subject(truth, replace(truth, D=0.6 * truth.D, J=1.3 * truth.J), False, "J,D"), [recording])
     assert run.result.of("D").told
     errors = off(run, truth)
@@ -326,9 +326,9 @@ def test_friction_is_told_from_a_constant_load_by_running_at_several_speeds() ->
 @pytest.mark.slow
 @pytest.mark.usefixtures("one_start")
 def test_a_machine_of_ones_own_is_found_by_its_own_equations() -> None:
-    """Its magnets have harmonics that no shipped machine has, and no L_q is in it; a load step is in the run."""
+    """Its magnets have harmonics that no shipped machine has, and no L_q is in it."""
     drive = load_drive(EXAMPLE / "my_motor.toml")
-    run = trajectory_of(drive, 2200)
+    run = trajectory_of(drive, 1500)
     recording = Recorded(Path("own.npz"), run.t, run.u, run.y, {})
     task = read_subject(str(EXAMPLE / "my_motor.toml"), "R,L_d,L_q,psi_m")
     f = task.facts
