@@ -8,7 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.identify import subject
 from benchmarks.other_motor import MOTORS, recordings
+from runtime.identify import search as search_module
+from runtime.identify.identify import identify
+from runtime.identify.redesign import compare
 from runtime.identify.rows import rows_of
 from runtime.recorded.data import write_recorded
 from tests.runtime.test_cli import call
@@ -101,3 +105,15 @@ def test_too_short_a_recording_is_refused(files: Path) -> None:
     with pytest.raises(UserError, match="50 measured rows"):
         rows_of(short, truth.T, truth.dc_link, "pump")
     assert math.isclose(truth.T, 1e-4)
+
+
+@pytest.mark.slow
+def test_both_filters_begin_at_the_speed_that_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording that begins with a turning rotor: from rest neither would be near it in the first samples."""
+    monkeypatch.setattr(search_module, "STARTS", 1)
+    truth, recording = pump()
+    turning = cut(recording, slice(2200, 2600))
+    both = compare(identify(subject(truth, truth, False, "psi_m"), [turning]))
+    for run in (both.before[0], both.after[0]):
+        off = run.x[:20, run.state_names.index("omega")] - turning.truth["omega"][:20]
+        assert abs(off).max() < 0.05 * truth.speed
