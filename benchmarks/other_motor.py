@@ -65,6 +65,18 @@ def derivatives(m: Motor, s: Array, v_alpha: Array, v_beta: Array, load: float) 
     )
 
 
+def moved(m: Motor, s: Array, u: Array, load: float) -> Array:
+    """The state a sample later."""
+    h = m.T / SUBSTEPS
+    for _ in range(SUBSTEPS):
+        k_1 = derivatives(m, s, *u, load)
+        k_2 = derivatives(m, s + h / 2 * k_1, *u, load)
+        k_3 = derivatives(m, s + h / 2 * k_2, *u, load)
+        k_4 = derivatives(m, s + h * k_3, *u, load)
+        s = s + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
+    return s
+
+
 def recordings(
     m: Motor,
     draws: int,
@@ -73,10 +85,12 @@ def recordings(
     seed: int = 1,
     speed: float = 1.0,
     load: float = 0.3,
+    steps_at: float = 0.0,
 ) -> list[Recorded]:
     """Run up to a share of rated speed with a share of rated torque against it; a recording a draw of the noise.
 
     The speed reference ramps in the first half and steps down by a fifth at three quarters; d current is a fifth of q.
+    The load is there from the share ``steps_at`` of the time on.
     """
     T, steps = m.T, round(seconds / m.T)
     rng = np.random.default_rng(seed)
@@ -89,8 +103,9 @@ def recordings(
         i_d, i_q, omega, theta = s
         i_alpha = i_d * np.cos(theta) - i_q * np.sin(theta) + noise * rng.normal(size=draws)
         i_beta = i_d * np.sin(theta) + i_q * np.cos(theta) + noise * rng.normal(size=draws)
-        rows[k] = [*u, i_alpha, i_beta, omega, theta, np.full(draws, load * m.torque)]
         t = k / steps
+        T_L = load * m.torque if t >= steps_at else 0.0
+        rows[k] = [*u, i_alpha, i_beta, omega, theta, np.full(draws, T_L)]
         wanted = speed * m.speed * min(2 * t, 1.0) * (0.8 if t > 0.75 else 1.0)
         off = wanted - omega
         gain = m.J * 60.0 / (1.5 * m.p * m.psi_m)
@@ -107,13 +122,7 @@ def recordings(
         size = np.maximum(1.0, np.hypot(v_d, v_q) / (m.dc_link / np.sqrt(3)))
         turned = theta + w * T / 2
         u = np.stack([v_d * np.cos(turned) - v_q * np.sin(turned), v_d * np.sin(turned) + v_q * np.cos(turned)]) / size
-        h = T / SUBSTEPS
-        for _ in range(SUBSTEPS):
-            k_1 = derivatives(m, s, *u, load * m.torque)
-            k_2 = derivatives(m, s + h / 2 * k_1, *u, load * m.torque)
-            k_3 = derivatives(m, s + h / 2 * k_2, *u, load * m.torque)
-            k_4 = derivatives(m, s + h * k_3, *u, load * m.torque)
-            s = s + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
+        s = moved(m, s, u, T_L)
     t = T * np.arange(steps)
     return [
         Recorded(

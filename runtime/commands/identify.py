@@ -109,7 +109,7 @@ def _keep(
 
 
 def _show(found: Identified, compared: Compared | None) -> None:
-    from runtime.identify.tables import estimates_table, filters_table, summary
+    from runtime.identify.tables import estimates_table, filters_table, steps_words, summary
 
     for rows in found.problem.recordings:
         for note in rows.notes:
@@ -117,6 +117,8 @@ def _show(found: Identified, compared: Compared | None) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     console.print(estimates_table(found), highlight=False)
     say(summary(found))
+    for line in steps_words(found):
+        say(line)
     for line in found.result.words:
         console.print(f"[yellow]{escape(line)}[/yellow]", highlight=False, soft_wrap=True)
     if compared is not None:

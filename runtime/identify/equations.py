@@ -8,13 +8,15 @@ made of the letters alone (a decay, a gain) is a constant of a parameter set, wo
 An inverter takes V_d from a leg twice a period, at its edges, by the sign of the current there. The mean current of a
 sample and the ripple, which is smallest where a leg turns on and largest where it turns off, make two signs a leg::
 
-    v = u + d - V_d g,    g = Clarke of (sign(i_on - r) + sign(i_off + r)) / 2,    r = ripple swing / L
+    v = u + d - V_d g,    g = Clarke of (sign(i_on - r) + sign(i_off + r)) / 2,    r = leg's part of ripple Y swing
 
-with ``swing`` (V s) and the edges' times of a row from u itself (:mod:`runtime.identify.rows`). A sign fades below I_0,
-and F is the derivative by way of the signs, too. Process noise of a sample::
+with ``swing`` (V s, two axes) and the edges' times of a row from u itself (:mod:`runtime.identify.rows`), and Y the
+inverse inductance at the rotor's angle, as the machine's own equations have it: of a salient machine the ripple is not
+that of one inductance (with (L_d + L_q) / 2 instead, L_q of ``ipmsm_flux`` behind PWM is 0.4 % off in every draw). A
+sign fades below I_0, and F is the derivative by way of the signs, too. Process noise of a sample::
 
     Q = (df/dv)(df/dv)^T (v_noise + v_unsure (1 - mean of the squared signs)) + diag(0, 0, omega_noise, theta_noise,
-        torque_noise step, drift_noise (1 - drift_kept^2) twice)
+        torque_noise + step, drift_noise (1 - drift_kept^2) twice)
 """
 
 from __future__ import annotations
@@ -40,10 +42,10 @@ TUNING += ("R_alpha", "R_beta", "R_cross", "ripple", "lead", "drift_noise", "dri
 OFFSETS = ("offset_alpha", "offset_beta")
 #: What is given of the rotor in the first row: rad, rad/s, N m, their variances, and that of d.
 START = ("theta", "omega", "load", "theta_var", "omega_var", "load_var", "drift_var")
-#: A row of a recording: V, V, A, A; 1 if it was measured; factor of the load torque's noise; for each leg when it turns
-#: on, as a share of the sample, and its ripple there times the inductance, V s.
+#: A row of a recording: V, V, A, A; 1 if it was measured; variance of a step of the load torque, (N m)^2; for each leg
+#: when it turns on, as a share of the sample, and how far the flux linkage is below its course then, V s, two axes.
 ROW: tuple[str, ...] = ("u_alpha", "u_beta", "i_alpha", "i_beta", "measured", "step")
-ROW += ("edge_a", "edge_b", "edge_c", "swing_a", "swing_b", "swing_c")
+ROW += ("edge_a", "edge_b", "edge_c", *(f"swing_{leg}_{axis}" for leg in "abc" for axis in ("alpha", "beta")))
 #: What a step tells: innovation (A) and its covariance (A^2).
 TOLD = ("e_alpha", "e_beta", "S_aa", "S_ab", "S_bb")
 #: States, and those of the motor among them.
@@ -93,7 +95,8 @@ class Equations:
         return [f.name for f in fields(Parameters) if f.name not in self.frozen]
 
     @property
-    def _column(self) -> Any:
+    def column(self) -> Any:
+        """The letters of the data as a vector."""
         return ca.vertcat(*(getattr(self.letters, name) for name in self.names))
 
     @cached_property
@@ -124,7 +127,7 @@ class Equations:
         gain = (row[4] / det) * (PH @ symmetric([S[1, 1], -S[0, 1], S[0, 0]]))
         state = ca.vertcat(x_pred + gain @ e, *lower(P_pred - gain @ PH.T))
         made = list(self._formulas.symbols.values())
-        parameters = ca.vertcat(self._column, *made, *tuning.values())
+        parameters = ca.vertcat(self.column, *made, *tuning.values())
         told = ca.vertcat(e, S[0, 0], S[0, 1], S[1, 1])
         return ca.Function("innovate", [ca.vertcat(x, packed), parameters, row], [ca.cse(state), ca.cse(told)])
 
@@ -139,7 +142,7 @@ class Equations:
         x_pred, F, G, unsure = (in_values(part, signs) for part in (f, F, G, unsure))
         noise = tuning["v_noise"] + tuning["v_unsure"] * unsure
         drift = tuning["drift_noise"] * (1 - tuning["drift_kept"] * tuning["drift_kept"])
-        walk = (0, 0, tuning["omega_noise"], tuning["theta_noise"], tuning["torque_noise"] * row[5], drift, drift)
+        walk = (0, 0, tuning["omega_noise"], tuning["theta_noise"], tuning["torque_noise"] + row[5], drift, drift)
         return x_pred, symmetric(lower(F @ P @ F.T + noise * (G @ G.T) + ca.diag(ca.vertcat(*walk))))
 
     def _applied(self, x: list[Any], row: list[Any], ripple: Any, lead: Any) -> tuple[Any, Any, list[Sign]]:
@@ -155,15 +158,52 @@ class Equations:
         first = clarke([sign(i) for i in legs(now)[0]])
         v = [u - V_d * g for u, g in zip(given, first, strict=True)]
         then = model.measure(model.propagate(x[:MOTOR], v)[0])[0]
-        swing = 2 * ripple / (self.letters.L_d + self.letters.L_q)
+        by_flux = ripple * self.inverse_inductance(x[:MOTOR])
         means, unsure = [], 1
         for leg, (before, after) in enumerate(zip(legs(now)[0], legs(then)[0], strict=True)):
-            edge, r = row[6 + leg], row[9 + leg] * swing
+            edge, r = row[6 + leg], legs(ca.vertsplit(by_flux @ ca.vertcat(*row[9 + 2 * leg : 11 + 2 * leg])))[0][leg]
             turns_on, turns_off = edge - lead, 1 - edge - lead
             on, off = (sign(before + t * (after - before) + s) for t, s in ((turns_on, -r), (turns_off, r)))
             means.append(0.5 * (on + off))
             unsure = unsure - (on * on + off * off) / 6
         return ca.vertcat(*(u - V_d * g for u, g in zip(given, clarke(means), strict=True))), unsure, signs
+
+    def applied(self, letters: list[float]) -> Any:
+        """The voltage that arrives, (2,) V, and how unsure its signs are, as a function of state and row.
+
+        Parameters
+        ----------
+        letters : list of float
+            In the order of :attr:`names`. The ripple counts as it is, at the edges themselves.
+        """
+        x, row = ca.SX.sym("x", STATES), ca.SX.sym("row", len(ROW))
+        v, unsure, signs = self._applied(ca.vertsplit(x), ca.vertsplit(row), 1.0, 0.0)
+        made = [self._formulas.in_letters(in_values(part, signs)) for part in (v, unsure)]
+        return ca.Function("applied", [x, row], ca.substitute(made, [self.column], [ca.DM(letters)]))
+
+    def in_letters(self, expression: Any) -> Any:
+        """An expression with the constants' formulas in their places.
+
+        Parameters
+        ----------
+        expression : SX
+        """
+        return self._formulas.in_letters(expression)
+
+    def inverse_inductance(self, x: list[Any]) -> Any:
+        """By how much the currents move with a voltage's integral, before they turn or decay: (2, 2), A / (V s).
+
+        Parameters
+        ----------
+        x : list of SX
+            The motor's states.
+        """
+        machine, speed = self._model.machine, self._model.mechanics.electrical_speed(x[2])
+        z, v = ca.SX.sym("z", 2), ca.SX.sym("v", 2)
+        rate = machine.derivative((z[0], z[1]), (v[0], v[1]), speed, Rotor.at(x[3]))
+        i = machine.currents((z[0], z[1]), Rotor.at(x[3]))[0]
+        moved = ca.jacobian(ca.vertcat(*i), z) @ ca.jacobian(ca.vertcat(*rate), v)
+        return ca.substitute(moved, z, ca.vertcat(*x[:2]))
 
     @property
     def parameter_names(self) -> list[str]:
@@ -176,7 +216,7 @@ class Equations:
         """What is made of the letters, as a function of them, for as many sets as columns are given."""
         _ = self.step
         made = [self._formulas.in_letters(self._formulas.spelled[name]) for name in self._formulas.symbols]
-        return ca.Function("made_of_letters", [self._column], [ca.vertcat(*made)])
+        return ca.Function("made_of_letters", [self.column], [ca.vertcat(*made)])
 
     @cached_property
     def start(self) -> Any:
@@ -195,7 +235,7 @@ class Equations:
         known[:2, :2] = symmetric(ca.vertsplit(R))
         state = ca.substitute(ca.vertcat(x, *lower(J @ known @ J.T)), d, ca.SX.zeros(2, 1))
         state = self._formulas.in_letters(state)
-        return ca.Function("begin", [self._column, ca.vertcat(*given.values()), i, R], [state])
+        return ca.Function("begin", [self.column, ca.vertcat(*given.values()), i, R], [state])
 
 
 def symmetric(entries: list[Any]) -> Any:

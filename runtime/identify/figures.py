@@ -1,4 +1,8 @@
-"""Figures: innovations with the guesses and with what was found, and the likelihood along each datum."""
+"""Figures: innovations with the guesses and with what was found, and the likelihood along each datum.
+
+A datum's axis is its deviation from what was found, in per cent: what an engineer asks of an interval. A datum that the
+recordings do not show has a logarithmic axis of its values, over all that its guess may be off.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.identify.identify import Identified
-from runtime.identify.intervals import Z_95
+from runtime.identify.intervals import Z_95, Estimate
 from runtime.identify.likelihood import values
 from runtime.identify.problem import Stage
 from runtime.style.figures import pyplot, svg_text
@@ -19,7 +23,7 @@ Array = NDArray[Any]
 
 BEFORE, AFTER = "#c8553d", "#3b6ea8"
 #: Points of a curve, and how far it goes in half-widths of the interval.
-POINTS, REACH = 33, 2.5
+POINTS, REACH = 33, 2.0
 #: Points that a recording's innovations are thinned to.
 DRAWN = 2000
 
@@ -42,6 +46,8 @@ def write_figures(found: Identified, folder: Path) -> list[Path]:
 def innovations_figure(found: Identified) -> str:
     """Innovations in sigmas of the filter that was found, alpha: with the guesses of the data, and with what was found.
 
+    Shaded: where 95 % of them lie if the model is right. Where the load steps is marked.
+
     Parameters
     ----------
     found : Identified
@@ -63,13 +69,18 @@ def innovations_figure(found: Identified) -> str:
         sigma = np.sqrt(told[:, 2, 1])
         t = problem.subject.facts.T * np.arange(1, len(told) + 1)
         thin = slice(None, None, max(1, len(t) // DRAWN))
-        for k, (colour, label) in enumerate(((BEFORE, "guesses"), (AFTER, "found"))):
+        axis.axhspan(-Z_95, Z_95, color="grey", alpha=0.15, lw=0)
+        for k, (colour, label) in enumerate(((BEFORE, "with the guesses"), (AFTER, "with what was found"))):
             white = np.clip(told[:, 0, k] / sigma, -1e3, 1e3)
             axis.plot(t[thin], white[thin], color=colour, lw=0.6, alpha=0.85, label=label)
+        for k, at in enumerate(problem.recordings[recording].load_steps):
+            axis.axvline(at, color="black", lw=0.8, ls="--", label=None if k else "the load steps")
         axis.set_yscale("symlog", linthresh=5)
         axis.set_yticks([-1000, -100, -10, 0, 10, 100, 1000])
-        axis.set(ylabel="innovation, sigma", title=problem.recordings[recording].recorded.path.name)
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.set_ylabel("innovation, sigma")
+        axis.set_title(f"{problem.recordings[recording].recorded.path.name}, i_alpha", loc="left")
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=7)
     axes[-1, 0].set_xlabel("time, s")
     return svg_text(figure)
 
@@ -86,35 +97,54 @@ def likelihood_figure(found: Identified) -> str:
     str
         SVG.
     """
-    from matplotlib.ticker import MaxNLocator
-
     problem, estimates = found.problem, found.result.estimates
-    columns = 3
+    columns = min(3, len(estimates))
     rows = -(-len(estimates) // columns)
-    figure, axes = pyplot().subplots(rows, columns, figsize=(7.5, 2.1 * rows), squeeze=False)
+    figure, axes = pyplot().subplots(rows, columns, figsize=(2.5 * columns, 2.3 * rows + 0.4), squeeze=False)
     for axis in axes.flat[len(estimates) :]:
         axis.axis("off")
     for axis, place, estimate in zip(axes.flat, problem.data, estimates, strict=False):
-        x, height = along(found, place)
-        axis.plot(x, height, color=AFTER)
-        axis.axvspan(estimate.low, estimate.high, color=AFTER, alpha=0.12, lw=0)
-        axis.axhline(-(Z_95**2) / 2, color="grey", lw=0.6, ls=":")
-        if x[0] <= estimate.guess <= x[-1]:
-            axis.axvline(estimate.guess, color=BEFORE, lw=0.8, ls="--")
-        axis.set_ylim(-12, 1)
-        axis.set_title(
-            f"{estimate.datum.word}, {estimate.datum.unit}" + ("" if estimate.told else " (not shown)"), fontsize=8
-        )
-        axis.tick_params(labelsize=6)
-        axis.xaxis.get_offset_text().set_fontsize(6)
-        axis.xaxis.set_major_locator(MaxNLocator(4))
+        _draw_datum(axis, estimate, *along(found, place))
     for axis in axes[:, 0]:
         axis.set_ylabel("log likelihood", fontsize=7)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=7)
     return svg_text(figure)
+
+
+def _draw_datum(axis: Any, estimate: Estimate, x: Array, height: Array) -> None:
+    """One curve, in per cent off what was found; of signed data and those that are not shown in their unit."""
+    datum = estimate.datum
+    percent = datum.positive and estimate.told
+    name = f"{datum.word}, {datum.unit}"
+    if percent:
+        x = 100 * (x / estimate.value - 1)
+        low, high, guess = (100 * (v / estimate.value - 1) for v in (estimate.low, estimate.high, estimate.guess))
+        name = "off what was found, %"
+    else:
+        low, high, guess = estimate.low, estimate.high, estimate.guess
+    if datum.positive and not estimate.told:
+        axis.set_xscale("log")
+        axis.set_xticks([low, estimate.value, high], [f"{v:.2g}" for v in (low, estimate.value, high)])
+        axis.set_xticks([], minor=True)
+    axis.plot(x, height, color=AFTER, label="likelihood")
+    axis.axvspan(low, high, color=AFTER, alpha=0.12, lw=0, label="95 % interval")
+    axis.axhline(-(Z_95**2) / 2, color="grey", lw=0.6, ls=":", label="where a right model would end it")
+    axis.plot([], [], color=BEFORE, lw=0.8, ls="--", label="guess")
+    if x[0] <= guess <= x[-1]:
+        axis.axvline(guess, color=BEFORE, lw=0.8, ls="--")
+    axis.set_ylim(-12, 1)
+    axis.set_xlim(x[0], x[-1])
+    said = f"{datum.word} = {estimate.value:.4g} {datum.unit}" if estimate.told else f"{datum.word} (not shown)"
+    axis.set_title(f"{said}\nguess {estimate.guess:.4g}", fontsize=8)
+    axis.set_xlabel(name, fontsize=7)
+    axis.tick_params(labelsize=6)
 
 
 def along(found: Identified, place: int) -> tuple[Array, Array]:
     """Values of a datum and the log likelihood there, relative to the best, (33,) each.
+
+    Two half-widths of the interval either way; what is not told, over its interval.
 
     Parameters
     ----------
@@ -127,12 +157,10 @@ def along(found: Identified, place: int) -> tuple[Array, Array]:
     direction = inverse[:, place] / inverse[place, place]
     estimate = found.result.estimates[problem.data.index(place)]
     unknown = problem.unknowns[place]
-    ends = (
-        np.log([estimate.low, estimate.high])
-        if unknown.positive
-        else np.array([estimate.low, estimate.high]) / unknown.size
-    )
-    half = (ends[1] - ends[0]) / 2
-    steps = np.linspace(-REACH, REACH, POINTS) * half
+    ends = np.array([estimate.low, estimate.high])
+    ends = np.log(ends) if unknown.positive else ends / unknown.size
+    half = REACH * (ends[1] - ends[0]) / 2
+    first, last = (-half, half) if estimate.told else (ends[0] - q[place], ends[1] - q[place])
+    steps = np.linspace(float(first), float(last), POINTS)
     found_at = values(problem, q[:, None] + direction[:, None] * steps, Stage())
     return np.asarray(unknown.value(q[place] + steps)), found.found.slope.value - found_at

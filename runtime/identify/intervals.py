@@ -3,7 +3,8 @@
 A half-width is the largest of Fisher's and of several that the scores give (the sandwich of Huber and White):
 summed over blocks of samples, since the errors of a model that is a little wrong stay alike for a while, and over a few
 long stretches of the recordings, with Student's factor, since they differ from one way of running to the next. Where
-that is too wide to tell the datum, the interval also holds all that the guess may be off.
+the search was ended before it was at the best, the way to there by Newton's step is added. Where that is too wide to
+tell the datum, the interval also holds all that the guess may be off.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ SHAPED, SHAPE = ("ripple", "I_0"), 0.15
 #: A datum counts as told where its half-width is below this share of it; a signed one also where it is below a size
 #: that does not matter: of the DC link, or in sigmas of the current sensors.
 TOLD, TOLD_VOLTAGE, TOLD_SIGMAS = 0.25, 0.002, 0.5
+#: Beyond are told: the factor of the sensors' noise, and how far in logarithms a datum is from its guess.
+NOISY, FAR = 2.0, math.log(3.0)
 #: Correlations beyond are told.
 TOGETHER = 0.95
 
@@ -105,7 +108,10 @@ def result(problem: Problem, found: Found) -> Result:
     correlation = covariance / np.outer(sigma, sigma)
     scale = np.array(limits) / Z_95
     rank = int(np.sum(np.linalg.eigvalsh(np.linalg.inv(covariance / np.outer(scale, scale))) > 1.0))
-    return Result(tuple(estimates), correlation, rank, tuple(_words(estimates, correlation)))
+    prior, said = 1 / problem.prior[data] ** 2, np.diag(found.slope.information)[data]
+    idle = [bool(k) for k in said <= prior * (1 + 1e-9)]
+    words = (*_words(estimates, correlation, idle), *doubts(problem, found, estimates))
+    return Result(tuple(estimates), correlation, rank, words)
 
 
 def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
@@ -126,7 +132,8 @@ def half_widths(found: Found, prior: Array, shape: Sequence[int] = ()) -> Array:
         widest = np.maximum(widest, factor * spread)
     for place in shape:  # what the estimates become where the shape of the inverter's loss is another
         widest = np.hypot(widest, SHAPE * inverse[:, place] / inverse[place, place])
-    return np.minimum(widest, Z_95 * prior)
+    left = np.abs(inverse @ found.slope.gradient)  # the way to the best, where the search was ended before
+    return np.minimum(widest + left, Z_95 * prior)
 
 
 def _cuts(scores: Array) -> Any:
@@ -166,6 +173,31 @@ def student(degrees: int) -> float:
     return float(z + sum(term / n ** (k + 1) for k, term in enumerate(terms)))
 
 
+def doubts(problem: Problem, found: Found, estimates: list[Estimate]) -> Any:
+    """What lets one doubt that this is the machine, in words.
+
+    Parameters
+    ----------
+    problem : Problem
+    found : Found
+    estimates : list of Estimate
+    """
+    k = problem.index("noise")
+    noise = float(problem.unknowns[k].value(found.q[k]))
+    if noise > NOISY:
+        sigma = math.sqrt(problem.subject.noise[0])
+        yield (
+            f"the currents err by {noise:.2g} times the {sigma:.2g} A that the file says of the sensors: is that "
+            "right, and is the machine of this kind? If not, the intervals are too narrow."
+        )
+    far = [e.datum.word for e in estimates if e.told and e.datum.positive and abs(math.log(e.value / e.guess)) > FAR]
+    if far:
+        yield (
+            f"{', '.join(far)}: beyond a third or three times the guess, which is farther than a guess should be off; "
+            "do columns, units and pole pairs fit?"
+        )
+
+
 def _limit(problem: Problem, datum: Datum, value: float) -> float:
     """The half-width up to which a datum is told: of a logarithm, or in its unit."""
     if datum.positive:
@@ -175,11 +207,15 @@ def _limit(problem: Problem, datum: Datum, value: float) -> float:
     return max(TOLD * abs(value), enough)
 
 
-def _words(estimates: list[Estimate], correlation: Array) -> Any:
+def _words(estimates: list[Estimate], correlation: Array, idle: list[bool]) -> Any:
+    """What is not told, and what goes together; ``idle``: data that no innovation hangs on."""
     for k, estimate in enumerate(estimates):
         if estimate.told:
             continue
         datum = estimate.datum
+        if idle[k]:
+            yield f"{datum.word}: the equations of this machine do not have it."
+            continue
         partners = [
             other.datum.word for j, other in enumerate(estimates) if j != k and abs(correlation[k, j]) > TOGETHER
         ]

@@ -108,7 +108,7 @@ class Kernel:
 
         Parameters
         ----------
-        rows : (N, 12) float
+        rows : (N, 15) float
             Of a recording, see :data:`runtime.identify.equations.ROW`.
         parameters : (P, B) float
             A column a set.

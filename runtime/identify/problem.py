@@ -64,14 +64,15 @@ class Problem:
         idle = set() if "D" in asked or self.subject.facts.D else {"D"}
         return Kernel(Equations(self.subject.drive, frozenset(idle | {"I_1"})))
 
-    def shaped(self, shape: tuple[float, float]) -> Problem:
-        """The same with another shape of the inverter's loss, by the same compiled step.
+    def changed(self, shape: tuple[float, float] | None = None, recordings: tuple[Rows, ...] | None = None) -> Problem:
+        """The same with another shape of the inverter's loss, or other rows, by the same compiled step.
 
         Parameters
         ----------
-        shape : tuple of float
+        shape : tuple of float, optional
+        recordings : tuple of Rows, optional
         """
-        other = Problem(self.subject, self.recordings, shape)
+        other = Problem(self.subject, recordings or self.recordings, shape or self.shape)
         other.__dict__["kernel"] = self.kernel
         return other
 

@@ -14,9 +14,10 @@ from model.drives.load import parse_drive
 from model.schema import Drive, DriveError
 from runtime.design.facts import Facts
 from runtime.design.rules import design
+from runtime.estimator.estimator import load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.identify.identify import Identified
-from runtime.replay.replay import Replay, Settings, replay
+from runtime.replay.replay import Replay, Settings, replay, start
 from runtime.system.errors import UserError
 
 Progress = Callable[[str, float], None]
@@ -49,7 +50,7 @@ def redesigned(facts: Facts) -> Drive:
 
 
 def compare(found: Identified, progress: Progress = lambda text, share: None) -> Compared:
-    """Run both filters over all recordings; each starts at the angle that was found.
+    """Run both filters over all recordings; each starts at the angle and the speed that were found.
 
     Parameters
     ----------
@@ -76,8 +77,15 @@ def _generated(drive: Drive, stack: ExitStack) -> GeneratedFolder:
 
 
 def _run(found: Identified, folder: GeneratedFolder, drive: Drive, recording: int) -> Replay:
-    problem = found.problem
-    k = problem.index(f"theta {recording}")
-    theta = float(problem.unknowns[k].value(found.found.q[k]))
-    settings = Settings(drive.filter.kinds[0], "c", "float32", theta0=theta)
-    return replay(folder, problem.recordings[recording].recorded, settings)
+    kind, recorded = drive.filter.kinds[0], found.problem.recordings[recording].recorded
+    theta, omega = (_begin(found, f"{name} {recording}") for name in ("theta", "omega"))
+    x = start(load_folder(folder, kind, "c", "float32"), Settings(kind, theta0=theta))
+    assert x is not None
+    x[2] = omega
+    return replay(folder, recorded, Settings(kind, x0=tuple(x.tolist())))
+
+
+def _begin(found: Identified, name: str) -> float:
+    """What was found of a recording's beginning."""
+    k = found.problem.index(name)
+    return float(found.problem.unknowns[k].value(found.found.q[k]))

@@ -20,19 +20,23 @@ Array = NDArray[Any]
 LEAST = 100
 #: Rows over which the first speed is looked for, and those between two voltages that are compared.
 FIRST, APART = 200, 10
+#: Directions of the legs a, b, c.
+AXES = np.array([[1.0, 0.0], [-0.5, SQRT_3 / 2], [-0.5, -SQRT_3 / 2]])
 
 
 @dataclass(frozen=True)
 class Rows:
-    """``table`` (N, 12), see :data:`runtime.identify.equations.ROW`; ``omega_e``: first electrical speed, rad/s.
+    """``table`` (N, 15), see :data:`runtime.identify.equations.ROW`; ``omega_e``: first electrical speed, rad/s.
 
-    The first row begins the filter: its currents count, its voltage does not.
+    The first row begins the filter: its currents count, its voltage does not. ``load_steps``: when the load may step, s
+    after the first row.
     """
 
     recorded: Recorded
     table: Array
     omega_e: float
     notes: tuple[str, ...]
+    load_steps: tuple[float, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -77,15 +81,16 @@ def rows_of(recorded: Recorded, T: float, dc_link: float, name: str) -> Rows:
         notes.append(f"{missing:,} rows are not numbers: bridged by prediction")
     edges, swing = ripple(u, dc_link, T)
     y = np.where(measured[:, None], y, 0.0)[begin:]
-    table = np.column_stack([u, y, measured[begin:], np.ones(len(u)), edges, swing])
+    table = np.column_stack([u, y, measured[begin:], np.zeros(len(u)), edges, swing])
     return Rows(recorded, table, first_speed(u, T), tuple(notes))
 
 
 def ripple(u: Array, dc_link: float, T: float) -> tuple[Array, Array]:
-    """When each leg turns on, as a share of the sample (N, 3), and its ripple there times the inductance, V s (N, 3).
+    """When each leg turns on, as a share of the sample (N, 3), and how far the flux linkage then is below its course.
 
-    One period of a carrier a sample, in whose middle all legs are on, the legs centred between the rails. Before a leg
-    turns on at t it has 1/3 of the DC link less for each other leg that is on, beside the mean u that it waits for.
+    One period of a carrier a sample, in whose middle all legs are on, the legs centred between the rails. At t the
+    motor has had 2/3 of the DC link along the axis of each leg that is on, for as long as it is, where its course had
+    the mean u. When the leg turns off it is as far above. As (N, 6), V s: alpha and beta for each leg's edge.
 
     Parameters
     ----------
@@ -99,8 +104,9 @@ def ripple(u: Array, dc_link: float, T: float) -> tuple[Array, Array]:
     common = (phases.max(axis=1) + phases.min(axis=1)) / 2
     duty = np.clip(0.5 + (phases - common[:, None]) / dc_link, 0.0, 1.0)
     on = (1 - duty) * T / 2
-    others = np.maximum(0.0, on[:, :, None] - on[:, None, :]).sum(axis=2)
-    return on / T, phases * on + dc_link / 3 * others
+    held = np.maximum(0.0, on[:, :, None] - on[:, None, :])  # s, by the leg that turns on and the one that is on
+    swing = u[:, None, :] * on[:, :, None] - 2 / 3 * dc_link * held @ AXES
+    return on / T, swing.reshape(len(u), 6)
 
 
 def first_speed(u: Array, T: float) -> float:

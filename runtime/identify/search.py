@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.identify.likelihood import Slope, slope, values
+from runtime.identify.load_steps import with_next_step
 from runtime.identify.problem import SIMPLIFIED, SWITCHING, Problem, Stage
 from runtime.system.errors import UserError, take_interrupt
 
@@ -73,7 +74,7 @@ class _Search:
 
     def __init__(self, problem: Problem, progress: Progress) -> None:
         self.problem, self.tell = problem, progress
-        self.problems = tuple(problem.shaped(shape) for shape in SHAPES)
+        self.problems = tuple(problem.changed(shape) for shape in SHAPES)
         self.done, self.of = 0, STARTS * (len(KAPPAS) + 3)
         self.best: tuple[float, Array, Problem] | None = None
         self.annealed: list[Array] = []
@@ -89,7 +90,17 @@ class _Search:
         for start in range(STARTS):
             self.problem = self.problems[start]
             self.annealed.append(self.anneal(self.begin(start), start))
-            self.climb(self.annealed[-1], start)
+            self.ends.append(self.climb(self.annealed[-1], f"start {start + 1} of {STARTS}, likelihood"))
+        self.load_steps()
+
+    def load_steps(self) -> None:
+        """From the best, the steps of the load, one after another."""
+        before = None
+        while self.best is not None and self.best is not before:
+            before = self.best
+            if (found := with_next_step(before[2], before[1])) is not None:
+                self.problem, q = found
+                self.climb(q, "load steps", quieten=False)
 
     def so_far(self) -> tuple[float, Array, Problem] | None:
         """The best of what there is; where no likelihood was climbed yet, what was annealed."""
@@ -136,21 +147,21 @@ class _Search:
                     break
         return q
 
-    def climb(self, q: Array, start: int) -> None:
+    def climb(self, q: Array, text: str, quieten: bool = True) -> float:
         """The likelihood, all unknowns free."""
         free = list(range(len(self.problem.unknowns)))
-        q, small = self.quieten(q), 0
+        q, small = self.quieten(q) if quieten else q, 0
         value = np.inf
         for count in range(CLIMBING):
             if count % 10 == 0:
-                self.told(f"start {start + 1} of {STARTS}, likelihood")
+                self.told(text)
             q, gain, value = self.step(q, free, Stage())
             if np.isfinite(value) and (self.best is None or value < self.best[0]):
                 self.best = value, q, self.problem
             small = small + 1 if gain < ENOUGH else 0
             if small == 2 or gain <= 0:
                 break
-        self.ends.append(value)
+        return value
 
     def quieten(self, q: Array) -> Array:
         """The noise of voltage and load that suits the data best, from a grid: what is too large hides wrong data."""

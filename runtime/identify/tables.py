@@ -22,7 +22,7 @@ def estimates_table(found: Identified) -> Table:
     ----------
     found : Identified
     """
-    table = columns_table("datum", "guess", "found", "95 % interval", "", "", left=(0, 4, 5))
+    table = columns_table("datum", "guess", "found", "95 % interval", "unit, half-width", "", left=(0, 4, 5))
     for e in found.result.estimates:
         half = f"+- {100 * e.width:.2g} %" if e.datum.positive else ""
         said = "" if e.told else "[yellow]not shown[/yellow]"
@@ -31,6 +31,17 @@ def estimates_table(found: Identified) -> Table:
             e.datum.word, f"{e.guess:.5g}", f"{e.value:.5g}", interval, f"{e.datum.unit} {half}".strip(), said
         )
     return table
+
+
+def steps_words(found: Identified) -> list[str]:
+    """When the load was taken to step, a line a recording that has steps.
+
+    Parameters
+    ----------
+    found : Identified
+    """
+    told = [(rows.recorded.path.name, rows.load_steps) for rows in found.problem.recordings if rows.load_steps]
+    return [f"{name}: the load steps at {', '.join(f'{t:.3g} s' for t in sorted(steps))}" for name, steps in told]
 
 
 def summary(found: Identified) -> str:
@@ -102,7 +113,12 @@ def identified_facts(found: Identified, compared: Compared | None) -> dict[str, 
         "log_likelihood": _finite(-found.found.slope.value),
         "interrupted": found.found.interrupted,
         "recordings": [
-            {"path": rows.recorded.path.name, "samples": rows.steps, "notes": list(rows.notes)}
+            {
+                "path": rows.recorded.path.name,
+                "samples": rows.steps,
+                "notes": list(rows.notes),
+                "load_steps": list(rows.load_steps),
+            }
             for rows in found.problem.recordings
         ],
     }

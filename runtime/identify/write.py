@@ -176,7 +176,7 @@ def _edit_facts(document: Any, found: Identified) -> None:
         if word in told:
             _set(motor, key, told[word].value, told[word])
     if "V_dead" in told:
-        _set_dead_time(document["inverter"], told["V_dead"], found)
+        _set_dead_time(document["inverter"], told["V_dead"], found, 1 / found.problem.subject.facts.T)
     _edit_widths(document, told, TOLERANCE)
 
 
@@ -193,10 +193,10 @@ def _edit_inductances(motor: Any, told: Mapping[str, Estimate], facts: Facts) ->
             motor[key] = value
 
 
-def _set_dead_time(table: Any, e: Estimate, found: Identified) -> None:
-    """The dead time that takes as much: of a file that says it in seconds, what switches drop is in it."""
+def _set_dead_time(table: Any, e: Estimate, found: Identified, switching: float) -> None:
+    """The dead time that takes as much at a switching frequency; what switches drop is in it, or was taken off."""
     f = found.problem.subject.facts
-    per_volt = f.T / f.dc_link
+    per_volt = 1 / (f.dc_link * switching)
     if e.high <= 0 or (e.low <= 0 and "dead_time" not in table):
         return
     value, low, high = (max(v, 0.0) * per_volt for v in (e.value, e.low, e.high))
@@ -220,5 +220,6 @@ def _edit_drive(document: Any, found: Identified) -> None:
         e = told["V_dead"]
         if "inverter" in document or e.low > 0:
             table = document.setdefault("inverter", tomlkit.table())
-            _set_dead_time(table, Estimate(e.datum, e.guess, e.value - drop, e.low - drop, e.high - drop, True), found)
+            rest = Estimate(e.datum, e.guess, e.value - drop, e.low - drop, e.high - drop, True)
+            _set_dead_time(table, rest, found, found.problem.subject.drive.switching_frequency)
     _edit_widths(document, told, {word: key for word, key in TOLERANCE.items() if word != "J"})
