@@ -36,7 +36,7 @@ def identity(drive: str, kind: str, sha: str, source: str) -> str:
 
 
 def render_board(about: Description, steps: dict[str, FilterStep], sources: dict[str, str]) -> dict[str, str]:
-    """File texts by path: the three shared pairs, and one binding a filter.
+    """File texts by path: the four shared pairs, and one binding a filter.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def render_board(about: Description, steps: dict[str, FilterStep], sources: dict
     assert payload + 7 <= FRAME_MAX, f"{payload} bytes of state or name do not fit a frame"
     files = {
         f"{BOARD}/{name}": render(f"{name}.j2", frame_max=FRAME_MAX, protocol=PROTOCOL, example=example)
-        for stem in ("pmsm_link", "pmsm_pil", "pmsm_telemetry")
+        for stem in ("pmsm_link", "pmsm_pil", "pmsm_telemetry", "pmsm_commission")
         for name in (f"{stem}.h", f"{stem}.c")
     }
     for kind, source in sources.items():
