@@ -105,7 +105,7 @@ def levels(ran: Ran, facts: Facts) -> Levels | str:
     return Levels(np.array(R), np.array(V_d), bent, share, 1.0)
 
 
-def inductances(ran: Ran, R: float, sigma: float) -> Array | str:
+def inductances(ran: Ran, R: float, sigma: float, word: str = "") -> Array | str:
     """Inductances (angles, 2, 2) H along and across the axis; or in words why they are not told.
 
     Parameters
@@ -115,14 +115,16 @@ def inductances(ran: Ran, R: float, sigma: float) -> Array | str:
         ohm.
     sigma : float
         Noise of a current, A.
+    word : str, optional
+        Before the names of the waves' segments.
     """
     offset, found = offsets(ran), []
-    for place in sorted({s.place for s in ran.run.segments if s.what == "along"}):
+    for place in sorted({s.place for s in ran.run.segments if s.what == f"{word}along"}):
         u, i = np.empty((2, 2), dtype=complex), np.empty((2, 2), dtype=complex)
         turns = []
-        for column, word in enumerate(("along", "across")):
-            segment = next(s for s in ran.run.segments if s.what == word and s.place == place)
-            rows = cleaned(next(ran.of(word, place)), offset, ran.period, segment.every)
+        for column, name in enumerate((f"{word}along", f"{word}across")):
+            segment = next(s for s in ran.run.segments if s.what == name and s.place == place)
+            rows = cleaned(next(ran.of(name, place)), offset, ran.period, segment.every)
             if not _keep_signs(rows, sigma):
                 return "a phase current changed its sign within the square wave"
             turn = 2 * math.pi / (2 * segment.half)
@@ -166,37 +168,48 @@ def _inductance(u: Array, i: Array, turns: list[float], R: float, T: float) -> A
 
 @dataclass(frozen=True)
 class Axes:
-    """L_d and L_q of every angle, H, and by how much the d axis lies before the current, rad."""
+    """L_d and L_q of every angle, H, and by how much the d axis lies beside the current, rad."""
 
     L_d: Array
     L_q: Array
-    lag: float
+    beside: Array
 
 
 #: Beyond that ratio of the inductances a rotor counts as salient; an axis within so many degrees of the current is it.
 SALIENT, NEAR = 1.03, 12.0
 
 
-def axes(L: Array, d_is_smaller: bool | None) -> Axes:
-    """Sort inductances (N, 2, 2) into L_d and L_q.
+def d_is_smaller(high: Array, low: Array) -> bool | None:
+    """Which inductance is that of d, from those on top of a large and of a small current; None of a round rotor.
 
-    Where the rotor is round, or an axis of it lies along the current, that axis is d. Where neither does, the current
-    was so large that a strongly salient rotor left it: then d has the smaller inductance.
+    d lies along a small current. Beyond that at which a strongly salient rotor leaves it, the angle between them grows
+    with the current, and then L_d is the smaller one.
+
+    Parameters
+    ----------
+    high, low : (2, 2)
+        H.
+    """
+    values, vectors = np.linalg.eigh(low)
+    if values[1] < SALIENT * values[0]:
+        return None
+    angles = [math.degrees(math.atan2(abs(v[1, 0]), abs(v[0, 0]))) for v in (vectors, np.linalg.eigh(high)[1])]
+    aligned = all(min(angle, 90.0 - angle) < NEAR for angle in angles)
+    return bool(angles[0] < 45.0) if aligned else True
+
+
+def axes(L: Array, smaller: bool | None) -> Axes:
+    """Sort inductances (N, 2, 2) into L_d and L_q.
 
     Parameters
     ----------
     L : (N, 2, 2)
-    d_is_smaller : bool or None
-        Where that is known.
+    smaller : bool or None
+        Whether d has the smaller one; None: the rotor is round, and d lies along the current.
     """
-    mean = L.mean(axis=0)
-    values, vectors = np.linalg.eigh(mean)
-    if values[1] < SALIENT * values[0]:
-        return Axes(L[:, 0, 0], L[:, 1, 1], 0.0)
-    along = int(abs(vectors[0, 1]) > abs(vectors[0, 0]))  # the eigenvector nearer to the current
-    angle = math.degrees(math.atan2(abs(vectors[1, along]), abs(vectors[0, along])))
-    d = along if angle < NEAR else 0
-    d = d if d_is_smaller is None else int(not d_is_smaller)
-    each = np.array([np.diag(vectors.T @ one @ vectors) for one in L])
-    vector = vectors[:, d] * np.sign(vectors[0, d] or 1.0)
-    return Axes(each[:, d], each[:, 1 - d], math.atan2(vector[1], vector[0]))
+    if smaller is None:
+        return Axes(L[:, 0, 0], L[:, 1, 1], np.zeros(len(L)))
+    d = 0 if smaller else 1
+    values, vectors = np.linalg.eigh(L)
+    beside = np.arctan2(np.abs(vectors[:, 1, d]), np.abs(vectors[:, 0, d]))
+    return Axes(values[:, d], values[:, 1 - d], beside)

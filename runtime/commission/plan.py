@@ -10,14 +10,17 @@ without load, of which J follows, with two currents between, of which psi_m foll
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from runtime.commission.protocol import DRAIN, GATES_OFF, Run, Segment
+from runtime.commission.protocol import DRAIN, GATES_OFF, STIFF, Run, Segment
 from runtime.design.facts import Facts
 
-#: Levels of the current at rest, of the largest that may flow; the height of a square wave's current.
+#: Levels of the current at rest, of the largest that may flow; the height of a square wave's current, of its level. A
+#: measured rotor is kept below a share of the current at which it would leave its axis. Inductances that differ more
+#: than so often are doubted.
 LEVELS = (0.2, 0.35, 0.5)
-SQUARE = 0.08
+SQUARE = 0.2
+KEPT, STRONG = 0.7, 1.5
 #: A square wave takes that share of the largest voltage at most, and its half that many samples.
 SQUARE_VOLTAGE, HALVES = 0.3, (4, 6, 8, 12, 16)
 #: Rows of a burst at most, and periods of the wave before it.
@@ -28,13 +31,17 @@ ANGLES = 3
 OFFSET_TIME, LEVEL_TIME, RAMP_TIME, TURN_TIME = 0.1, 0.12, 0.05, 0.3
 #: While it turns: currents, of the largest that may flow, and of the current at which a strongly salient rotor leaves
 #: its axis; their ratio; the sine of the angle by which a rotor that speeds up stays behind the current.
-TURNING, OF_CRITICAL, SECOND, LAG = 0.35, 0.4, 0.6, 0.15
+TURNING, OF_CRITICAL, SECOND, LAG = 0.35, 0.45, 0.6, 0.15
 #: Speed, of the rated one; the longest and the shortest ramp of it, s; how long it is held.
-SPEED, SLOWEST, QUICKEST, HOLD = 0.4, 6.0, 0.3, 0.4
+SPEED, SLOWEST, QUICKEST, HOLD = 0.4, 12.0, 0.15, 0.6
 #: Of the smooth ramp in its middle: its slope. Sixths of a turn that a burst of rows sees at least.
 STEEPEST, SIXTHS = 1.875, 12
-#: Bandwidth of the current regulators at most, of a sample.
-BANDWIDTH = 0.1
+#: Bandwidth of the current regulators at most, of a sample; the damping ratio that a swinging rotor is to have.
+BANDWIDTH, DAMPING = 0.2, 0.3
+#: What magnets hold a rotor at least, of their flux; below that current, of the regulated one, a sign fades.
+WEAKEST, FADE = 0.2, 0.1
+#: s: a swing is given that long at most to die out.
+LONGEST_SETTLING = 3.0
 
 
 @dataclass(frozen=True)
@@ -47,16 +54,27 @@ class Limits:
 
 @dataclass(frozen=True)
 class Bench:
-    """What a plan is made for: facts as they are known by now, limits, samples of a row, rows that the board keeps."""
+    """What a plan is made for: facts as they are known by now, limits, samples of a row, rows that the board keeps.
+
+    ``seen``: R, inductances and dead time were measured already; ``known``: the other facts, too.
+    """
 
     facts: Facts
     limits: Limits
     every: int
     rows: int
+    seen: bool = False
+    known: bool = False
 
     def samples(self, seconds: float) -> int:
         """Samples of a time, one at least."""
         return max(1, round(seconds / self.facts.T))
+
+    @property
+    def critical(self) -> float:
+        """The current at which a strongly salient rotor leaves the axis of the current, A."""
+        f = self.facts
+        return f.psi_m / (f.L_q - f.L_d) if f.L_q > f.L_d else math.inf
 
     @property
     def electrical_time(self) -> float:
@@ -64,25 +82,43 @@ class Bench:
         f = self.facts
         return max(f.L_d, f.L_q) / f.R
 
+    def pull(self, current: float) -> float:
+        """How a rotor is held on the axis of a current, as if by magnets alone of that flux, V s."""
+        f = self.facts
+        return max(WEAKEST * f.psi_m, f.psi_m + (f.L_d - f.L_q) * current)
+
     def swing(self, current: float) -> float:
         """Natural frequency of the rotor about a current vector, rad/s."""
         f = self.facts
-        return math.sqrt(1.5 * f.p**2 * f.psi_m * current / f.J)
+        return math.sqrt(1.5 * f.p**2 * self.pull(current) * current / f.J)
 
-    def controller(self, current: float) -> tuple[float, float, float]:
-        """k_p V/A, k_i V/A a sample, and the flux V s of the voltage across.
-
-        So slow that a swinging rotor drives a current, which takes its swing away.
-        """
+    def damping(self, current: float, across: float) -> float:
+        """Damping ratio of the rotor's swing behind a resistance across, ohm."""
         f = self.facts
-        L = min(f.L_d, f.L_q)
-        bandwidth = min(BANDWIDTH / f.T, max(3.0 * self.swing(current), 3.0 * f.R / L))
-        return bandwidth * L, bandwidth * f.R * f.T, f.psi_m
+        return 1.5 * (f.p * self.pull(current)) ** 2 / (2.0 * f.J * self.swing(current) * across)
 
-    def run(self, name: str, segments: list[Segment], current: float) -> Run:
-        """A plan with the limits and the controller."""
-        link = (0.5 * self.facts.dc_link, 1.25 * self.facts.dc_link)
-        return Run(name, tuple(segments), self.limits.current, link, *self.controller(current))
+    def gains(self, current: float, omega: float = 0.0) -> tuple[float, float, float, float]:
+        """V/A and V/A a sample along the current, and across it, for speeds up to ``omega`` rad/s electrical.
+
+        Along, the current is to be stiff. Across, the winding is to behave like a resistance: then a swinging rotor
+        drives a current that takes its swing away. Only a slow integral keeps the mean at nothing. Where it turns, that
+        resistance must not let the other axis drive much current.
+        """
+        f, swing = self.facts, self.swing(current)
+        L = min(f.L_d, f.L_q)
+        along = min(BANDWIDTH / f.T, max(3.0 * swing, 10.0 * f.R / L, 3.0 * omega))
+        wanted = self.damping(current, 1.0) / DAMPING
+        if omega:
+            wanted = max(wanted, 0.5 * omega * L)
+        across = max(f.R, min(wanted, along * L))
+        return along * L, along * f.R * f.T, across - f.R, across * swing * f.T / 3.0
+
+    def run(self, name: str, segments: list[Segment], gains: tuple[float, float, float, float], current: float) -> Run:
+        """A plan with the limits and the controller, for currents of about that size."""
+        f = self.facts
+        link = (0.5 * f.dc_link, 1.25 * f.dc_link)
+        lost = f.dc_link * f.dead_time / f.T if self.seen else 0.0
+        return Run(name, tuple(segments), self.limits.current, link, gains, f.psi_m, f.L_d, lost, FADE * current)
 
 
 def at_rest(bench: Bench) -> Run:
@@ -92,14 +128,18 @@ def at_rest(bench: Bench) -> Run:
     ----------
     bench : Bench
     """
-    levels = [share * bench.limits.current for share in LEVELS]
+    top = min(LEVELS[-1] * bench.limits.current, KEPT * bench.critical if bench.known else math.inf)
+    levels = [share / LEVELS[-1] * top for share in LEVELS]
     swing = bench.swing(levels[0])
     turning = bench.samples(max(TURN_TIME, 20.0 / swing))
-    segments = [_offset(bench), Segment("align", turning, levels[1], ramp=max(1, turning // 2))]
+    segments = [_offset(bench), Segment("align", turning, levels[1], ramp=max(1, turning // 2), flags=STIFF)]
     for place in range(ANGLES):
         segments += _one_angle(bench, place, levels, turning)
+        if not bench.known and place == 0:
+            segments += [replace(s, what=f"low {s.what}") for s in _waves(bench, levels[0], place)]
+            segments.append(Segment("drain", 1, levels[0], flags=DRAIN))
     segments.append(_down(bench))
-    return bench.run("at rest", segments, levels[-1])
+    return bench.run("at rest", segments, bench.gains(levels[-1]), levels[-1])
 
 
 def _offset(bench: Bench) -> Segment:
@@ -116,34 +156,49 @@ def _one_angle(bench: Bench, place: int, levels: list[float], turning: int) -> l
     settle = bench.samples(max(RAMP_TIME, 6.0 * bench.electrical_time))
     shown = bench.samples(LEVEL_TIME)
     rows = {"every": bench.every, "place": place}
+    ratio = bench.damping(levels[0], bench.gains(levels[-1])[2] + bench.facts.R)
+    calm = bench.samples(min(LONGEST_SETTLING, 4.0 / (min(ratio, 1.0) * bench.swing(levels[0]))))
     segments = [
-        Segment("level 0", turning + settle + shown, levels[0], ramp=turning, turn=2.0 * math.pi / ANGLES, **rows)
+        Segment("turn", turning, levels[0], ramp=turning, turn=2.0 * math.pi / ANGLES, flags=STIFF),
+        Segment("level 0", calm + settle + shown, levels[0], **rows),
     ]
     for index, level in enumerate(levels[1:], 1):
         segments.append(Segment(f"level {index}", ramp + settle + shown, level, ramp=ramp, **rows))
-    for word in ("along", "across"):
-        half, volts = square_wave(bench, word)
-        waves = {word: volts, "half": half}
-        before = 2 * half * max(SETTLING_PERIODS, math.ceil((ramp + settle) / (2 * half)) if word == "across" else 0)
-        count = 2 * half * min((bench.rows - 2) // (2 * half), BURST // (2 * half))
-        segments.append(Segment("waves", before, levels[-1], ramp=min(ramp, before), **waves))
-        segments.append(Segment(word, count, levels[-1], **waves, every=1, place=place))
-        segments.append(Segment("drain", ramp, levels[0], ramp=ramp, flags=DRAIN))
+    segments += _waves(bench, levels[-1], place)
+    segments.append(Segment("drain", ramp, levels[0], ramp=ramp, flags=DRAIN))
     return segments
 
 
-def square_wave(bench: Bench, word: str) -> tuple[int, float]:
+def _waves(bench: Bench, level: float, place: int) -> list[Segment]:
+    """Square waves along, then across; their rows fit into the board's memory together."""
+    segments = []
+    for word in ("along", "across"):
+        half, volts = square_wave(bench, word, level)
+        waves = {word: volts, "half": half}
+        rows = min(BURST, bench.rows - 2) // 2
+        segments.append(Segment("waves", 2 * half * SETTLING_PERIODS, level, **waves))
+        segments.append(Segment(word, rows // (2 * half) * 2 * half, level, **waves, every=1, place=place))
+    return segments
+
+
+def square_wave(bench: Bench, word: str, level: float) -> tuple[int, float]:
     """Samples of half a wave, and its height in V.
+
+    Where the facts say a strongly salient rotor, both waves are sized for the smaller inductance: nobody knows yet how
+    it stands.
 
     Parameters
     ----------
     bench : Bench
     word : str
         "along" or "across".
+    level : float
+        The current that it is on top of, A.
     """
     f = bench.facts
     L, most = (f.L_d if word == "along" else f.L_q), SQUARE_VOLTAGE * f.voltage
-    wanted = 2.0 * L * SQUARE * bench.limits.current / f.T
+    L = min(L, STRONG * min(f.L_d, f.L_q)) if not bench.known else L
+    wanted = 2.0 * L * SQUARE * level / f.T
     half = next((half for half in HALVES if wanted / half <= most), HALVES[-1])
     return half, min(wanted / half, most)
 
@@ -155,9 +210,7 @@ def turning_current(bench: Bench) -> float:
     ----------
     bench : Bench
     """
-    f = bench.facts
-    critical = f.psi_m / abs(f.L_q - f.L_d) if f.L_q != f.L_d else math.inf
-    return min(TURNING * bench.limits.current, OF_CRITICAL * critical)
+    return min(TURNING * bench.limits.current, OF_CRITICAL * bench.critical)
 
 
 def turning(bench: Bench, lag: float = LAG) -> Run:
@@ -171,7 +224,7 @@ def turning(bench: Bench, lag: float = LAG) -> Run:
     """
     f, current = bench.facts, turning_current(bench)
     second = SECOND * current
-    acceleration = lag * 1.5 * f.p * f.psi_m * current / f.J / STEEPEST
+    acceleration = lag * 1.5 * f.p * bench.pull(current) * current / f.J / STEEPEST
     speed = min(SPEED * f.speed, bench.limits.speed, SLOWEST * acceleration)
     ramp = bench.samples(max(QUICKEST, speed / acceleration))
     swing = bench.swing(second)
@@ -195,7 +248,7 @@ def turning(bench: Bench, lag: float = LAG) -> Run:
         segments.append(Segment("down", ramp, current, ramp=ramp, speed=0.0, **rows))
         segments.append(Segment("rest", change, current, **rows))
     segments.append(_down(bench))
-    return bench.run("turning", segments, current)
+    return bench.run("turning", segments, bench.gains(second, f.p * speed), second)
 
 
 def fine_rows(bench: Bench, omega: float) -> int:

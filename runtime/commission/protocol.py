@@ -26,7 +26,7 @@ VERDICTS = (
     "a number of the plan is beyond the limits that the board's firmware sets",
     "the board does not know this command",
 )
-GATES_OFF, DRAIN = 1, 2
+GATES_OFF, DRAIN, STIFF = 1, 2, 4
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,26 @@ class Segment:
 
 @dataclass(frozen=True)
 class Run:
-    """A plan with its limits (A, V) and its controller (V/A, V/A a sample, V s)."""
+    """A plan with its limits (A, V) and its controller.
+
+    ``gains``: V/A and V/A a sample along the current, and across it; ``flux`` V s and ``inductance`` H; ``lost`` V of a leg by the
+    sign of its current, which fades below ``fade`` A.
+    """
 
     name: str
     segments: tuple[Segment, ...]
     current_limit: float
     link: tuple[float, float]
-    k_p: float
-    k_i: float
+    gains: tuple[float, float, float, float]
     flux: float
+    inductance: float
+    lost: float
+    fade: float
 
     def packed(self) -> bytes:
         """Payload of the command that starts it."""
-        return struct.pack("<B6f", len(self.segments), self.current_limit, *self.link, self.k_p, self.k_i, self.flux)
+        numbers = (self.current_limit, *self.link, *self.gains, self.flux, self.inductance, self.lost, self.fade)
+        return struct.pack("<B11f", len(self.segments), *numbers)
 
     @property
     def samples(self) -> int:

@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #define FIFO 16 /* bytes of the transmitter */
+#define HELD 50 /* samples after which they are handed on: not each byte by itself */
 
 static unsigned char received[256], sending[4096];
 static int received_count, received_at, sending_count, fifo;
@@ -133,7 +134,7 @@ int main(int count, char **words)
                                              (float32)number(count, words, "limit_speed", 1000.0),
                                              (float32)number(count, words, "limit_seconds", 120.0)};
     float duty[3] = {0.5f, 0.5f, 0.5f}, next[3] = {0.5f, 0.5f, 0.5f};
-    int gates = 0, gates_next = 0, quiet = 0;
+    int gates = 0, gates_next = 0, quiet = 0, held = 0;
     const char *report = text_of(count, words, "report");
     fcntl(0, F_SETFL, fcntl(0, F_GETFL) | O_NONBLOCK);
     read_motor(&m, count, words);
@@ -167,9 +168,11 @@ int main(int count, char **words)
             credit -= 1.0;
         }
         pmsm_commission_poll(&c);
-        quiet = (sending_count == before && !on && fifo == 0) ? quiet + 1 : 0;
-        if (sending_count > (int)sizeof sending / 2 || quiet > 2) {
+        quiet = (sending_count == before && c.state != PMSM_COMMISSION_RUNNING && fifo == 0) ? quiet + 1 : 0;
+        held = (sending_count > 0) ? held + 1 : 0;
+        if (held > HELD) {
             send_out();
+            held = 0;
         }
         if (quiet > 100 && received_at == received_count) {
             struct pollfd bytes = {0, POLLIN, 0};

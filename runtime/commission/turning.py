@@ -9,7 +9,7 @@ down again; losses are alike both times.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,17 +22,21 @@ Array = NDArray[Any]
 
 #: The rotor follows where it lies within so many degrees of the current at constant speed.
 FOLLOWS = 40.0
+#: Instants of a row at which signs are looked at.
+WITHIN = 24
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What is known by now: ohm, H, V, pole pairs."""
+    """What is known by now: ohm, H, V, pole pairs, Wb, kg m^2."""
 
     R: float
     L_d: float
     L_q: float
     V_d: float
     p: int
+    psi_m: float
+    J: float
 
 
 @dataclass(frozen=True)
@@ -46,33 +50,35 @@ class Turned:
     J: Array
 
 
-def lost_voltage(rows: Array, V_d: float) -> complex:
-    """What legs lose to dead time, seen from the current's frame, V: the mean over a whole number of sixths of a turn.
+def lost_voltage(rows: Array, V_d: float, T: float) -> Array:
+    """What legs lose to dead time, seen from the current's frame, V, as complex numbers (N,).
+
+    The current is that of a row; the angle of the frame passes on within it.
 
     Parameters
     ----------
     rows : (N, 8)
-        So fine that a turn has many of them.
     V_d : float
         V.
+    T : float
+        Sample time, s.
     """
-    speed, angle = rows[:, 6].mean(), rows[:, 7]
-    i = (rows[:, 4] + 1j * rows[:, 5]) * np.exp(1j * angle)
-    lost = np.zeros(len(rows), dtype=complex)
+    length = np.median(np.diff(rows[:, 0])) * T
+    back = (np.arange(WITHIN) + 0.5) / WITHIN * length
+    frame = np.exp(1j * (rows[:, 7, None] - rows[:, 6, None] * back))
+    i = (rows[:, 4] + 1j * rows[:, 5])[:, None] * frame
+    lost = np.zeros(i.shape, dtype=complex)
     for k in range(3):
         axis = np.exp(2j * math.pi * k / 3)
         lost += V_d * 2 / 3 * np.sign((i * np.conj(axis)).real) * axis
-    seen = lost * np.exp(-1j * angle)
-    step = abs(speed) * np.median(np.diff(rows[:, 0])) * _period(rows)
-    whole = int(len(rows) * step / (math.pi / 3)) * (math.pi / 3) / step
-    return complex(seen[: max(1, round(whole))].mean())
+    return np.asarray((lost / frame).mean(axis=1))
 
 
-def _period(rows: Array) -> float:
-    """Sample time, from how far the angle comes in a sample."""
-    passed = np.diff(rows[:, 0])
-    turned = np.diff(np.unwrap(rows[:, 7]))
-    return float(np.sum(turned) / np.sum(passed) / rows[:, 6].mean())
+def _whole(rows: Array, T: float) -> int:
+    """How many rows, from the first, are a whole number of sixths of a turn."""
+    step = abs(rows[:, 6].mean()) * np.median(np.diff(rows[:, 0])) * T
+    sixths = int(len(rows) * step / (math.pi / 3))
+    return max(1, round(sixths * (math.pi / 3) / step))
 
 
 def turned(ran: Ran, machine: Machine) -> Turned | str:
@@ -93,7 +99,12 @@ def turned(ran: Ran, machine: Machine) -> Turned | str:
             current.append(one[1])
             speed.append(one[2])
             behind.append(one[3])
-        J.append(_inertia(ran, machine, place))
+    found = replace(machine, psi_m=float(np.mean(psi)))
+    for place in (0, 1):
+        value = machine.J
+        for _ in range(3):
+            value = _inertia(ran, found, place, value)
+        J.append(value)
     return Turned(*(np.array(values) for values in (psi, current, speed, behind, J)))
 
 
@@ -105,7 +116,7 @@ def _rows(ran: Ran, what: str, place: int) -> tuple[Array, int]:
 def _flux(ran: Ran, machine: Machine, place: int, index: int) -> tuple[float, float, float, float] | str:
     """psi_m, the current along d, speed, angle behind, of one hold."""
     rows, _ = _rows(ran, f"hold {index}", place)
-    rows = rows[len(rows) // 2 :]
+    rows = rows[-max(1, len(rows) // 3) :]
     burst, _ = _rows(ran, f"burst {index}", place)
     omega = rows[:, 6].mean()
     half_step = omega * ran.period / 2
@@ -114,7 +125,8 @@ def _flux(ran: Ran, machine: Machine, place: int, index: int) -> tuple[float, fl
     wanted = next(s.current for s in ran.run.segments if s.what == f"hold {index}" and s.place == place)
     if abs(i.real / wanted - 1) > 0.05:
         return f"current not reached while turning: {i.real:.3g} A of {wanted:.3g} A"
-    flux = (u - lost_voltage(burst, machine.V_d) - machine.R * i * math.cos(half_step)) / (
+    lost = complex(lost_voltage(burst[: _whole(burst, ran.period)], machine.V_d, ran.period).mean())
+    flux = (u - lost - machine.R * i * math.cos(half_step)) / (
         1j * omega * math.sin(half_step) / half_step
     )
     active = flux - machine.L_q * i
@@ -126,21 +138,30 @@ def _flux(ran: Ran, machine: Machine, place: int, index: int) -> tuple[float, fl
     return abs(active) - (machine.L_d - machine.L_q) * i_d, i_d, float(omega), angle
 
 
-def _inertia(ran: Ran, machine: Machine, place: int) -> float:
-    """Energy over half the square of the speed, up and down together."""
+def _inertia(ran: Ran, machine: Machine, place: int, J: float) -> float:
+    """Energy over half the square of the speed, up and down together; ``J`` as it is known by now.
+
+    The rotor stays behind the axis by its acceleration over the square of its natural frequency, so that it is slower
+    than the axis while that angle grows.
+    """
     energy, square, columns = [], [], []
     for index, what in enumerate(("up", "down")):
         rows, samples = _rows(ran, what, place)
         step = np.diff(np.concatenate([[ran.began_of(what, place)], rows[:, 0]])) * ran.period
         power = 1.5 * (rows[:, 2] * rows[:, 4] + rows[:, 3] * rows[:, 5])
+        lost = lost_voltage(rows, machine.V_d, ran.period)
+        power -= 1.5 * (lost.real * rows[:, 4] + lost.imag * rows[:, 5])
         power -= 1.5 * machine.R * (rows[:, 4] ** 2 + rows[:, 5] ** 2)
         energy.append(np.cumsum(power * step))
-        omega = rows[:, 6] / machine.p
+        current = float(rows[:, 4].mean())
+        swing = 1.5 * machine.p**2 * (machine.psi_m + (machine.L_d - machine.L_q) * current) * current / J
+        x = (rows[:, 0] - ran.began_of(what, place)) / samples
+        change = (1 if what == "up" else -1) * np.sign(rows[:, 6].sum()) * np.abs(rows[:, 6]).max()
+        bend = (60 * x - 180 * x**2 + 120 * x**3) * change / (samples * ran.period) ** 2
+        omega = (rows[:, 6] - bend / swing) / machine.p
         square.append(omega**2 / 2)
-        time = np.cumsum(step)
-        way = np.cumsum(np.abs(omega) * step)
         one = np.zeros((len(rows), 4))
-        one[:, 0], one[:, 1], one[:, 2 + index] = time, way, 1.0
+        one[:, 0], one[:, 1], one[:, 2 + index] = np.cumsum(step), np.cumsum(np.abs(omega) * step), 1.0
         columns.append(one)
     table = np.column_stack([np.concatenate(square), np.concatenate(columns)])
     return float(np.linalg.lstsq(table, np.concatenate(energy), rcond=None)[0][0])

@@ -11,7 +11,7 @@
 #define STEEPEST 1.875f       /* slope of the smooth step in its middle */
 #define LONGEST_PLAN 16000000.0f /* samples that a float32 counts */
 #define SEGMENT_PAYLOAD 35
-#define START_PAYLOAD 25
+#define START_PAYLOAD 45
 
 /* --- arithmetic --- */
 
@@ -194,39 +194,65 @@ static float32 square_sign(pmsm_commission_t *c, const pmsm_commission_segment_t
     return sign;
 }
 
+/* One of a leg's edges comes late: what that is expected to take, V in alpha and beta, by the signs of the phase currents
+ * that are asked for. They fade near zero. */
+static void expect_lost(const pmsm_commission_t *c, pmsm_pair axis, float32 lost[2])
+{
+    float32 sign[3];
+    int k;
+    sign[0] = c->target * axis.cosine;
+    sign[1] = c->target * ((HALF_ROOT_3 * axis.sine) - (0.5f * axis.cosine));
+    sign[2] = -sign[0] - sign[1];
+    for (k = 0; k < 3; k++) {
+        sign[k] = sign[k] / c->fade;
+        sign[k] = (sign[k] > 1.0f) ? 1.0f : sign[k];
+        sign[k] = (sign[k] < -1.0f) ? -1.0f : sign[k];
+    }
+    lost[0] = c->lost * (((2.0f * sign[0]) - sign[1] - sign[2]) / 3.0f);
+    lost[1] = c->lost * (ONE_OVER_ROOT_3 * (sign[1] - sign[2]));
+}
+
+/* Shorten a vector to a length, if it is longer; returns whether it was. */
+static int shorten(float32 v[2], float32 longest)
+{
+    const float32 size = PMSM_SQRT((v[0] * v[0]) + (v[1] * v[1]));
+    const int longer = (size > longest) ? 1 : 0;
+    if (longer != 0) {
+        v[0] *= longest / size;
+        v[1] *= longest / size;
+    }
+    return longer;
+}
+
 /* Regulators along and across the axis, and the square wave; V in alpha and beta for the interval that comes. */
 static void regulate(pmsm_commission_t *c, const float32 i[2], float32 dc_link, float32 v[2])
 {
     const pmsm_commission_segment_t *const s = &c->plan[c->segment];
     const float32 largest = USABLE * ONE_OVER_ROOT_3 * dc_link;
     const float32 sign = square_sign(c, s);
+    const int along = (s->half > 0u) ? 1 : 0; /* a stiff regulator would flatten the square wave */
+    const int across = ((s->flags & PMSM_COMMISSION_STIFF) != 0u) ? 0 : 1;
     const float32 ahead = (c->delay != 0) ? 1.5f : 0.5f;
     const pmsm_pair axis = sine_cosine(c->angle + (ahead * c->step));
     float32 i_frame[2];
     float32 error[2];
     float32 wanted[2];
-    float32 size;
-    float32 share = 1.0f;
+    float32 lost[2];
     into_frame(sine_cosine(c->angle), i, i_frame);
     error[0] = c->target - i_frame[0];
     error[1] = -i_frame[1];
-    wanted[0] = (c->k_p * error[0]) + c->integral[0];
-    wanted[1] = (c->k_p * error[1]) + c->integral[1] + (c->now * c->flux);
-    size = PMSM_SQRT((wanted[0] * wanted[0]) + (wanted[1] * wanted[1]));
-    if (size > largest) {
-        share = largest / size;
-    } else {
-        c->integral[0] += c->k_i * error[0];
-        c->integral[1] += c->k_i * error[1];
+    wanted[0] = (c->k_p[along] * error[0]) + c->integral[0];
+    wanted[1] = (c->k_p[across] * error[1]) + c->integral[1] + (c->now * (c->flux + (c->inductance * c->target)));
+    if (shorten(wanted, largest) == 0) {
+        c->integral[0] += c->k_i[along] * error[0];
+        c->integral[1] += c->k_i[across] * error[1];
     }
-    wanted[0] = (share * wanted[0]) + (sign * s->square[0]);
-    wanted[1] = (share * wanted[1]) + (sign * s->square[1]);
-    size = PMSM_SQRT((wanted[0] * wanted[0]) + (wanted[1] * wanted[1]));
-    share = (size > largest) ? (largest / size) : 1.0f;
-    wanted[0] *= share;
-    wanted[1] *= share;
-    v[0] = (axis.cosine * wanted[0]) - (axis.sine * wanted[1]);
-    v[1] = (axis.sine * wanted[0]) + (axis.cosine * wanted[1]);
+    wanted[0] += sign * s->square[0];
+    wanted[1] += sign * s->square[1];
+    expect_lost(c, axis, lost);
+    v[0] = (axis.cosine * wanted[0]) - (axis.sine * wanted[1]) + lost[0];
+    v[1] = (axis.sine * wanted[0]) + (axis.cosine * wanted[1]) + lost[1];
+    (void)shorten(v, largest);
 }
 
 /* Duty cycles with the three legs centred about one half. */
@@ -379,28 +405,42 @@ static int plan_is_good(const pmsm_commission_t *c, int segments, float32 sample
     return good;
 }
 
+/* k_p and k_i along, then across. */
+static int gains_are_good(const float32 gains[4])
+{
+    int good = 1;
+    int k;
+    for (k = 0; k < 4; k++) {
+        if ((within(gains[k], LONGEST_PLAN) == 0) || (gains[k] < 0.0f)) {
+            good = 0;
+        }
+    }
+    return good;
+}
+
 static Uint16 start(pmsm_commission_t *c)
 {
     pmsm_link_t *const link = &c->telemetry.link;
     const int segments = (int)pmsm_link_read_8(link);
     const float32 samples_max = c->limits.seconds / c->period;
-    float32 values[6];
+    float32 values[11];
     Uint16 verdict = PMSM_COMMISSION_TAKEN;
-    pmsm_link_read_floats(link, values, 6);
+    pmsm_link_read_floats(link, values, 11);
     if (c->state == PMSM_COMMISSION_ENDED) {
         verdict = PMSM_COMMISSION_LATCHED;
     } else if ((values[0] > 0.0f) && (within(values[0], c->limits.current) != 0) && (values[1] > 0.0f) &&
-               (values[2] > values[1]) && (within(values[2], LONGEST_PLAN) != 0) && (values[3] > 0.0f) &&
-               (within(values[3], LONGEST_PLAN) != 0) && (values[4] >= 0.0f) && (values[4] <= values[3]) &&
-               (within(values[5], LONGEST_PLAN) != 0) && (plan_is_good(c, segments, samples_max) != 0)) {
+               (values[2] > values[1]) && (within(values[2], LONGEST_PLAN) != 0) && (gains_are_good(&values[3]) != 0) &&
+               (within(values[7], LONGEST_PLAN) != 0) && (within(values[8], LONGEST_PLAN) != 0) &&
+               (within(values[9], LONGEST_PLAN) != 0) && (values[10] > 0.0f) && (plan_is_good(c, segments, samples_max) != 0)) {
         int k;
         c->segments = segments;
         c->current_limit = values[0];
         c->link_low = values[1];
         c->link_high = values[2];
-        c->k_p = values[3];
-        c->k_i = values[4];
-        c->flux = values[5];
+        c->flux = values[7];
+        c->inductance = values[8];
+        c->lost = values[9];
+        c->fade = values[10];
         c->sample = (Uint32)0;
         c->sample_max = (Uint32)samples_max;
         c->current = 0.0f;
@@ -410,6 +450,8 @@ static Uint16 start(pmsm_commission_t *c)
         c->angle = 0.0f;
         c->step = 0.0f;
         for (k = 0; k < 2; k++) {
+            c->k_p[k] = values[3 + (2 * k)];
+            c->k_i[k] = values[4 + (2 * k)];
             c->integral[k] = 0.0f;
             c->offset[k] = 0.0f;
             c->v_last[k] = 0.0f;

@@ -20,7 +20,7 @@ extern "C" {
 #endif
 
 #define PMSM_COMMISSION_PROTOCOL 1u
-#define PMSM_COMMISSION_SEGMENTS 32 /* a plan has at most so many */
+#define PMSM_COMMISSION_SEGMENTS 40 /* a plan has at most so many */
 #ifndef PMSM_COMMISSION_ROWS
 #define PMSM_COMMISSION_ROWS 384 /* rows that wait to be sent, 15 words of memory each; a burst is no longer */
 #endif
@@ -56,6 +56,7 @@ extern "C" {
 /* Flags of a segment. */
 #define PMSM_COMMISSION_GATES_OFF 1u /* no voltage; the mean of the currents is taken for the sensors' offsets */
 #define PMSM_COMMISSION_DRAIN 2u     /* lasts until all rows are sent, if that takes longer */
+#define PMSM_COMMISSION_STIFF 4u     /* across the axis the regulator of the current along it */
 
 /* A stretch of the plan. The current vector follows an axis that turns; along it a current is regulated, across it
  * none. Amount and speed go from those of the segment before to these, smoothly. */
@@ -95,9 +96,12 @@ typedef struct {
     float32 current_limit; /* A */
     float32 link_low;      /* V */
     float32 link_high;
-    float32 k_p;  /* V/A */
-    float32 k_i;  /* V/A a sample */
-    float32 flux; /* V s: times speed, the voltage across that is expected */
+    float32 k_p[2]; /* V/A, along and across */
+    float32 k_i[2]; /* V/A a sample */
+    float32 lost;   /* V that a leg is expected to lose by the sign of its current */
+    float32 fade;   /* A below which that sign fades */
+    float32 flux;   /* V s, and H of the current along: times speed, the voltage across that is expected */
+    float32 inductance;
     /* set by one of interrupt and main loop, read by the other */
     volatile int state;
     volatile int reason;
