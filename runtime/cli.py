@@ -19,6 +19,7 @@ from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import FolderError
 from codegen.output.version import __version__
 from model.schema import DriveError
+from runtime.commands.commission import commission
 from runtime.commands.compare import compare
 from runtime.commands.design import design
 from runtime.commands.faults import faults
@@ -73,6 +74,7 @@ for command in (
     record,
     replay,
     identify,
+    commission,
     compare,
     starts,
     faults,

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.commission.electrical import axes, d_is_smaller, inductances, levels
-from runtime.commission.intervals import EXPECTED, Told, of_values
+from runtime.commission.intervals import Told, of_values
 from runtime.commission.line import Bench as Board
 from runtime.commission.line import Ran
 from runtime.commission.plan import Bench, Limits, at_rest, turning
-from runtime.commission.protocol import BYTE_ARRIVED, DONE, Run
+from runtime.commission.protocol import BYTE_ARRIVED, DONE, Run, Segment
 from runtime.commission.turning import Machine, Turned, turned
 from runtime.design.facts import Facts
 
@@ -107,6 +107,8 @@ class _Work:
         self.board, self.found, self.stop, self.tell, self.keep = board, found, stop, tell, keep
         self.now = replace(found.facts, T=board.hello.period)
         self.smaller: bool | None = None
+        self.L: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+        self.across: Segment | None = None
 
     def carry_out(self) -> None:
         """All runs."""
@@ -116,7 +118,7 @@ class _Work:
         bench = replace(bench, facts=self.now, seen=True)
         first = self._turn(bench, LAG_GUESSED, "turning, to learn")
         if first is not None:
-            self.now = replace(self.now, psi_m=float(first.psi_m.mean()), J=float(first.J.mean()))
+            self.now = replace(self.now, psi_m=float(first.psi_by_direction.mean()), J=float(first.J.mean()))
         bench = replace(bench, facts=self.now, known=first is not None)
         self._rest(bench)
         if first is None:
@@ -144,7 +146,7 @@ class _Work:
         if not bench.known and not isinstance(L, str):
             low = inductances(ran, R, self.now.sigma, "low ")
             L = low if isinstance(low, str) else L
-            self.smaller = None if isinstance(low, str) or isinstance(L, str) else d_is_smaller(L[0], low[0])
+            self.smaller = None if isinstance(low, str) or isinstance(L, str) else d_is_smaller(L.mean(axis=0), low[0])
         if isinstance(L, str):
             why |= {"L_d": L, "L_q": L}
             return True
@@ -170,7 +172,7 @@ class _Work:
         ran = self._run(turning(bench, lag), name)
         f = self.now
         V_d = f.dc_link * f.dead_time / f.T
-        result = turned(ran, Machine(f.R, f.L_d, f.L_q, V_d, f.p, f.psi_m, f.J))
+        result = turned(ran, Machine(f.R, f.L_d, f.L_q, V_d, f.p, f.psi_m, f.J, f.dc_link))
         if isinstance(result, str):
             self.found.why |= {"psi_m": result, "J": result}
             return None
@@ -178,12 +180,14 @@ class _Work:
 
     def _tell_turning(self, each: list[Turned], bench: Bench) -> None:
         """psi_m and J of all turns; and the inductance across, from which the moving rotor took a little."""
-        psi = np.concatenate([one.psi_m for one in each])
+        psi = np.concatenate([one.psi_by_direction for one in each])
         J = np.concatenate([one.J for one in each])
         f = self.now
         unsure = max(self._width("L_d"), self._width("L")) * f.L_d * float(np.mean([one.current for one in each]))
         self.found.told |= {"psi_m": of_values("psi_m", psi, unsure), "J": of_values("J", J)}
         self.now = replace(f, psi_m=float(psi.mean()), J=float(J.mean()))
+        if self.across is None:
+            return
         swing_flux = bench.pull(self.across.current)
         wave = np.pi / (self.across.half * f.T)
         moved = 1.5 * (f.p * swing_flux / wave) ** 2 / self.now.J
@@ -227,6 +231,3 @@ def found_facts(found: Commissioned) -> Facts:
 
     told: Mapping[str, Told] = found.told
     return with_found(found.facts, {word: (one.value, one.width) for word, one in told.items() if one.surely})
-
-
-__all__ = ["EXPECTED", "Commissioned", "commission", "found_facts"]

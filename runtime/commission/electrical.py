@@ -176,7 +176,7 @@ class Axes:
 
 
 #: Beyond that ratio of the inductances a rotor counts as salient; an axis within so many degrees of the current is it.
-SALIENT, NEAR = 1.03, 12.0
+SALIENT, NEAR = 1.05, 12.0
 
 
 def d_is_smaller(high: Array, low: Array) -> bool | None:
@@ -190,10 +190,10 @@ def d_is_smaller(high: Array, low: Array) -> bool | None:
     high, low : (2, 2)
         H.
     """
-    values, vectors = np.linalg.eigh(low)
+    values = np.linalg.eigvalsh(high)
     if values[1] < SALIENT * values[0]:
         return None
-    angles = [math.degrees(math.atan2(abs(v[1, 0]), abs(v[0, 0]))) for v in (vectors, np.linalg.eigh(high)[1])]
+    angles = [math.degrees(math.atan2(*np.abs(np.linalg.eigh(L)[1][::-1, 0]))) for L in (low, high)]
     aligned = all(min(angle, 90.0 - angle) < NEAR for angle in angles)
     return bool(angles[0] < 45.0) if aligned else True
 

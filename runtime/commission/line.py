@@ -73,9 +73,7 @@ class Ran:
         what : str
         place : int
         """
-        index, segment = next(
-            (k, s) for k, s in enumerate(self.run.segments) if s.what == what and s.place == place
-        )
+        index, segment = next((k, s) for k, s in enumerate(self.run.segments) if s.what == what and s.place == place)
         return self.began[index] - segment.every
 
     def of(self, what: str, place: int | None = None) -> Iterator[Array]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 from runtime.commission.protocol import DRAIN, GATES_OFF, STIFF, Run, Segment
 from runtime.design.facts import Facts
@@ -38,8 +39,8 @@ SPEED, SLOWEST, QUICKEST, HOLD = 0.4, 12.0, 0.15, 0.6
 STEEPEST, SIXTHS = 1.875, 12
 #: Bandwidth of the current regulators at most, of a sample; the damping ratio that a swinging rotor is to have.
 BANDWIDTH, DAMPING = 0.2, 0.3
-#: What magnets hold a rotor at least, of their flux; below that current, of the regulated one, a sign fades.
-WEAKEST, FADE = 0.2, 0.1
+#: What magnets hold a rotor at least, of their flux; a sign fades below that current at least, of the regulated one.
+WEAKEST, FADE = 0.2, 0.02
 #: s: a swing is given that long at most to die out.
 LONGEST_SETTLING = 3.0
 
@@ -113,12 +114,17 @@ class Bench:
         across = max(f.R, min(wanted, along * L))
         return along * L, along * f.R * f.T, across - f.R, across * swing * f.T / 3.0
 
-    def run(self, name: str, segments: list[Segment], gains: tuple[float, float, float, float], current: float) -> Run:
-        """A plan with the limits and the controller, for currents of about that size."""
+    def run(self, name: str, segments: list[Segment], current: float, omega: float = 0.0) -> Run:
+        """A plan with the limits and the controller, for currents of about that size and speeds up to that.
+
+        Signs of currents fade below their ripple at full speed.
+        """
         f = self.facts
         link = (0.5 * f.dc_link, 1.25 * f.dc_link)
         lost = f.dc_link * f.dead_time / f.T if self.seen else 0.0
-        return Run(name, tuple(segments), self.limits.current, link, gains, f.psi_m, f.L_d, lost, FADE * current)
+        fade = max(FADE * current, omega * f.psi_m * f.T / (8.0 * min(f.L_d, f.L_q)))
+        gains = self.gains(current, omega)
+        return Run(name, tuple(segments), self.limits.current, link, gains, f.psi_m, f.L_d, lost, fade)
 
 
 def at_rest(bench: Bench) -> Run:
@@ -139,7 +145,7 @@ def at_rest(bench: Bench) -> Run:
             segments += [replace(s, what=f"low {s.what}") for s in _waves(bench, levels[0], place)]
             segments.append(Segment("drain", 1, levels[0], flags=DRAIN))
     segments.append(_down(bench))
-    return bench.run("at rest", segments, bench.gains(levels[-1]), levels[-1])
+    return bench.run("at rest", segments, levels[-1])
 
 
 def _offset(bench: Bench) -> Segment:
@@ -155,7 +161,7 @@ def _one_angle(bench: Bench, place: int, levels: list[float], turning: int) -> l
     ramp = bench.samples(RAMP_TIME)
     settle = bench.samples(max(RAMP_TIME, 6.0 * bench.electrical_time))
     shown = bench.samples(LEVEL_TIME)
-    rows = {"every": bench.every, "place": place}
+    rows: dict[str, Any] = {"every": bench.every, "place": place}
     ratio = bench.damping(levels[0], bench.gains(levels[-1])[2] + bench.facts.R)
     calm = bench.samples(min(LONGEST_SETTLING, 4.0 / (min(ratio, 1.0) * bench.swing(levels[0]))))
     segments = [
@@ -174,7 +180,7 @@ def _waves(bench: Bench, level: float, place: int) -> list[Segment]:
     segments = []
     for word in ("along", "across"):
         half, volts = square_wave(bench, word, level)
-        waves = {word: volts, "half": half}
+        waves: dict[str, Any] = {word: volts, "half": half}
         rows = min(BURST, bench.rows - 2) // 2
         segments.append(Segment("waves", 2 * half * SETTLING_PERIODS, level, **waves))
         segments.append(Segment(word, rows // (2 * half) * 2 * half, level, **waves, every=1, place=place))
@@ -235,8 +241,8 @@ def turning(bench: Bench, lag: float = LAG) -> Run:
     segments.append(Segment("turn", 2 * align, current, ramp=align, turn=2.0 * math.pi / 3))
     for place, sign in enumerate((1.0, -1.0)):
         omega = sign * f.p * speed
-        rows: dict[str, int] = {"every": bench.every, "place": place}
-        fine = {"every": fine_rows(bench, omega), "place": place}
+        rows: dict[str, Any] = {"every": bench.every, "place": place}
+        fine: dict[str, Any] = {"every": fine_rows(bench, omega), "place": place}
         burst = fine["every"] * min(BURST, bench.rows - 2)
         segments.append(Segment("up", ramp, current, ramp=ramp, speed=omega, **rows))
         segments.append(Segment("hold 0", hold, current, speed=omega, **rows))
@@ -248,7 +254,7 @@ def turning(bench: Bench, lag: float = LAG) -> Run:
         segments.append(Segment("down", ramp, current, ramp=ramp, speed=0.0, **rows))
         segments.append(Segment("rest", change, current, **rows))
     segments.append(_down(bench))
-    return bench.run("turning", segments, bench.gains(second, f.p * speed), second)
+    return bench.run("turning", segments, second, f.p * speed)
 
 
 def fine_rows(bench: Bench, omega: float) -> int:

@@ -83,8 +83,8 @@ class Segment:
 class Run:
     """A plan with its limits (A, V) and its controller.
 
-    ``gains``: V/A and V/A a sample along the current, and across it; ``flux`` V s and ``inductance`` H; ``lost`` V of a leg by the
-    sign of its current, which fades below ``fade`` A.
+    ``gains``: V/A and V/A a sample along the current, and across it; ``flux`` V s and ``inductance`` H: times speed,
+    the voltage across that is expected; ``lost`` V of a leg by the sign of its current, which fades below ``fade`` A.
     """
 
     name: str

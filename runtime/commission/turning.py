@@ -17,18 +17,17 @@ from numpy.typing import NDArray
 
 from runtime.commission.electrical import cleaned, offsets
 from runtime.commission.line import Ran
+from runtime.commission.lost import Inverter, followed_loss, mean_sign_loss
 
 Array = NDArray[Any]
 
 #: The rotor follows where it lies within so many degrees of the current at constant speed.
 FOLLOWS = 40.0
-#: Instants of a row at which signs are looked at.
-WITHIN = 24
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What is known by now: ohm, H, V, pole pairs, Wb, kg m^2."""
+    """What is known by now: ohm, H, V, pole pairs, Wb, kg m^2, V."""
 
     R: float
     L_d: float
@@ -37,6 +36,11 @@ class Machine:
     p: int
     psi_m: float
     J: float
+    dc_link: float
+
+    def inverter(self, T: float) -> Inverter:
+        """The inverter before it, with a sample time of T s."""
+        return Inverter(self.dc_link, T, self.V_d * T / self.dc_link, self.L_d, self.L_q)
 
 
 @dataclass(frozen=True)
@@ -49,36 +53,11 @@ class Turned:
     behind: Array
     J: Array
 
-
-def lost_voltage(rows: Array, V_d: float, T: float) -> Array:
-    """What legs lose to dead time, seen from the current's frame, V, as complex numbers (N,).
-
-    The current is that of a row; the angle of the frame passes on within it.
-
-    Parameters
-    ----------
-    rows : (N, 8)
-    V_d : float
-        V.
-    T : float
-        Sample time, s.
-    """
-    length = np.median(np.diff(rows[:, 0])) * T
-    back = (np.arange(WITHIN) + 0.5) / WITHIN * length
-    frame = np.exp(1j * (rows[:, 7, None] - rows[:, 6, None] * back))
-    i = (rows[:, 4] + 1j * rows[:, 5])[:, None] * frame
-    lost = np.zeros(i.shape, dtype=complex)
-    for k in range(3):
-        axis = np.exp(2j * math.pi * k / 3)
-        lost += V_d * 2 / 3 * np.sign((i * np.conj(axis)).real) * axis
-    return np.asarray((lost / frame).mean(axis=1))
-
-
-def _whole(rows: Array, T: float) -> int:
-    """How many rows, from the first, are a whole number of sixths of a turn."""
-    step = abs(rows[:, 6].mean()) * np.median(np.diff(rows[:, 0])) * T
-    sixths = int(len(rows) * step / (math.pi / 3))
-    return max(1, round(sixths * (math.pi / 3) / step))
+    @property
+    def psi_by_direction(self) -> Array:
+        """psi_m of each direction, Wb, (2,): what the inverter takes blurs the smaller of its two currents more."""
+        weight = self.current.reshape(2, -1) ** 2
+        return np.asarray((self.psi_m.reshape(2, -1) * weight).sum(axis=1) / weight.sum(axis=1))
 
 
 def turned(ran: Ran, machine: Machine) -> Turned | str:
@@ -125,10 +104,8 @@ def _flux(ran: Ran, machine: Machine, place: int, index: int) -> tuple[float, fl
     wanted = next(s.current for s in ran.run.segments if s.what == f"hold {index}" and s.place == place)
     if abs(i.real / wanted - 1) > 0.05:
         return f"current not reached while turning: {i.real:.3g} A of {wanted:.3g} A"
-    lost = complex(lost_voltage(burst[: _whole(burst, ran.period)], machine.V_d, ran.period).mean())
-    flux = (u - lost - machine.R * i * math.cos(half_step)) / (
-        1j * omega * math.sin(half_step) / half_step
-    )
+    lost = followed_loss(burst, machine.inverter(ran.period))
+    flux = (u - lost - machine.R * i * math.cos(half_step)) / (1j * omega * math.sin(half_step) / half_step)
     active = flux - machine.L_q * i
     d = active / abs(active)
     angle = float(np.angle(d))
@@ -149,7 +126,7 @@ def _inertia(ran: Ran, machine: Machine, place: int, J: float) -> float:
         rows, samples = _rows(ran, what, place)
         step = np.diff(np.concatenate([[ran.began_of(what, place)], rows[:, 0]])) * ran.period
         power = 1.5 * (rows[:, 2] * rows[:, 4] + rows[:, 3] * rows[:, 5])
-        lost = lost_voltage(rows, machine.V_d, ran.period)
+        lost = mean_sign_loss(rows, machine.V_d, ran.period)
         power -= 1.5 * (lost.real * rows[:, 4] + lost.imag * rows[:, 5])
         power -= 1.5 * machine.R * (rows[:, 4] ** 2 + rows[:, 5] ** 2)
         energy.append(np.cumsum(power * step))
