@@ -335,7 +335,7 @@ int pmsm_commission_step(pmsm_commission_t *c, const float32 phase[2], float32 d
 
 void pmsm_commission_init(pmsm_commission_t *c, float32 period, int delay, const pmsm_commission_limits_t *limits)
 {
-    pmsm_telemetry_init(&c->telemetry, period);
+    pmsm_telemetry_init(&c->sender, period);
     c->limits = *limits;
     c->period = period;
     c->delay = delay;
@@ -356,7 +356,7 @@ void pmsm_commission_init(pmsm_commission_t *c, float32 period, int delay, const
 
 static Uint16 take_segment(pmsm_commission_t *c)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
+    pmsm_link_t *const link = &c->sender.link;
     const Uint16 place = pmsm_link_read_8(link);
     float32 values[7];
     pmsm_commission_segment_t s;
@@ -420,7 +420,7 @@ static int gains_are_good(const float32 gains[4])
 
 static Uint16 start(pmsm_commission_t *c)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
+    pmsm_link_t *const link = &c->sender.link;
     const int segments = (int)pmsm_link_read_8(link);
     const float32 samples_max = c->limits.seconds / c->period;
     float32 values[11];
@@ -495,7 +495,7 @@ static int payload_of(Uint16 command)
 
 static void obey(pmsm_commission_t *c)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
+    pmsm_link_t *const link = &c->sender.link;
     c->sequence = pmsm_link_read_16(link);
     c->command = pmsm_link_read_8(link);
     c->verdict = PMSM_COMMISSION_TAKEN;
@@ -518,7 +518,7 @@ static void obey(pmsm_commission_t *c)
 
 static void answer(pmsm_commission_t *c)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
+    pmsm_link_t *const link = &c->sender.link;
     pmsm_link_begin(link, c->sequence, (Uint16)(c->command | PMSM_COMMISSION_ANSWER));
     if (c->command == PMSM_COMMISSION_HELLO) {
         pmsm_link_write_8(link, PMSM_COMMISSION_PROTOCOL);
@@ -540,14 +540,14 @@ static void answer(pmsm_commission_t *c)
 /* State and segment, numbered among the rows, so that the host sees what is missing. */
 static void tell(pmsm_commission_t *c, int state, int segment, Uint32 sample)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
-    pmsm_link_begin(link, c->telemetry.sequence, PMSM_COMMISSION_EVENT);
+    pmsm_link_t *const link = &c->sender.link;
+    pmsm_link_begin(link, c->sender.sequence, PMSM_COMMISSION_EVENT);
     pmsm_link_write_8(link, (Uint16)state);
     pmsm_link_write_8(link, (Uint16)c->reason);
     pmsm_link_write_8(link, (Uint16)segment);
     pmsm_link_write_32(link, sample);
     pmsm_link_end(link);
-    c->telemetry.sequence = (Uint16)((c->telemetry.sequence + 1u) & 0xFFFFu);
+    c->sender.sequence = (Uint16)((c->sender.sequence + 1u) & 0xFFFFu);
 }
 
 /* The line is free: the next row, or the news that comes before it. */
@@ -560,9 +560,9 @@ static void send_next(pmsm_commission_t *c)
             c->told_segment = (int)row->segment;
             tell(c, PMSM_COMMISSION_RUNNING, c->told_segment, row->sample);
         } else {
-            (void)pmsm_telemetry_send(&c->telemetry, row->sample, &row->values[0], &row->values[2], row->values[4],
+            (void)pmsm_telemetry_send(&c->sender, row->sample, &row->values[0], &row->values[2], row->values[4],
                 row->values[5]);
-            pmsm_telemetry_poll(&c->telemetry);
+            pmsm_telemetry_poll(&c->sender);
             c->first = (c->first + 1 < PMSM_COMMISSION_ROWS) ? (c->first + 1) : 0;
         }
     } else if (state != c->told_state) {
@@ -571,12 +571,12 @@ static void send_next(pmsm_commission_t *c)
     } else {
         /* nothing waits */
     }
-    (void)pmsm_link_flush(&c->telemetry.link);
+    (void)pmsm_link_flush(&c->sender.link);
 }
 
 void pmsm_commission_poll(pmsm_commission_t *c)
 {
-    pmsm_link_t *const link = &c->telemetry.link;
+    pmsm_link_t *const link = &c->sender.link;
     const int sent = pmsm_link_flush(link);
     if (c->state == PMSM_COMMISSION_RUNNING) {
         if (pmsm_board_get() >= 0) {

@@ -86,7 +86,7 @@ typedef struct {
 } pmsm_commission_limits_t;
 
 typedef struct {
-    pmsm_telemetry_t telemetry;
+    pmsm_telemetry_t sender;
     pmsm_commission_limits_t limits;
     float32 period; /* s */
     int delay;      /* samples from a measurement to the interval in which its duty cycles act: 0 or 1 */
