@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.commission.electrical import axes, d_is_smaller, inductances, levels
+from runtime.commission.electrical import CHANGED, axes, d_is_smaller, inductances, levels
 from runtime.commission.intervals import Told, of_values
 from runtime.commission.line import Bench as Board
 from runtime.commission.line import Ran
@@ -28,8 +28,8 @@ Array = NDArray[Any]
 REPEATS = 2
 #: Sines of the angle by which the rotor stays behind while it speeds up: where J is guessed, and where it is known.
 LAG_GUESSED, LAG_KNOWN = 0.15, 0.25
-#: Runs that turn with what is known.
-TURNS = 2
+#: Runs that turn with what is known; the height of square waves where the usual one was too large.
+TURNS, SMALLER = 2, 0.35
 #: Words of :data:`runtime.identify.unknowns.DATA`, in the order in which they are found.
 WORDS = ("R", "V_dead", "L", "L_d", "L_q", "psi_m", "J")
 
@@ -120,8 +120,7 @@ class _Work:
         if first is not None:
             self.now = replace(self.now, psi_m=float(first.psi_by_direction.mean()), J=float(first.J.mean()))
         bench = replace(bench, facts=self.now, known=first is not None)
-        self._rest(bench)
-        if first is None:
+        if not self._rest(bench) or first is None:
             return
         bench = replace(bench, facts=self.now)
         each = [self._turn(bench, LAG_KNOWN, f"turning, {k + 1} of {TURNS}") for k in range(TURNS)]
@@ -130,32 +129,37 @@ class _Work:
             self._tell_turning(whole, bench)
 
     def _rest(self, bench: Bench) -> bool:
-        """R, dead time and inductances; whether R is known."""
+        """R, dead time and inductances; whether all are known."""
         ran = self._run(at_rest(bench), "at rest" if bench.known else "at rest, to learn")
-        found, told, why = self.found, self.found.told, self.found.why
+        told, why = self.found.told, self.found.why
         level = levels(ran, self.now)
         if isinstance(level, str):
-            if not bench.seen:
-                why |= {"R": level, "V_dead": level}
+            for word in ("R", "V_dead"):
+                told.pop(word, None)
+                why[word] = level
             return False
         R, V_d = float(level.R.mean()), float(level.V_d.mean())
         dead_time = min(max(V_d, 0.0) * self.now.T / self.now.dc_link, 0.2 * self.now.T)
         self.now = replace(self.now, R=R, dead_time=dead_time)
         told |= {"R": of_values("R", level.R, level.bent), "V_dead": of_values("V_dead", level.V_d)}
         L = inductances(ran, R, self.now.sigma)
+        if isinstance(L, str) and L == CHANGED and bench.waves == 1.0:
+            return self._rest(replace(bench, waves=SMALLER))
         if not bench.known and not isinstance(L, str):
             low = inductances(ran, R, self.now.sigma, "low ")
             L = low if isinstance(low, str) else L
             self.smaller = None if isinstance(low, str) or isinstance(L, str) else d_is_smaller(L.mean(axis=0), low[0])
         if isinstance(L, str):
+            for word in ("L", "L_d", "L_q"):
+                told.pop(word, None)
             why |= {"L_d": L, "L_q": L}
-            return True
+            return False
         sorted_by = axes(L, self.smaller)
         self.now = replace(self.now, L_d=float(sorted_by.L_d.mean()), L_q=float(sorted_by.L_q.mean()))
         self.across = next(s for s in ran.run.segments if s.what == "across")
         self.L = (sorted_by.L_d, sorted_by.L_q)
-        found.why.pop("L_d", None)
-        found.why.pop("L_q", None)
+        why.pop("L_d", None)
+        why.pop("L_q", None)
         self._tell_inductances(sorted_by.L_d, sorted_by.L_q)
         return True
 

@@ -26,6 +26,7 @@ REACHED = 0.03
 FEWEST, SPREAD = 2, 1.5
 #: Phase currents keep their signs by so many sigmas.
 SIGNS = 6.0
+CHANGED = "a phase current changed its sign within the square wave"
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def inductances(ran: Ran, R: float, sigma: float, word: str = "") -> Array | str
             segment = next(s for s in ran.run.segments if s.what == name and s.place == place)
             rows = cleaned(next(ran.of(name, place)), offset, ran.period, segment.every)
             if not _keep_signs(rows, sigma):
-                return "a phase current changed its sign within the square wave"
+                return CHANGED
             turn = 2 * math.pi / (2 * segment.half)
             wave = np.exp(-1j * turn * np.arange(len(rows)))
             u[:, column] = rows[:, 2:4].T @ wave

@@ -57,13 +57,15 @@ class Limits:
 class Bench:
     """What a plan is made for: facts as they are known by now, limits, samples of a row, rows that the board keeps.
 
-    ``seen``: R, inductances and dead time were measured already; ``known``: the other facts, too.
+    ``waves``: height of the square waves, of the usual one. ``seen``: R, inductances and dead time were measured
+    already; ``known``: the other facts, too.
     """
 
     facts: Facts
     limits: Limits
     every: int
     rows: int
+    waves: float = 1.0
     seen: bool = False
     known: bool = False
 
@@ -204,7 +206,7 @@ def square_wave(bench: Bench, word: str, level: float) -> tuple[int, float]:
     f = bench.facts
     L, most = (f.L_d if word == "along" else f.L_q), SQUARE_VOLTAGE * f.voltage
     L = min(L, STRONG * min(f.L_d, f.L_q)) if not bench.known else L
-    wanted = 2.0 * L * SQUARE * level / f.T
+    wanted = 2.0 * L * bench.waves * SQUARE * level / f.T
     half = next((half for half in HALVES if wanted / half <= most), HALVES[-1])
     return half, min(wanted / half, most)
 

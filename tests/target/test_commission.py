@@ -6,7 +6,6 @@ import ctypes
 import math
 import struct
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -121,8 +120,8 @@ PLAN = [
 
 
 @pytest.fixture
-def bench() -> Iterator[Bench]:
-    yield Bench()
+def bench() -> Bench:
+    return Bench()
 
 
 def test_a_plan_runs_to_its_end_and_tells_every_row(bench: Bench) -> None:
