@@ -34,7 +34,7 @@ FLOORS = (
     ("runtime.drive", "runtime.firmware.static", "runtime.proof.text"),
     ("runtime.proof", "runtime.replay", "runtime.compare", "runtime.faults", "runtime.study", "runtime.design"),
     ("runtime.firmware", "runtime.board", "runtime.identify"),
-    ("runtime.endurance",),
+    ("runtime.endurance", "runtime.commission"),
     ("runtime.report",),
     ("runtime.commands",),
     ("runtime",),

@@ -6,6 +6,7 @@ turning twice: those are what is told. A datum that a run does not show is not t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,7 +28,9 @@ Array = NDArray[Any]
 #: A run of which frames were lost is made again so often.
 REPEATS = 2
 #: Sines of the angle by which the rotor stays behind while it speeds up: where J is guessed, and where it is known.
-LAG_GUESSED, LAG_KNOWN = 0.15, 0.25
+LAG_GUESSED, LAG_KNOWN = 0.15, 0.35
+#: How much of the dead time's voltage stays unknown where currents linger about zero.
+BLURRED = 0.015
 #: Runs that turn with what is known; the height of square waves where the usual one was too large.
 TURNS, SMALLER = 2, 0.35
 #: Words of :data:`runtime.identify.unknowns.DATA`, in the order in which they are found.
@@ -188,7 +191,9 @@ class _Work:
         J = np.concatenate([one.J for one in each])
         f = self.now
         unsure = max(self._width("L_d"), self._width("L")) * f.L_d * float(np.mean([one.current for one in each]))
-        self.found.told |= {"psi_m": of_values("psi_m", psi, unsure), "J": of_values("J", J)}
+        lost = f.dc_link * f.dead_time / f.T
+        blurred = BLURRED * lost / float(np.mean([np.abs(one.speed) for one in each]))
+        self.found.told |= {"psi_m": of_values("psi_m", psi, math.hypot(unsure, blurred)), "J": of_values("J", J)}
         self.now = replace(f, psi_m=float(psi.mean()), J=float(J.mean()))
         if self.across is None:
             return

@@ -148,6 +148,12 @@ class Bench:
         UserError
             The board refuses the plan, or falls silent.
         """
+        seconds = run.samples * self.hello.period
+        if seconds > self.hello.seconds or len(run.segments) > self.hello.segments:
+            raise UserError(
+                f"a run of {seconds:.0f} s in {len(run.segments)} segments is planned; the board's firmware allows "
+                f"{self.hello.seconds:.4g} s in {self.hello.segments}: raise seconds in pmsm_commission_init."
+            )
         for index, segment in enumerate(run.segments):
             self._command(SEGMENT, segment.packed(index))
         self._command(START, run.packed())

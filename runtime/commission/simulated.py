@@ -51,6 +51,7 @@ def board_sources() -> dict[str, str]:
     """The texts of the board's program, by flat file name."""
     folder = drive_folder(FOLDER)
     shared = [f"pmsm_{part}{end}" for part in ("link", "telemetry", "commission") for end in (".h", ".c")]
+    shared.append("pmsm_commission_talk.c")
     sources = {name: folder.text(f"board/{name}") for name in shared}
     own = {name: (HERE / name).read_text(encoding="utf-8") for name in OWN}
     return {**sources, "pmsm_port.h": folder.text("pmsm_port.h"), **own}

@@ -47,6 +47,7 @@ class Bench:
     def __init__(self, delay: int = 1) -> None:
         names = ("pmsm_link", "pmsm_telemetry", "pmsm_commission")
         sources = {f"{n}{end}": (FOLDER / "board" / f"{n}{end}").read_text() for n in names for end in (".c", ".h")}
+        sources["pmsm_commission_talk.c"] = (FOLDER / "board" / "pmsm_commission_talk.c").read_text()
         sources["pmsm_port.h"] = (FOLDER / "pmsm_port.h").read_text()
         sources["bench.c"] = (HERE / "commission_bench.c").read_text()
         self.c: Any = ctypes.CDLL(str(build_library(sources, {})))
@@ -296,10 +297,11 @@ def test_voltages_stay_within_the_link_and_duties_within_one(bench: Bench) -> No
     assert max(sizes) == pytest.approx(0.95 * 24.0 / math.sqrt(3), rel=1e-3)
 
 
-def test_it_compiles_with_a_16_bit_int(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["pmsm_commission", "pmsm_commission_talk"])
+def test_it_compiles_with_a_16_bit_int(name: str, tmp_path: Path) -> None:
     """An int of 16 bits, as on the C28x, and every warning an error."""
     flags = [*STRICT, "-mmcu=atmega1284p", "-Os", f"-I{FOLDER}", f"-I{FOLDER / 'board'}"]
-    source = FOLDER / "board" / "pmsm_commission.c"
+    source = FOLDER / "board" / f"{name}.c"
     command = [need("avr-gcc"), *flags, "-c", str(source), "-o", str(tmp_path / "c.o")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -151,6 +151,9 @@ int pmsm_commission_step(pmsm_commission_t *c, const float32 phase[2], float32 d
 /* Once a turn of the main loop: take what arrived, send what waits. Never waits. */
 void pmsm_commission_poll(pmsm_commission_t *c);
 
+/* What pmsm_commission_poll calls: the plan's first sample is the next one. */
+void pmsm_commission_begin(pmsm_commission_t *c);
+
 #ifdef __cplusplus
 }
 #endif
