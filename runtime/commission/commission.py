@@ -28,9 +28,9 @@ Array = NDArray[Any]
 #: A run of which frames were lost is made again so often.
 REPEATS = 2
 #: Sines of the angle by which the rotor stays behind while it speeds up: where J is guessed, and where it is known.
-LAG_GUESSED, LAG_KNOWN = 0.15, 0.35
+LAG_GUESSED, LAG_KNOWN = 0.15, 0.25
 #: How much of the dead time's voltage stays unknown where currents linger about zero.
-BLURRED = 0.015
+BLURRED = 0.025
 #: Runs that turn with what is known; the height of square waves where the usual one was too large.
 TURNS, SMALLER = 2, 0.35
 #: Words of :data:`runtime.identify.unknowns.DATA`, in the order in which they are found.

@@ -26,6 +26,8 @@ REACHED = 0.03
 FEWEST, SPREAD = 2, 1.5
 #: Phase currents keep their signs by so many sigmas.
 SIGNS = 6.0
+#: Degree of the drift of a current beneath a square wave.
+DRIFT = 3
 CHANGED = "a phase current changed its sign within the square wave"
 
 
@@ -129,15 +131,23 @@ def inductances(ran: Ran, R: float, sigma: float, word: str = "") -> Array | str
             if not _keep_signs(rows, sigma):
                 return CHANGED
             turn = 2 * math.pi / (2 * segment.half)
-            wave = np.exp(-1j * turn * np.arange(len(rows)))
-            u[:, column] = rows[:, 2:4].T @ wave
-            i[:, column] = rows[:, 4:6].T @ wave
+            u[:, column] = _amplitudes(rows[:, 2:4], turn)
+            i[:, column] = _amplitudes(rows[:, 4:6], turn)
             turns.append(turn)
         L = _inductance(u, i, turns, R, ran.period)
         if L is None:
             return "the square wave drove no current that could be told from noise"
         found.append(L)
     return np.array(found)
+
+
+def _amplitudes(values: Array, turn: float) -> Array:
+    """Complex amplitudes (2,) at a frequency of ``turn`` rad a row, beside a slow drift: the rotor may still swing."""
+    k = np.arange(len(values))
+    slow = np.polynomial.legendre.legvander(2.0 * k / len(values) - 1.0, DRIFT)
+    table = np.column_stack([np.cos(turn * k), np.sin(turn * k), slow])
+    cosine, sine = np.linalg.lstsq(table, values, rcond=None)[0][:2]
+    return np.asarray(cosine - 1j * sine)
 
 
 def _keep_signs(rows: Array, sigma: float) -> bool:

@@ -16,11 +16,11 @@ from typing import Any
 from runtime.commission.protocol import DRAIN, GATES_OFF, STIFF, Run, Segment
 from runtime.design.facts import Facts
 
-#: Levels of the current at rest, of the largest that may flow; the height of a square wave's current, of its level. A
-#: measured rotor is kept below a share of the current at which it would leave its axis. Inductances that differ more
-#: than so often are doubted.
+#: Levels of the current at rest, of the largest that may flow; the height of a square wave's current, of its level,
+#: where the inductances are guessed and where they are known. A measured rotor is kept below a share of the current at
+#: which it would leave its axis. Inductances that differ more than so often are doubted.
 LEVELS = (0.2, 0.35, 0.5)
-SQUARE = 0.2
+SQUARE, SQUARE_KNOWN = 0.2, 0.3
 KEPT, STRONG = 0.7, 1.5
 #: A square wave takes that share of the largest voltage at most, and its half that many samples.
 SQUARE_VOLTAGE, HALVES = 0.3, (4, 6, 8, 12, 16)
@@ -31,8 +31,9 @@ ANGLES = 3
 #: s: of the offsets, of a level's rows; a ramp of current at least, and a turn of the axis.
 OFFSET_TIME, LEVEL_TIME, RAMP_TIME, TURN_TIME = 0.1, 0.12, 0.05, 0.3
 #: While it turns: currents, of the largest that may flow, and of the current at which a strongly salient rotor leaves
-#: its axis; their ratio; the sine of the angle by which a rotor that speeds up stays behind the current.
-TURNING, OF_CRITICAL, SECOND, LAG = 0.35, 0.45, 0.6, 0.15
+#: its axis; their ratio; the sine of the angle by which a rotor that speeds up stays behind the current, and the
+#: largest one, where it would not get to speed otherwise.
+TURNING, OF_CRITICAL, SECOND, LAG, LARGEST_LAG = 0.35, 0.45, 0.75, 0.15, 0.35
 #: Speed, of the rated one; the longest and the shortest ramp of it, s; how long it is held.
 SPEED, SLOWEST, QUICKEST, HOLD = 0.4, 12.0, 0.15, 0.6
 #: Of the smooth ramp in its middle: its slope. Sixths of a turn that a burst of rows sees at least.
@@ -178,12 +179,18 @@ def _one_angle(bench: Bench, place: int, levels: list[float], turning: int) -> l
 
 
 def _waves(bench: Bench, level: float, place: int) -> list[Segment]:
-    """Square waves along, then across; their rows fit into the board's memory together."""
-    segments = []
+    """Square waves along, then across.
+
+    Their rows fit into the board's memory together: nothing may come between them that lets a rotor leave its axis to
+    the other side. Where it is known to keep its axis each may fill the memory.
+    """
+    segments: list[Segment] = []
     for word in ("along", "across"):
         half, volts = square_wave(bench, word, level)
         waves: dict[str, Any] = {word: volts, "half": half}
-        rows = min(BURST, bench.rows - 2) // 2
+        rows = min(BURST, bench.rows - 2) // (1 if bench.known else 2)
+        if bench.known and segments:
+            segments.append(Segment("drain", 1, level, flags=DRAIN))
         segments.append(Segment("waves", 2 * half * SETTLING_PERIODS, level, **waves))
         segments.append(Segment(word, rows // (2 * half) * 2 * half, level, **waves, every=1, place=place))
     return segments
@@ -206,7 +213,8 @@ def square_wave(bench: Bench, word: str, level: float) -> tuple[int, float]:
     f = bench.facts
     L, most = (f.L_d if word == "along" else f.L_q), SQUARE_VOLTAGE * f.voltage
     L = min(L, STRONG * min(f.L_d, f.L_q)) if not bench.known else L
-    wanted = 2.0 * L * bench.waves * SQUARE * level / f.T
+    height = bench.waves * (SQUARE_KNOWN if bench.known else SQUARE) * level
+    wanted = 2.0 * L * height / f.T
     half = next((half for half in HALVES if wanted / half <= most), HALVES[-1])
     return half, min(wanted / half, most)
 
@@ -232,8 +240,12 @@ def turning(bench: Bench, lag: float = LAG) -> Run:
     """
     f, current = bench.facts, turning_current(bench)
     second = SECOND * current
-    acceleration = lag * 1.5 * f.p * bench.pull(current) * current / f.J / STEEPEST
-    speed = min(SPEED * f.speed, bench.limits.speed, SLOWEST * acceleration)
+    pulled = 1.5 * f.p * bench.pull(current) * current / f.J / STEEPEST
+    speed = min(SPEED * f.speed, bench.limits.speed)
+    if bench.known and speed > SLOWEST * lag * pulled:
+        lag = min(LARGEST_LAG, speed / (SLOWEST * pulled))
+    acceleration = lag * pulled
+    speed = min(speed, SLOWEST * acceleration)
     ramp = bench.samples(max(QUICKEST, speed / acceleration))
     swing = bench.swing(second)
     change = bench.samples(max(RAMP_TIME, 20.0 / swing))

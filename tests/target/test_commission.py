@@ -157,7 +157,7 @@ def test_any_byte_at_any_instant_ends_it(bench: Bench, seed: int) -> None:
         bench.step()
     assert bench.state == RUNNING
     where = bench.segment
-    bench.send(bytes([int(rng.integers(0, 256))]))
+    bench.send(bytes([int(rng.integers(0, 256)) if seed % 4 else 0]))  # a zero is a byte, too
     bench.poll()
     assert not any(bench.step() for _ in range(300)), f"gates on after a byte in segment {where}"
     assert (bench.state, bench.reason) == (ENDED, BYTE)
@@ -271,9 +271,9 @@ def test_a_place_beyond_the_plan_and_a_wrong_length_are_refused(bench: Bench) ->
 def test_noise_on_the_line_never_switches_on(bench: Bench) -> None:
     """Random bytes, and damaged frames of a start: without a whole start the gates stay off."""
     rng = np.random.default_rng(1)
-    for k, segment in enumerate(PLAN):
+    for k, segment in enumerate(PLAN[1:]):
         bench.ask(SEGMENT, segment.packed(k))
-    whole = encode(Frame(99, START, struct.pack("<B11f", 8, 10.0, 12.0, 30.0, 0.1, 0, 0, 0, 0, 0, 0, 1.0)))
+    whole = encode(Frame(99, START, struct.pack("<B11f", 7, 10.0, 12.0, 30.0, 0.1, 0, 0, 0, 0, 0, 0, 1.0)))
     for _ in range(300):
         data = bytearray(rng.integers(0, 256, 40, dtype=np.uint8).tobytes() if rng.random() < 0.5 else whole)
         if bytes(data) == whole:
@@ -282,7 +282,11 @@ def test_noise_on_the_line_never_switches_on(bench: Bench) -> None:
         bench.send(bytes(data))
         for _ in range(5):
             assert not bench.step()
-    assert bench.state != RUNNING
+        assert bench.state == IDLE
+    bench.send(whole)
+    for _ in range(4):
+        bench.poll()
+    assert bench.step()  # undamaged it would have done so
 
 
 def test_voltages_stay_within_the_link_and_duties_within_one(bench: Bench) -> None:
