@@ -82,8 +82,11 @@ static void enter(pmsm_commission_t *c, int segment)
     c->segment = segment;
     c->segment_sample = (Uint32)0;
     c->segment_begin = c->sample;
-    c->half_left = (int)c->plan[segment].half;
-    c->square_sign = 1;
+    if ((segment == 0) || (c->plan[segment].half != c->plan[segment - 1].half)) {
+        /* the first half is half as long, so that the current swings about its mean; a wave that goes on goes on */
+        c->half_left = ((int)c->plan[segment].half + 1) / 2;
+        c->square_sign = 1;
+    }
     c->summed = 0u;
     c->sums[0] = 0.0f;
     c->sums[1] = 0.0f;
