@@ -19,6 +19,7 @@ from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import FolderError
 from codegen.output.version import __version__
 from model.schema import DriveError
+from runtime.commands.commission import commission
 from runtime.commands.compare import compare
 from runtime.commands.design import design
 from runtime.commands.doctor import doctor
@@ -71,7 +72,7 @@ GROUPS = {
     "Prove": (verify, firmware),
     "See": (simulate, replay, compare),
     "Choose": (identify, study),
-    "Board": (pil, record),
+    "Board": (pil, record, commission),
     "Stress": (starts, faults, fuzz, soak),
 }
 for group, commands in GROUPS.items():

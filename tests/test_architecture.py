@@ -42,7 +42,7 @@ FLOORS = (
         "runtime.design",
     ),
     ("runtime.firmware", "runtime.board", "runtime.identify", "runtime.packages"),
-    ("runtime.endurance",),
+    ("runtime.endurance", "runtime.commission"),
     ("runtime.report",),
     ("runtime.commands",),
     ("runtime",),
