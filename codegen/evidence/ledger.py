@@ -18,6 +18,8 @@ from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
 from codegen.evidence.units import Kind, Unit, constant
+from codegen.targets.description import Target
+from codegen.targets.find import default_target
 
 #: In the order tables show them; ``add`` is additions, subtractions and negations.
 OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")
@@ -37,7 +39,7 @@ Count = Counter[str]
 class Ledger:
     """Worst case of one function. ``calls``: sin_cos as a call; ``expanded``: as the arithmetic it is emitted as.
 
-    ``words``: 16-bit words of its state struct on the C28x.
+    ``words``: 16-bit words of its state struct on the target.
     """
 
     calls: dict[str, int]
@@ -54,6 +56,8 @@ class Program:
         File texts by name, headers included.
     sources : str
         Which of them to compile; a call out of one finds the function in another.
+    target : Target, optional
+        Whose macros and data model are taken; by default those of the default target.
 
     Raises
     ------
@@ -61,8 +65,9 @@ class Program:
         If the text holds what the ledger cannot count.
     """
 
-    def __init__(self, files: Mapping[str, str], *sources: str) -> None:
-        self.units = [Unit(*parse_emitted(files, name), name) for name in sources]
+    def __init__(self, files: Mapping[str, str], *sources: str, target: Target | None = None) -> None:
+        self.target = target or default_target()
+        self.units = [Unit(*parse_emitted(files, name, self.target.macros), name, self.target.data) for name in sources]
 
     def ledger(
         self, function: str, struct: str, max_iterations: int, given: Mapping[str, int] = MappingProxyType({})

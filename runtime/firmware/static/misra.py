@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from codegen.evidence.emitted import CHIP_MACROS
+from codegen.targets.find import default_target
 from runtime.firmware.static.check import Check
 from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
@@ -26,7 +26,7 @@ PLATFORM = Path(__file__).with_name("c28x.xml")
 
 #: Macros that TI's compiler and its limits.h and float.h define; cppcheck reads no system header.
 DEFINES = {
-    **CHIP_MACROS,
+    **default_target().macros,
     "__TI_STRICT_FP_MODE__": "1",
     "__TI_COMPILER_VERSION__": "22006000",
 }
