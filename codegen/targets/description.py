@@ -88,6 +88,8 @@ class Compiler:
         Types and names that this header defines under the guard, where the width does not tell them.
     keyword : str
         Keyword of an interrupt function; empty: it is a plain function.
+    builtin_sqrt : bool
+        Where it says that it is GNU's, it knows ``__builtin_sqrtf``; else its ``math.h`` declares sqrtf in C89, too.
     """
 
     macro: str = ""
@@ -97,6 +99,7 @@ class Compiler:
     device_header: str = ""
     types: tuple[tuple[str, str], ...] = ()
     keyword: str = ""
+    builtin_sqrt: bool = True
 
 
 @dataclass(frozen=True)

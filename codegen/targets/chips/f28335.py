@@ -48,6 +48,7 @@ COMPILER = Compiler(
         ("long double", "float64"),
     ),
     keyword="interrupt",
+    builtin_sqrt=False,
 )
 
 SECTIONS = Sections(

@@ -100,8 +100,8 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     "runtime/firmware/emulator.py": ("firmware_verdicts", (
         ("cost with the empty function", "(rows[:, 1] - calibration[\"E\"]) * unit", "rows[:, 1] * unit", "test_lines_of_a_run"),
     )),
-    "runtime/firmware/cortex_m4.py": ("firmware_verdicts", (
-        ("ticks for instructions", "INSTRUCTIONS_PER_TICK = 40 / 1024", "INSTRUCTIONS_PER_TICK = 1024 / 40", "test_units_of_the_stand_ins"),
+    "runtime/firmware/cortex_m.py": ("firmware_verdicts", (
+        ("ticks for instructions", "1 / (self.board.clock * INSTRUCTION)", "self.board.clock * INSTRUCTION", "test_units_of_the_stand_ins"),
     )),
     "runtime/firmware/static/compilers.py": ("static_verdicts", (
         ("warnings are no failure", '"failed" if said or not sources', '"failed" if not sources', "test_compilers_verdict"),
