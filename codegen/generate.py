@@ -11,6 +11,7 @@ name; ``files`` and ``bodies`` are texts by path relative to the folder.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -241,11 +242,12 @@ def record_selftests(about: Description, steps: dict[str, FilterStep], module: s
         Text of the Python module.
     """
     runs, control = segments(about.drive, about.model), control_run(about.drive)
+    native = bool(about.target.numbers.turns)
     gain = gains(about.drive, control.delay).values
     tests: dict[str, SelfTest] = {}
     for kind in steps:
-        tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs))
-        recording = record_control(module, kind, control, gain)
+        tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs, native))
+        recording = record_control(module, kind, control, gain, native)
         tests[f"{kind}_foc"] = render_control_selftest(about, kind, control, recording)
     return tests
 
@@ -291,7 +293,15 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)
-    return files
+    return {path: _with_field_ints(about, path, text) for path, text in files.items()}
+
+
+def _with_field_ints(about: Description, path: str, text: str) -> str:
+    """Headers of the firmware with the target's type of whole numbers in structs."""
+    whole = about.target.compiler.field_int
+    if whole == "int" or not path.endswith(".h") or "/" in path:
+        return text
+    return re.sub(r"^    int (?=\w+(?:\[\w+\])?;)", f"    {whole} ", text, flags=re.MULTILINE)
 
 
 def with_heads(

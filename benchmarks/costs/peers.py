@@ -14,8 +14,9 @@ import casadi as ca
 
 from codegen.ir.covariance import place
 from codegen.ir.trig import wrap_listing
-from codegen.render.filter import render_port, sin_cos_text
+from codegen.render.filter import render_port
 from codegen.render.printers.c import CPrinter
+from codegen.render.trig import sin_cos_text
 from codegen.targets.find import default_target
 from codegen.targets.numbers import FLOAT32
 from costs.counting import Candidate

@@ -104,7 +104,8 @@ class Account:
         k : float
             Cycles an addition or multiplication is priced at.
         """
-        return prices.total(self.program.count(f"{self.name}{function}", max_iterations), k)
+        count = self.program.count(f"{self.name}{function}", max_iterations, not prices.sin_cos_is_called)
+        return prices.total(count, k)
 
 
 def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:

@@ -9,19 +9,11 @@ from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
-from codegen.render.filter import (
-    ANGLE,
-    Description,
-    named_constants,
-    render,
-    sin_cos_arithmetic,
-    sin_cos_text,
-    trig_note,
-    with_sections,
-)
+from codegen.render.filter import ANGLE, Description, named_constants, render, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.supervisor import machine_of
+from codegen.render.trig import sin_cos_arithmetic, sin_cos_text, trig_note
 from codegen.targets.numbers import FLOAT32, FLOAT64
 from model.filters import FilterStep
 from model.inverter import OF_LEGS, STATE, TRANSFORM

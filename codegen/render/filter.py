@@ -17,9 +17,10 @@ from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
-from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
+from codegen.ir.trig import wrap_listing
 from codegen.output.version import __version__
-from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
+from codegen.render.printers.c import STRUCT_FIELDS, CPrinter
+from codegen.render.trig import sin_cos_text, trig_note
 from codegen.targets.description import Sections, Target
 from codegen.targets.find import find_target
 from codegen.targets.numbers import NumberFormat
@@ -229,18 +230,6 @@ def with_sections(sections: Sections, source: str, cold: set[str]) -> str:
     return f"{head}{render('ramfunc.j2', sections=sections, functions=hot)}\n{include}{tail}"
 
 
-def trig_note(numbers: NumberFormat) -> list[str]:
-    """Return the comment's lines above sine and cosine: how they are made, and their error."""
-    if not numbers.generated_trig:
-        return ["Sine and cosine of the platform."]
-    bound = sin_cos_bound()
-    return [
-        "Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.",
-        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, "
-        f"worst of {bound.samples} arguments {bound.seen:.1e}.",
-    ]
-
-
 def library_calls(listings: Sequence[Listing], numbers: NumberFormat) -> str:
     """The functions of libm that the step calls, in words.
 
@@ -309,23 +298,6 @@ def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
         "sinc_text": printer.format_turn("SINC", "part"),
         "cosm1_text": printer.format_turn("COSM1", "part"),
     }
-
-
-def sin_cos_arithmetic(printer: CPrinter, precision: Precision) -> str:
-    """Sine and cosine in one precision, their own macro first."""
-    coarse = printer.format_literal(2.0 * precision.rounding)
-    note = "adding and subtracting it rounds to the nearest even integer"
-    return f"#define ROUND_EVEN {coarse} /* {note} */\n{printer.format_helper(sin_cos_listing(precision))}"
-
-
-def sin_cos_text(printer: CPrinter) -> str:
-    """The function behind its note: as arithmetic, or the platform's."""
-    if printer.numbers.generated_trig:
-        return sin_cos_arithmetic(printer, printer.numbers.precision)
-    lines = [f"static {printer.pair} sin_cos(float64 x)", "{", f"{INDENT}{printer.pair} result;"]
-    return "\n".join(
-        [*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"]
-    )
 
 
 def filter_constants(

@@ -13,11 +13,10 @@ from codegen.render.filter import (
     covariance_comment,
     filter_constants,
     render,
-    sin_cos_text,
-    trig_note,
     turn_context,
 )
 from codegen.render.printers.lanes import LanesPrinter, lane_arrays
+from codegen.render.trig import sin_cos_text, trig_note
 from codegen.targets.numbers import FLOAT32, FLOAT64
 from model.filters import FilterStep
 from model.filters.program import Repeat, Restart, Turns

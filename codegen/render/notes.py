@@ -84,10 +84,12 @@ def cost_notes(ledger: Ledger, prices: Prices | None, title: str = "Cost at most
     if prices is None:
         return [f"{title}: {counts}, {2 * ledger.words} bytes of state."]
     typical, bound = prices.factors[0], prices.factors[-1]
+    priced = ledger.priced(prices)
     return [
         f"{title}: {counts};",
-        f"  estimated {prices.total(ops, typical)} cycles on {prices.on} (k = {typical:g}; {prices.total(ops, bound)} "
-        f"at k = {bound:g}; from published cycles, not measured), {ledger.words} words of state.",
+        f"  estimated {prices.total(priced, typical)} cycles on {prices.on} (k = {typical:g}; "
+        f"{prices.total(priced, bound)} at k = {bound:g}; from published cycles, not measured), "
+        f"{ledger.words} words of state.",
     ]
 
 

@@ -125,7 +125,7 @@ def _row(
 ) -> dict[str, Any]:
     called, expanded = (
         [prices.total(counts, k) for k in prices.factors] if prices else []
-        for counts in (ledger.calls, ledger.expanded)
+        for counts in (ledger.priced(prices) if prices else ledger.calls, ledger.expanded)
     )
     return {
         "subject": subject,

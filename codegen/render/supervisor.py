@@ -9,20 +9,12 @@ from codegen.ir.covariance import CovarianceLayout, place, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
-from codegen.render.filter import (
-    ANGLE,
-    Description,
-    named_constants,
-    render,
-    sin_cos_text,
-    trig_note,
-    tuning,
-    with_sections,
-)
+from codegen.render.filter import ANGLE, Description, named_constants, render, tuning, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.transitions import stay_texts
+from codegen.render.trig import sin_cos_text, trig_note
 from model.filters import FilterStep
 from model.filters.program import Restart
 from model.inverter import TRANSFORM

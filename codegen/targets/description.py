@@ -88,6 +88,8 @@ class Compiler:
         Types and names that this header defines under the guard, where the width does not tell them.
     keyword : str
         Keyword of an interrupt function; empty: it is a plain function.
+    field_int : str
+        Type of whole numbers in structs: another than int where two processors of one chip share them.
     builtin_sqrt : bool
         Where it says that it is GNU's, it knows ``__builtin_sqrtf``; else its ``math.h`` declares sqrtf in C89, too.
     """
@@ -99,6 +101,7 @@ class Compiler:
     device_header: str = ""
     types: tuple[tuple[str, str], ...] = ()
     keyword: str = ""
+    field_int: str = "int"
     builtin_sqrt: bool = True
 
 
@@ -113,12 +116,15 @@ class NativeMath:
     lines : tuple of str
         The macros' definitions.
     what : str
-        What they are, for the comment above them.
+        What they are, for the comment above them, its end included.
+    calls : mapping of str to str
+        The functions behind the macros, and the ledger's name of what each does.
     """
 
     macro: str
     lines: tuple[str, ...]
     what: str
+    calls: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -203,6 +209,11 @@ class Prices:
     def periods(self) -> dict[str, int]:
         """Cycles of a period by its frequency."""
         return {f"{f:g} kHz": round(self.clock / (1e3 * f)) for f in (10, 20, 50)}
+
+    @property
+    def sin_cos_is_called(self) -> bool:
+        """A library's sincos is priced; else the arithmetic or the instructions that are emitted."""
+        return "sincos" in self.cycles
 
     def total(self, operations: Mapping[str, int], k: float) -> int:
         """Cycles of one call.
@@ -317,6 +328,8 @@ class Target:
         None: nobody published what prices compiled C.
     board : Board, optional
         Where the text is run; None: nowhere, and REPORT.md says so.
+    subset : str
+        Rules of a subset of C that the text must keep: a gate of ``runtime.firmware.static``; empty: none.
     not_shown : str
         What is not run or not measured here, in words.
     """
@@ -336,6 +349,7 @@ class Target:
     arithmetic: Arithmetic | None = None
     prices: Prices | None = None
     board: Board | None = None
+    subset: str = ""
     not_shown: str = ""
 
     @cached_property

@@ -161,7 +161,7 @@ _REPORT_TEMPLATE: tuple[Row, ...] = (
     ("chip's certificate is the host's", 'certificate(kind ~ ", chip", f.chip.fpu32)', 'certificate(kind ~ ", chip", f.certificate)', FIGURES),
     ("current of the box in V", "{{ \"%g\" | format(drive.operating_box.current) }} A", "{{ \"%g\" | format(drive.operating_box.current) }} V", FIGURES),
     ("sine: proved and seen exchanged", 'error proved <= {{ "%.1e" | format(trig.proved) }}', 'error proved <= {{ "%.1e" | format(trig.seen) }}', FIGURES),
-    ("price of a division", "{{ budget.prices.cycles.div }} div + {{ budget.prices.cycles.sqrt }} sqrt", "{{ budget.prices.cycles.sqrt }} div + {{ budget.prices.cycles.div }} sqrt", FIGURES),
+    ("price of a division", "+ {{ price }} {{ name }}", "+ {{ name }} {{ price }}", FIGURES),
     ("expanded add is mul", "{{ row.ledger.expanded.add }} | {{ row.ledger.expanded.mul }}", "{{ row.ledger.expanded.mul }} | {{ row.ledger.expanded.add }}", FIGURES),
 )  # fmt: skip
 
@@ -204,9 +204,9 @@ _FIGURES = {
         ("iterations that do not fit are offered", "<= budget]\n", "<= 2 * budget]\n", (BUDGET,)),
     ),
     "codegen/facts.py": (
-        ("estimated at k = 4", "prices.total(ledger.calls, prices.factors[0])", "prices.total(ledger.calls, prices.factors[1])", FIGURES),
+        ("estimated at k = 4", "prices.total(ledger.priced(prices), prices.factors[0])", "prices.total(ledger.priced(prices), prices.factors[1])", FIGURES),
         ("filter's cost for the controller's", "_cost_facts(accounts[kind].controller, accounts", "_cost_facts(accounts[kind].filter, accounts", FIGURES),
-        ("share of another mode", "round(share(ledger.calls, drive, prices), 4)", "round(share({**ledger.calls, 'mul': 0}, drive, prices), 4)", FIGURES),
+        ("share of another mode", "round(share(ledger.priced(prices), drive, prices), 4)", "round(share(ledger.expanded, drive, prices), 4)", FIGURES),
         ("three digits", '[float(f"{value:.1e}") for value', '[float(f"{value:.0e}") for value', FIGURES),
         ("self-test of the controller", "tests[kind].vectors,", 'tests[f"{kind}_foc"].vectors,', HEADERS),
     ),
@@ -222,9 +222,11 @@ _FIGURES = {
     "codegen/render/templates/port.h.j2": (
         ("two bits exchanged", "#define PMSM_DIVERGED 0x10", "#define PMSM_DIVERGED 0x8", ("regenerated paper_spmsm tests/codegen/test_status_bits.py -k 'values_agree and paper_spmsm'",)),
     ),
+    "codegen/render/trig.py": (
+        ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
+    ),
     "codegen/render/filter.py": (
         ("sample time in ms", "sample_time * 1e6:g} us", "sample_time * 1e3:g} us", FIGURES),
-        ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
         ("sinc's bound for cosm1's", "sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e}", "sinc {bound.cosm1:.1e}, cosm1 {bound.sinc:.1e}", FIGURES),
         ("small angles as far as d^2", "for d up to {LIMIT**0.5:.2g} rad", "for d up to {LIMIT:.2g} rad", FIGURES),
         ("units of x forgotten one on", 'f"{state.name} {state.unit}" for state', 'f"{state.name} {model.states[0].unit}" for state', FIGURES),
