@@ -6,13 +6,14 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from codegen.evidence.budget import FACTORS, Account, cycles, share
-from codegen.evidence.certificate import Figures
+from codegen.evidence.budget import Account, share
+from codegen.evidence.certificate import ChipModel, Figures
 from codegen.evidence.ledger import Ledger
 from codegen.evidence.measure import Record
 from codegen.output.version import __version__
 from codegen.render.drive import plant_data
 from codegen.render.selftest import SelfTest
+from codegen.targets.description import Prices
 from model.filters import FilterStep
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
@@ -29,6 +30,7 @@ def identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep])
     """
     return {
         "drive": drive.name,
+        "target": drive.target_name,
         "form": "literal" if any(step.covariance == "P" for step in steps.values()) else "fast",
         "input_sha256": drive.sha256,
         "versions": {"pmsm-ickf": __version__, "casadi": version("casadi"), "sympy": version("sympy")},
@@ -67,14 +69,14 @@ def facts(
             kind: {
                 "gain": step.gain,
                 "iteration": step.iteration_proof or ("bounded loop" if kind == "ickf" else "none"),
-                **_cost_facts(accounts[kind].filter),
-                "controller": _cost_facts(accounts[kind].controller),
+                **_cost_facts(accounts[kind].filter, accounts[kind].prices),
+                "controller": _cost_facts(accounts[kind].controller, accounts[kind].prices),
                 "interrupt": {
-                    mode: {**_cost_facts(ledger), "share_of_sample": round(share(ledger.calls, drive), 4)}
+                    mode: _interrupt_facts(ledger, drive, accounts[kind].prices)
                     for mode, ledger in accounts[kind].interrupts.items()
                 },
                 "certificate": _rounded(asdict(figures[kind].certificate)),
-                "chip_model": {name: _rounded(item) for name, item in asdict(figures[kind].chip).items()},
+                "chip_model": _chip_facts(figures[kind].chip),
                 "selftest": {"vectors": tests[kind].vectors, "words": tests[kind].words},
             }
             for kind, step in steps.items()
@@ -84,16 +86,32 @@ def facts(
     }
 
 
-def _cost_facts(ledger: Ledger) -> dict[str, Any]:
-    """Operations and cycles; ``estimated_cycles`` is the figure at k = 2.5."""
+def _cost_facts(ledger: Ledger, prices: Prices | None) -> dict[str, Any]:
+    """Operations and cycles; ``estimated_cycles`` is the figure at the typical price. No prices, no cycles."""
+    priced = {}
+    if prices is not None:
+        priced = {
+            "estimated_cycles": prices.total(ledger.priced(prices), prices.factors[0]),
+            "cycles": {f"{k:g}": prices.total(ledger.priced(prices), k) for k in prices.factors},
+            "cycles_sincos_expanded": {f"{k:g}": prices.total(ledger.expanded, k) for k in prices.factors},
+        }
     return {
         "operations": ledger.calls,
         "operations_sincos_expanded": ledger.expanded,
-        "estimated_cycles": cycles(ledger.calls, FACTORS[0]),
-        "cycles": {f"{k:g}": cycles(ledger.calls, k) for k in FACTORS},
-        "cycles_sincos_expanded": {f"{k:g}": cycles(ledger.expanded, k) for k in FACTORS},
+        **priced,
         "state_words": ledger.words,
     }
+
+
+def _interrupt_facts(ledger: Ledger, drive: Drive, prices: Prices | None) -> dict[str, Any]:
+    """The same of a whole interrupt, and its share of the sample time."""
+    part = {"share_of_sample": round(share(ledger.priced(prices), drive, prices), 4)} if prices is not None else {}
+    return _cost_facts(ledger, prices) | part
+
+
+def _chip_facts(chip: ChipModel | None) -> dict[str, Any] | None:
+    """What the chip is expected to add; None where its arithmetic is IEEE's."""
+    return {name: _rounded(item) for name, item in asdict(chip).items()} if chip is not None else None
 
 
 def _rounded(certificate: dict[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ name; ``files`` and ``bodies`` are texts by path relative to the folder.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ import numpy as np
 
 from codegen.evidence.box import sample_box
 from codegen.evidence.budget import Account
-from codegen.evidence.certificate import SAMPLES, Figures, certify, certify_chip
+from codegen.evidence.certificate import SAMPLES, ChipModel, Figures, certify, certify_chip
 from codegen.evidence.ledger import Program
 from codegen.evidence.measure import Measurer, Record
 from codegen.evidence.recording import execute, record_control, record_filter
@@ -37,10 +38,11 @@ from codegen.render.lanes import render_foc_lanes, render_lanes, render_plant_la
 from codegen.render.module import render_module
 from codegen.render.notes import cost_notes, filter_notes
 from codegen.render.printers.python import PythonPrinter
-from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.report import render_report
 from codegen.render.selftest import SelfTest, render_control_selftest, render_filter_selftest
 from codegen.render.supervisor import draw_supervisor, module_context, render_supervisor
+from codegen.targets.find import find_target
+from codegen.targets.numbers import FLOAT64, NumberFormat
 from model.filters import FilterStep, build_filter
 from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
@@ -58,8 +60,15 @@ class Package:
     accounts: dict[str, Account] = field(default_factory=dict)
 
 
-#: Targets of the C printer, and the folder of each.
-TARGETS = ((F28335, ""), (HOST64, "host/"))
+def number_formats(about: Description) -> tuple[tuple[NumberFormat, str], ...]:
+    """The number formats of the C printer, the target's first, and the folder of each.
+
+    Parameters
+    ----------
+    about : Description
+    """
+    return (about.target.numbers, ""), (FLOAT64, "host/")
+
 
 #: The shipped form exploits the model's structure; the literal one is the paper's, for reading and proving.
 FORMS: dict[str, Callable[[StateSpaceModel, str, str], FilterStep]] = {
@@ -83,7 +92,7 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     made = draft(drive, form)
     model, steps, about = made.about.model, made.steps, made.about
     with within_numbers(drive):
-        figures = certify_module(drive, model, steps, made.module, samples)
+        figures = certify_module(about, steps, made.module, samples)
     bodies = print_c(about, steps, made.listings)
     accounts = count(drive, bodies)
     with within_numbers(drive):
@@ -201,24 +210,25 @@ def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[
     return {name: lay_out(optimise(block), constants) for name, block in blocks.items()}
 
 
-def certify_module(
-    drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep], module: str, samples: int
-) -> dict[str, Figures]:
+def certify_module(about: Description, steps: dict[str, FilterStep], module: str, samples: int) -> dict[str, Figures]:
     """Stage 4: execute the printed module over the operating box, in both precisions and on the chip's model.
 
     Parameters
     ----------
-    drive : Drive
-    model : StateSpaceModel
+    about : Description
     steps : dict of str to FilterStep
     module : str
         Text of the Python module.
     samples : int
         Draws from the operating box.
     """
-    namespace = execute(module, f"generated_{drive.name}")
-    box = sample_box(drive, model, samples)
-    return {kind: Figures(certify(namespace, kind, box), certify_chip(namespace, kind, box)) for kind in steps}
+    namespace = execute(module, f"generated_{about.drive.name}")
+    box, arithmetic = sample_box(about.drive, about.model, samples), about.target.arithmetic
+
+    def chip(kind: str) -> ChipModel | None:
+        return certify_chip(namespace, kind, box, arithmetic.number, arithmetic.sin_cos) if arithmetic else None
+
+    return {kind: Figures(certify(namespace, kind, box), chip(kind)) for kind in steps}
 
 
 def record_selftests(about: Description, steps: dict[str, FilterStep], module: str) -> dict[str, SelfTest]:
@@ -232,11 +242,12 @@ def record_selftests(about: Description, steps: dict[str, FilterStep], module: s
         Text of the Python module.
     """
     runs, control = segments(about.drive, about.model), control_run(about.drive)
+    native = bool(about.target.numbers.turns)
     gain = gains(about.drive, control.delay).values
     tests: dict[str, SelfTest] = {}
     for kind in steps:
-        tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs))
-        recording = record_control(module, kind, control, gain)
+        tests[kind] = render_filter_selftest(about, kind, module, runs, record_filter(module, kind, runs, native))
+        recording = record_control(module, kind, control, gain, native)
         tests[f"{kind}_foc"] = render_control_selftest(about, kind, control, recording)
     return tests
 
@@ -255,7 +266,7 @@ OPEN_HEAD = "(notes)"
 
 
 def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str, Listing]) -> dict[str, str]:
-    """Stage 3: C for every kind and target. The heads are open: :func:`with_heads` closes them.
+    """Stage 3: C for every kind and number format. The heads are open: :func:`with_heads` closes them.
 
     Parameters
     ----------
@@ -264,11 +275,11 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
     listings : dict of str to Listing
     """
     name = about.drive.name
-    files = {"pmsm_port.h": render_port()}
+    files = {"pmsm_port.h": render_port(about.target)}
     for kind, step in steps.items():
-        for target, folder in TARGETS:
-            header, source = render_filter(about, step, listings, target, [OPEN_HEAD])
-            stem = f"{folder}{name}_{kind}{target.tag}"
+        for numbers, folder in number_formats(about):
+            header, source = render_filter(about, step, listings, numbers, [OPEN_HEAD])
+            stem = f"{folder}{name}_{kind}{numbers.tag}"
             files[f"{stem}.h"], files[f"{stem}.c"] = header, source
         lanes = f"host/{name}_{kind}_lanes"
         files[f"{lanes}.h"], files[f"{lanes}.c"] = render_lanes(about, step, listings)
@@ -282,7 +293,15 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)
-    return files
+    return {path: _with_field_ints(about, path, text) for path, text in files.items()}
+
+
+def _with_field_ints(about: Description, path: str, text: str) -> str:
+    """Headers of the firmware with the target's type of whole numbers in structs."""
+    whole = about.target.compiler.field_int
+    if whole == "int" or not path.endswith(".h") or "/" in path:
+        return text
+    return re.sub(r"^    int (?=\w+(?:\[\w+\])?;)", f"    {whole} ", text, flags=re.MULTILINE)
 
 
 def with_heads(
@@ -295,20 +314,20 @@ def with_heads(
     """Stage 5: the heads say what the texts below them cost and how far they can be trusted; the board's files."""
     files, name = dict(bodies), about.drive.name
     for kind, step in steps.items():
-        for target, folder in TARGETS:
-            account = accounts[kind] if target is F28335 else None
-            source = f"{folder}{name}_{kind}{target.tag}.c"
-            certificate, chip = figures[kind].certificate, figures[kind].chip
+        account, certificate, chip = accounts[kind], figures[kind].certificate, figures[kind].chip
+        for numbers, folder in number_formats(about):
+            source = f"{folder}{name}_{kind}{numbers.tag}.c"
+            target = about.target if numbers is about.target.numbers else None
             notes = filter_notes(step, target, about.model.states, account, certificate, chip)
             files[source] = _with_notes(files[source], notes)
         foc = f"{name}_{kind}_foc.c"
-        notes = cost_notes(accounts[kind].controller, "Cost at most, with the filter")
+        notes = cost_notes(account.controller, account.prices, "Cost at most, with the filter")
         files[foc] = _with_notes(files[foc], notes)
         whole = f"{name}_{kind}_drive.c"
         notes = [
             line
-            for mode, ledger in accounts[kind].interrupts.items()
-            for line in cost_notes(ledger, f"Cost at most, a whole interrupt, {mode}")
+            for mode, ledger in account.interrupts.items()
+            for line in cost_notes(ledger, account.prices, f"Cost at most, a whole interrupt, {mode}")
         ]
         files[whole] = _with_notes(files[whole], notes)
     return files | render_board(about, steps, {kind: files[f"{name}_{kind}.c"] for kind in steps})
@@ -330,7 +349,8 @@ def count(drive: Drive, files: dict[str, str]) -> dict[str, Account]:
     for kind in dict.fromkeys(drive.filter.kinds):
         name = f"{drive.name}_{kind}"
         sources = [f"{name}{end}.c" for end in ("", "_foc", "_supervisor", "_drive")]
-        accounts[kind] = Account(Program(files, *sources), name, drive.filter.max_iterations)
+        program = Program(files, *sources, target=find_target(drive.target_name))
+        accounts[kind] = Account(program, name, drive.filter.max_iterations)
     return accounts
 
 

@@ -202,6 +202,16 @@ class Budget(_Section):
     ram_words: Annotated[int | None, Field(ge=10, le=10_000, strict=True), Unit("16-bit words")] = None
 
 
+#: The target of a drive file that names none.
+DEFAULT_TARGET = "f28335"
+
+
+class TargetChoice(_Section):
+    """The processor that C is generated for: ``name`` is a file of ``codegen/targets/chips``."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = DEFAULT_TARGET
+
+
 class Drive(_Section):
     """A validated drive file.
 
@@ -220,6 +230,7 @@ class Drive(_Section):
     rated: Rated | None = None
     tolerance: Tolerance | None = None
     start: Start | None = None
+    target: TargetChoice | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
 
@@ -253,6 +264,11 @@ class Drive(_Section):
         """The sections as a manifest keeps them; a section that may be left out and is, is not told."""
         sections = self.model_dump(mode="json", exclude={"sha256", "name"})
         return {name: section for name, section in sections.items() if section is not None}
+
+    @property
+    def target_name(self) -> str:
+        """The processor that C is generated for."""
+        return self.target.name if self.target else DEFAULT_TARGET
 
     @property
     def switching_frequency(self) -> float:

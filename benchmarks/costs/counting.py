@@ -19,7 +19,7 @@ from model.schema import Drive
 from runtime.estimator.compiler import build_program
 from runtime.firmware.build import cross_compile
 from runtime.firmware.callgrind import instructions_per_step
-from runtime.firmware.cortex_m4 import FLAGS, LIBRARIES, CortexM4
+from runtime.firmware.cortex_m import LIBRARIES, boards
 from runtime.firmware.recording import Recording, Segment
 from runtime.firmware.subject import Subject
 from runtime.firmware.tools import MissingTool, find_tool
@@ -32,7 +32,8 @@ Array = NDArray[Any]
 DRIVER = Path(__file__).with_name("driver.c").read_text(encoding="utf-8")
 #: Set for the M4 alone: there a square root is one instruction once errno is out of the way.
 M4_MORE = ("-fno-math-errno",)
-_PROCESSOR = tuple(flag for flag in FLAGS if flag.startswith(("-mcpu", "-mthumb", "-mf")))
+_M4 = boards()["cortex_m4f"]
+_PROCESSOR = _M4.board.flags
 _COMPILING = ("-std=c99", "-O2", "-ffp-contract=off", *M4_MORE)
 
 
@@ -150,7 +151,7 @@ def m4_instructions(candidate: Candidate, inputs: Inputs) -> float:
     _c_only(candidate)
     subject = Subject(candidate.name, "", dict(candidate.sources))
     recording = Recording((Segment(inputs.rows.astype(float)),))
-    return float(np.mean(CortexM4().run(subject, recording, M4_MORE).cost[inputs.first :]))
+    return float(np.mean(_M4.run(subject, recording, M4_MORE).cost[inputs.first :]))
 
 
 def m4_text(candidate: Candidate) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from codegen.evidence.ledger import Program
 from codegen.fast.ablation import ABLATION, AblationStep, Earned, build_ablation, earned
 from codegen.render.filter import Description, render_filter, render_port
-from codegen.render.printers.targets import F28335
+from codegen.targets.numbers import FLOAT32
 from costs.counting import Candidate
 from model.machines.state_space import StateSpaceModel, build, default_initial_state
 from model.schema import Drive
@@ -36,9 +36,9 @@ def candidate(
     drive = problem.drive
     step, listings = build_ablation(problem.model, kind, drive.filter.gain, ablation)
     about = Description(drive, problem.model, problem.initial_state)
-    header, source = render_filter(about, step, listings, F28335, [])
+    header, source = render_filter(about, step, listings, FLOAT32, [])
     name = f"{drive.name}_{kind}"
-    sources = {"pmsm_port.h": render_port(), f"{name}.h": header, f"{name}.c": source}
+    sources = {"pmsm_port.h": render_port(about.target), f"{name}.h": header, f"{name}.c": source}
     count: Counter[str] = Program(sources, f"{name}.c").count(f"{name}_step", drive.filter.max_iterations)
     return Candidate(label or f"ours, {ablation.name}, {kind}", name, sources, operations=count), earned(
         ablation, step, listings

@@ -14,9 +14,11 @@ import casadi as ca
 
 from codegen.ir.covariance import place
 from codegen.ir.trig import wrap_listing
-from codegen.render.filter import render_port, sin_cos_text
+from codegen.render.filter import render_port
 from codegen.render.printers.c import CPrinter
-from codegen.render.printers.targets import F28335
+from codegen.render.trig import sin_cos_text
+from codegen.targets.find import default_target
+from codegen.targets.numbers import FLOAT32
 from costs.counting import Candidate
 from costs.plain import Package, ckf_step
 from model.schema import Drive
@@ -32,14 +34,14 @@ def handwritten(iterations: int = 1) -> Candidate:
     """benchmarks/handwritten_ckf.c with the generated filters' sine, cosine and wrapping; ``iterations``: N_max."""
     texts = {name: (HERE / name).read_text(encoding="utf-8") for name in ("handwritten_ckf.h", "handwritten_ckf.c")}
     texts["handwritten_ckf.c"] = f"#define N_MAX {iterations}\n" + texts["handwritten_ckf.c"]
-    sources = {"pmsm_port.h": render_port(), "trig.h": trig_header(), **texts}
+    sources = {"pmsm_port.h": render_port(default_target()), "trig.h": trig_header(), **texts}
     return Candidate("hand-written", "handwritten_ckf", sources)
 
 
 def trig_header() -> str:
     """Sine, cosine and wrapping as generated, as a header."""
-    printer = CPrinter(F28335)
-    literal, precision = printer.format_literal, F28335.precision
+    printer = CPrinter(FLOAT32)
+    literal, precision = printer.format_literal, FLOAT32.precision
     parts = [
         '#include "pmsm_port.h"',
         f"#define ROUND {literal(precision.rounding)}",
@@ -191,4 +193,4 @@ int {name}_step({name}_t *f, const float32 u[2], const float32 y[2])
     return 0;
 }}
 """
-    return {"pmsm_port.h": render_port(), f"{name}.h": header, f"{name}.c": source}
+    return {"pmsm_port.h": render_port(default_target()), f"{name}.h": header, f"{name}.c": source}

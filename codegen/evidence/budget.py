@@ -1,10 +1,7 @@
 """Cycles on paper, and the budgets a drive file sets: computed from published cycles, nothing here was measured.
 
-``cycles = k (add + mul) + 25 div + 29 sqrt + 44 sincos + copied + 60``: k covers loads, the operation, its delay slot
-and the store; 2.5 is typical of published compiler listings of float motor code, 4 high, 5 the bound. Division, root
-and sincos are the cycles TI publishes for its fastRTS library, 60 the interrupt's entry and exit; a 16-bit word of a
-struct that is copied takes a cycle (MOV32 loads and stores two words). Additions include subtractions and negations;
-comparisons and selections are not priced.
+The prices are the target's (:class:`codegen.targets.description.Prices`): k for an addition or multiplication, with its
+loads and its store; a figure for each other operation; and the interrupt. A target without prices has no cycles.
 """
 
 from __future__ import annotations
@@ -13,42 +10,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from codegen.evidence.ledger import COPIED, Ledger, Program
+from codegen.evidence.ledger import Ledger, Program
+from codegen.targets.description import Prices
 from model.schema import Drive
 from model.supervisor.table import MODES
-
-FACTORS = (2.5, 4.0, 5.0)
-CYCLES = {"div": 25, "sqrt": 29, "sincos": 44, COPIED: 1}
-INTERRUPT = 60
-CLOCK = 150e6  # Hz
-PERIODS = {"10 kHz": 15_000, "20 kHz": 7_500, "50 kHz": 3_000}
 
 
 class BudgetError(RuntimeError):
     """A step that costs more than the drive file allows; one line: which, how much, and what would help."""
 
 
-def cycles(operations: Mapping[str, int], k: float) -> int:
-    """Cycles of one step on the C28x with FPU32.
-
-    Prices: the formula at the head of this module.
-
-    Parameters
-    ----------
-    operations : mapping of str to int
-        Counts by the names of :data:`codegen.evidence.ledger.OPERATIONS`; a name that is missing counts 0.
-    k : float
-        Cycles an addition or multiplication is priced at.
-
-    >>> cycles({"add": 10, "mul": 10, "div": 1, "sqrt": 1, "sincos": 1}, k=2.5)
-    208
-    """
-    priced = sum(CYCLES[name] * operations.get(name, 0) for name in CYCLES)
-    return round(k * (operations.get("add", 0) + operations.get("mul", 0)) + priced + INTERRUPT)
-
-
-def share(operations: Mapping[str, int], drive: Drive, k: float = FACTORS[0]) -> float:
-    """Share of the sample time that a step takes at 150 MHz.
+def share(operations: Mapping[str, int], drive: Drive, prices: Prices) -> float:
+    """Share of the sample time that a step takes, at the typical price.
 
     Parameters
     ----------
@@ -56,10 +29,9 @@ def share(operations: Mapping[str, int], drive: Drive, k: float = FACTORS[0]) ->
         Counts.
     drive : Drive
         Its sample time.
-    k : float, optional
-        Cycles an addition or multiplication is priced at.
+    prices : Prices
     """
-    return cycles(operations, k) / (CLOCK * drive.model.sample_time)
+    return prices.total(operations, prices.factors[0]) / (prices.clock * drive.model.sample_time)
 
 
 @dataclass(frozen=True)
@@ -69,6 +41,11 @@ class Account:
     program: Program
     name: str
     max_iterations: int
+
+    @property
+    def prices(self) -> Prices | None:
+        """The target's; None where nothing is published."""
+        return self.program.target.prices
 
     @cached_property
     def filter(self) -> Ledger:
@@ -93,11 +70,12 @@ class Account:
                 found[mode.name] = self.program.ledger(step, struct, self.max_iterations, given)
         return found
 
-    def most_iterations(self, function: str, budget: int, k: float) -> int | None:
+    def most_iterations(self, prices: Prices, function: str, budget: int, k: float) -> int | None:
         """Largest N_max below the drive's whose cycles fit, if there is one.
 
         Parameters
         ----------
+        prices : Prices
         function : str
             End of the function's C name: "_step" or "_foc_step".
         budget : int
@@ -110,14 +88,15 @@ class Account:
         int or None
             From 1 to the drive's less one; None if none of them fits.
         """
-        fitting = [n for n in range(1, self.max_iterations) if self.at(function, n, k) <= budget]
+        fitting = [n for n in range(1, self.max_iterations) if self.at(prices, function, n, k) <= budget]
         return max(fitting, default=None)
 
-    def at(self, function: str, max_iterations: int, k: float) -> int:
+    def at(self, prices: Prices, function: str, max_iterations: int, k: float) -> int:
         """Return the cycles of a function for another N_max and another price.
 
         Parameters
         ----------
+        prices : Prices
         function : str
             End of the function's C name: "_step" or "_foc_step".
         max_iterations : int
@@ -125,11 +104,12 @@ class Account:
         k : float
             Cycles an addition or multiplication is priced at.
         """
-        return cycles(self.program.count(f"{self.name}{function}", max_iterations), k)
+        count = self.program.count(f"{self.name}{function}", max_iterations, not prices.sin_cos_is_called)
+        return prices.total(count, k)
 
 
 def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:
-    """Compare every filter with the drive's ``[budget]``.
+    """Compare every filter with the drive's ``[budget]``; cycles only where the target has prices.
 
     Parameters
     ----------
@@ -145,9 +125,9 @@ def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:
     """
     budget = drive.budget
     for key, function in (("cycles", "_step"), ("controller_cycles", "_foc_step")):
-        allowed = getattr(budget, key)
-        if allowed is not None:
-            _check_cycles(drive, accounts, key, function, allowed)
+        allowed, prices = getattr(budget, key), next(iter(accounts.values())).prices
+        if allowed is not None and prices is not None:
+            _check_cycles(drive, accounts, prices, (key, function, allowed))
     if budget.ram_words is not None:
         kind, account = max(accounts.items(), key=lambda item: item[1].filter.words)
         if account.filter.words > budget.ram_words:
@@ -158,16 +138,17 @@ def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:
             )
 
 
-def _check_cycles(drive: Drive, accounts: Mapping[str, Account], key: str, function: str, allowed: int) -> None:
+def _check_cycles(drive: Drive, accounts: Mapping[str, Account], prices: Prices, limit: tuple[str, str, int]) -> None:
+    key, function, allowed = limit
     k, n = drive.budget.k, drive.filter.max_iterations
-    spent = {kind: account.at(function, n, k) for kind, account in accounts.items()}
+    spent = {kind: account.at(prices, function, n, k) for kind, account in accounts.items()}
     kind = max(spent, key=lambda name: spent[name])
     if spent[kind] <= allowed:
         return
     helps = []
-    fitting = accounts[kind].most_iterations(function, allowed, k)
+    fitting = accounts[kind].most_iterations(prices, function, allowed, k)
     if fitting is not None:
-        helps.append(f"filter.max_iterations = {fitting} ({accounts[kind].at(function, fitting, k)} cycles)")
+        helps.append(f"filter.max_iterations = {fitting} ({accounts[kind].at(prices, function, fitting, k)} cycles)")
     helps += [f"kinds without '{kind}' ('{name}': {cost} cycles)" for name, cost in spent.items() if cost <= allowed]
     if not helps:
         helps = ["a cheaper kind ('ekf' is the cheapest)", "fewer states", "a longer sample_time with a larger budget"]

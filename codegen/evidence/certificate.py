@@ -47,10 +47,13 @@ class ChipModel:
 
 @dataclass(frozen=True)
 class Figures:
-    """How far one filter's float32 can be trusted: on the host, and what the chip is expected to add."""
+    """How far one filter's float32 can be trusted: on the host, and what the chip is expected to add.
+
+    ``chip`` is None where the target's arithmetic is IEEE's: it adds nothing.
+    """
 
     certificate: Certificate
-    chip: ChipModel
+    chip: ChipModel | None
 
 
 def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
@@ -73,7 +76,13 @@ def certify(module: dict[str, Any], kind: str, box: BoxSamples) -> Certificate:
     return _compare(module, one_step(module, kind, box, "float32"), one_step(module, kind, box, "float64"))
 
 
-def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipModel:
+def certify_chip(
+    module: dict[str, Any],
+    kind: str,
+    box: BoxSamples,
+    number: type[Any] = FPU32,
+    sin_cos: Callable[[Any], tuple[Any, Any]] | None = None,
+) -> ChipModel:
     """The model's step from the same samples against the host's float32.
 
     Parameters
@@ -84,6 +93,10 @@ def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipMode
         Filter kind, such as "ickf".
     box : BoxSamples
         B samples.
+    number : type, optional
+        The model's number.
+    sin_cos : callable, optional
+        The model's sine and cosine, where the chip has instructions for them.
 
     Raises
     ------
@@ -92,7 +105,8 @@ def certify_chip(module: dict[str, Any], kind: str, box: BoxSamples) -> ChipMode
     """
     host = one_step(module, kind, box, "float32")
     with np.errstate(all="ignore"):  # Newton steps of lanes whose divisor is zero
-        fpu32, flushed = (one_step(module, kind, box, "float32", number) for number in (FPU32, Flushed))
+        fpu32 = one_step(module, kind, box, "float32", number, sin_cos)
+        flushed = one_step(module, kind, box, "float32", Flushed)
     return ChipModel(_compare(module, fpu32, host), _compare(module, flushed, host))
 
 
@@ -138,7 +152,12 @@ def full_matrices(packed: np.ndarray, n: int) -> np.ndarray:
 
 
 def one_step(
-    module: dict[str, Any], kind: str, box: BoxSamples, dtype: str, number: Callable[[Any], Any] = lambda value: value
+    module: dict[str, Any],
+    kind: str,
+    box: BoxSamples,
+    dtype: str,
+    number: Callable[[Any], Any] = lambda value: value,
+    sin_cos: Callable[[Any], tuple[Any, Any]] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """x (n, B) and P (B, n, n) after one step from every sample, as float64 arrays.
 
@@ -154,8 +173,12 @@ def one_step(
         "float32" or "float64".
     number : callable, optional
         Makes a quantity of the modelled arithmetic from one of NumPy.
+    sin_cos : callable, optional
+        In the place of the module's own.
     """
     math = module["MATH"][dtype]
+    if sin_cos is not None:
+        math = type("Math", (math,), {"sin_cos": staticmethod(sin_cos)})
     state = module["new_filter"](lambda value: number(math.dtype(value)))
     words = module["pack"](full_matrices(box.P, len(module["STATES"]))).astype(np.float32)
     x, P, u, y = (tuple(number(row) for row in rows.astype(math.dtype)) for rows in (box.x, words, box.u, box.y))

@@ -1,7 +1,7 @@
 """Reads emitted C as C: directives by a small preprocessor of our own, the rest by pycparser.
 
 No compiler is needed, so counting works wherever generating does. The preprocessor knows what the emitted text
-uses (includes of the folder, object- and function-like macros, conditionals) and takes the F28335's branches.
+uses (includes of the folder, object- and function-like macros, conditionals) and takes the target's branches.
 """
 
 from __future__ import annotations
@@ -12,17 +12,7 @@ from dataclasses import dataclass
 
 from pycparser import CParser, c_ast
 
-#: Macros that TI's compiler and its float.h and limits.h define for the F28335: the branches the chip would take.
-CHIP_MACROS = {
-    "__TMS320C28XX__": "1",
-    "__TMS320C28XX_FPU32__": "1",
-    "FLT_RADIX": "2",
-    "FLT_MANT_DIG": "24",
-    "FLT_MAX_EXP": "128",
-    "FLT_MIN_EXP": "-125",
-    "CHAR_BIT": "16",
-    "UINT_MAX": "0xFFFFU",
-}
+from codegen.targets.find import default_target
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _IDENTIFIER = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
@@ -48,7 +38,9 @@ def code_of(text: str) -> str:
     return "\n".join(line for line in lines if line)
 
 
-def parse_emitted(files: Mapping[str, str], name: str) -> tuple[c_ast.FileAST, tuple[str, ...]]:
+def parse_emitted(
+    files: Mapping[str, str], name: str, macros: Mapping[str, str] | None = None
+) -> tuple[c_ast.FileAST, tuple[str, ...]]:
     """Syntax tree of one emitted file, and what it was read from: itself and its includes within ``files``.
 
     Parameters
@@ -56,14 +48,16 @@ def parse_emitted(files: Mapping[str, str], name: str) -> tuple[c_ast.FileAST, t
     files : mapping of str to str
         Texts by path relative to the folder.
     name : str
-        The name.
+        The file's path.
+    macros : mapping of str to str, optional
+        What the target's compiler, ``float.h`` and ``limits.h`` define; by default those of the default target.
 
     Raises
     ------
     EmittedError
         If this reader or pycparser does not understand the text.
     """
-    preprocessor = _Preprocessor(files)
+    preprocessor = _Preprocessor(files, default_target().macros if macros is None else macros)
     text = preprocessor.read(name)
     try:
         return CParser().parse(text, name), tuple(sorted(preprocessor.included))
@@ -80,9 +74,9 @@ class _Macro:
 class _Preprocessor:
     """One run over one file; macros and the stack of conditionals live here."""
 
-    def __init__(self, files: Mapping[str, str]) -> None:
+    def __init__(self, files: Mapping[str, str], macros: Mapping[str, str]) -> None:
         self.files = files
-        self.macros = {name: _Macro(body) for name, body in CHIP_MACROS.items()}
+        self.macros = {name: _Macro(body) for name, body in macros.items()}
         self.included: set[str] = set()
 
     def read(self, name: str) -> str:

@@ -18,6 +18,8 @@ from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
 from codegen.evidence.units import Kind, Unit, constant
+from codegen.targets.description import Prices, Target
+from codegen.targets.find import default_target
 
 #: In the order tables show them; ``add`` is additions, subtractions and negations.
 OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")
@@ -27,6 +29,8 @@ SIN_COS = "sin_cos"
 N_MAX = "max_iterations"
 
 _LIBRARY = {"sqrtf": "sqrt"}
+#: Instructions for sine and cosine, where a target has them.
+SINE = "sine"
 _ARITHMETIC = {"+": "add", "-": "add", "*": "mul", "/": "div"}
 _COMPARISONS = frozenset({"<", ">", "<=", ">=", "==", "!="})
 
@@ -37,12 +41,21 @@ Count = Counter[str]
 class Ledger:
     """Worst case of one function. ``calls``: sin_cos as a call; ``expanded``: as the arithmetic it is emitted as.
 
-    ``words``: 16-bit words of its state struct on the C28x.
+    ``words``: 16-bit words of its state struct on the target.
     """
 
     calls: dict[str, int]
     expanded: dict[str, int]
     words: int
+
+    def priced(self, prices: Prices) -> dict[str, int]:
+        """Counts that go with a list of prices: sin_cos as a call where it has one, else as it is emitted.
+
+        Parameters
+        ----------
+        prices : Prices
+        """
+        return self.calls if prices.sin_cos_is_called else self.expanded
 
 
 class Program:
@@ -54,6 +67,8 @@ class Program:
         File texts by name, headers included.
     sources : str
         Which of them to compile; a call out of one finds the function in another.
+    target : Target, optional
+        Whose macros and data model are taken; by default those of the default target.
 
     Raises
     ------
@@ -61,8 +76,12 @@ class Program:
         If the text holds what the ledger cannot count.
     """
 
-    def __init__(self, files: Mapping[str, str], *sources: str) -> None:
-        self.units = [Unit(*parse_emitted(files, name), name) for name in sources]
+    def __init__(self, files: Mapping[str, str], *sources: str, target: Target | None = None) -> None:
+        self.target = target or default_target()
+        native = self.target.native
+        #: Functions that are not of the text, by what they do.
+        self.library = _LIBRARY | (dict(native.calls) if native else {})
+        self.units = [Unit(*parse_emitted(files, name, self.target.macros), name, self.target.data) for name in sources]
 
     def ledger(
         self, function: str, struct: str, max_iterations: int, given: Mapping[str, int] = MappingProxyType({})
@@ -128,7 +147,7 @@ class Program:
         definition : FuncDef
         """
         for name in sorted({node.name.name for node in _walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
-            if name not in _LIBRARY:
+            if name not in self.library:
                 yield self.find(name, unit)
 
 
@@ -206,8 +225,8 @@ class _Body:
     def _count_FuncCall(self, node: Any) -> Count:
         name = node.name.name
         total = self.count(node.args)
-        if name in _LIBRARY:
-            return total + Counter({_LIBRARY[name]: 1})
+        if name in self.counting.program.library:
+            return total + Counter({self.counting.program.library[name]: 1})
         if name == SIN_COS and not self.counting.expand_sin_cos:
             return total + Counter({"sincos": 1})
         unit, definition = self.counting.program.find(name, self.unit)
@@ -283,7 +302,7 @@ class _Body:
             return self.unit.kind(self.unit.field(self._kind(node.name), node.field.name))
         if isinstance(node, c_ast.FuncCall):
             name = node.name.name
-            return "float" if name in _LIBRARY else self.unit.kind(self.unit.returns[name])
+            return "float" if name in self.counting.program.library else self.unit.kind(self.unit.returns[name])
         if isinstance(node, c_ast.Cast):
             return self.unit.kind(node.to_type.type)
         if isinstance(node, c_ast.UnaryOp):
@@ -308,7 +327,8 @@ def _returns(node: Any) -> bool:
 
 
 def _table(count: Count) -> dict[str, int]:
-    return {name: count[name] for name in OPERATIONS} | ({COPIED: count[COPIED]} if count[COPIED] else {})
+    seldom = {name: count[name] for name in (SINE, COPIED) if count[name]}
+    return {name: count[name] for name in OPERATIONS} | seldom
 
 
 def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:

@@ -1,4 +1,4 @@
-"""Stack and code size of emitted C, measured on a stand-in: GCC for a Cortex-M4F, because no C28x compiler is at hand.
+"""Stack and code size of emitted C, measured with the compiler of the target's stand-in, which is at hand.
 
 A measurement is keyed by the code it was made from (comments left out, flags included) and kept in manifest.json:
 the same code gives the same report on any machine, with or without the compiler.
@@ -10,7 +10,7 @@ import hashlib
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,8 @@ from codegen.evidence.emitted import code_of
 from codegen.evidence.ledger import Program
 from codegen.evidence.units import Unit
 from codegen.output.folder import FolderError, read_manifest
+from codegen.targets.description import StandIn
 
-COMPILER = "arm-none-eabi-gcc"
-FLAGS = ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-O2", "-std=c89", "-ffp-contract=off")
-NOT_FOUND = f"{COMPILER} not found (Debian: gcc-arm-none-eabi)"
-FAILED = f"{COMPILER} failed on it"
 #: Seconds after which it is taken to hang.
 PATIENCE = 300.0
 
@@ -63,42 +60,58 @@ class Measurer:
 
     def __call__(self, files: Mapping[str, str], program: Program, function: str) -> Record:
         """Record of ``function``, with everything it calls; ``files`` are the folder's texts."""
+        stand_in = program.target.stand_in
         units = _reached(program, *program.find(function))
-        key = _digest({name: files[name] for unit in units for name in unit.files})
+        key = _digest(stand_in.flags, {name: files[name] for unit in units for name in unit.files})
         kept = self.kept.get(function, {})
         usable = kept.get("source_sha256") == key
-        if usable and not ("not_measured" in kept and self.retry and shutil.which(COMPILER)):
+        if usable and not ("not_measured" in kept and self.retry and shutil.which(stand_in.compiler)):
             return dict(kept)
         if not self.compile:
             return {"source_sha256": key, "not_measured": "not asked for"}
-        if shutil.which(COMPILER) is None:
-            return {"source_sha256": key, "not_measured": NOT_FOUND}
+        if shutil.which(stand_in.compiler) is None:
+            return {"source_sha256": key, "not_measured": not_found(stand_in)}
         try:
-            objects = {unit.name: self._object(files, unit) for unit in units}
-            version = compiler_version()
+            objects = {unit.name: self._object(files, unit, stand_in) for unit in units}
+            version = compiler_version(stand_in)
         except (OSError, subprocess.SubprocessError):
-            return {"source_sha256": key, "not_measured": FAILED}
+            return {"source_sha256": key, "not_measured": f"{stand_in.compiler} failed on it"}
         return {
             "source_sha256": key,
-            "compiler": f"{COMPILER} {version}",
+            "compiler": f"{stand_in.compiler} {version}",
             "stack_bytes": _deepest(program, objects, function),
             "text_bytes": sum(text for _, text in objects.values()),
         }
 
-    def _object(self, files: Mapping[str, str], unit: Unit) -> tuple[dict[str, int], int]:
+    def _object(self, files: Mapping[str, str], unit: Unit, stand_in: StandIn) -> tuple[dict[str, int], int]:
         if unit.name not in self._objects:
-            self._objects[unit.name] = compile_object({name: files[name] for name in unit.files}, unit.name)
+            self._objects[unit.name] = compile_object({name: files[name] for name in unit.files}, unit.name, stand_in)
         return self._objects[unit.name]
 
 
-def compiler_version() -> str:
-    """Return the first line of what the cross compiler says of its version."""
+def not_found(stand_in: StandIn) -> str:
+    """What is said where a stand-in's compiler is missing.
+
+    Parameters
+    ----------
+    stand_in : StandIn
+    """
+    return f"{stand_in.compiler} not found (Debian: {stand_in.package})"
+
+
+def compiler_version(stand_in: StandIn) -> str:
+    """Return the first line of what the cross compiler says of its version.
+
+    Parameters
+    ----------
+    stand_in : StandIn
+    """
     return subprocess.run(
-        [COMPILER, "-dumpfullversion"], capture_output=True, text=True, check=True, timeout=PATIENCE
+        [stand_in.compiler, "-dumpfullversion"], capture_output=True, text=True, check=True, timeout=PATIENCE
     ).stdout.strip()
 
 
-def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int], int]:
+def compile_object(files: Mapping[str, str], source: str, stand_in: StandIn) -> tuple[dict[str, int], int]:
     """Compile one file: the frame of each function that was not inlined, and the bytes of code and constants.
 
     Parameters
@@ -106,16 +119,17 @@ def compile_object(files: Mapping[str, str], source: str) -> tuple[dict[str, int
     files : mapping of str to str
         Texts by path relative to the folder.
     source : str
-        Text of the file.
+        The file's path.
+    stand_in : StandIn
     """
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in files.items():
             (Path(scratch) / name).write_text(text, encoding="utf-8")
-        command = [COMPILER, *FLAGS, "-fstack-usage", "-c", source, "-o", "measured.o"]
+        command = [stand_in.compiler, *stand_in.flags, "-fstack-usage", "-c", source, "-o", "measured.o"]
         subprocess.run(command, cwd=scratch, check=True, capture_output=True, timeout=PATIENCE)
         frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
         size = subprocess.run(
-            [COMPILER.replace("gcc", "size"), "measured.o"],
+            [stand_in.compiler.replace("gcc", "size"), "measured.o"],
             cwd=scratch,
             check=True,
             capture_output=True,
@@ -156,6 +170,6 @@ def _deepest(program: Program, objects: Mapping[str, tuple[dict[str, int], int]]
     return depth(*program.find(function))
 
 
-def _digest(files: Mapping[str, str]) -> str:
-    text = "\n".join([" ".join(FLAGS), *(f"{name}\n{code_of(text)}" for name, text in sorted(files.items()))])
+def _digest(flags: Sequence[str], files: Mapping[str, str]) -> str:
+    text = "\n".join([" ".join(flags), *(f"{name}\n{code_of(text)}" for name, text in sorted(files.items()))])
     return hashlib.sha256(text.encode()).hexdigest()

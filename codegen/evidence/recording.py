@@ -22,6 +22,8 @@ Array = NDArray[Any]
 
 #: Error of one division or square root on the chip, units in the last place.
 UNITS = 3
+#: Error of a sine or cosine by an instruction, of an angle that is first turned into turns.
+TRIG = 2.0**-20
 #: Runs with random errors, and how much more than the worst of them is allowed: a run of other errors may do worse.
 DRAWS, MARGIN = 64, 8
 #: Where a word is 0 in every run: the smallest deviation that is told from 0.
@@ -76,7 +78,7 @@ class _Replace(ast.NodeTransformer):
         return node
 
 
-def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
+def approximate(module: str, name: str, seed: int = 1, native: bool = False) -> dict[str, Any]:
     """The module with each quotient and each root off by up to :data:`UNITS`, another error in every lane.
 
     Parameters
@@ -87,6 +89,8 @@ def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
         The name.
     seed : int, optional
         Seed of what is random.
+    native : bool, optional
+        Sine and cosine are instructions: each is off by up to :data:`TRIG`.
     """
     rng = np.random.default_rng(seed)
 
@@ -94,10 +98,19 @@ def approximate(module: str, name: str, seed: int = 1) -> dict[str, Any]:
         units = rng.integers(-UNITS, UNITS, np.shape(value), endpoint=True)
         return value + value * (np.float32(2.0**-23) * units.astype(np.float32))
 
-    return execute(module, name, divide=lambda a, b: blur(a / b), root=lambda a: blur(np.sqrt(a)))
+    namespace = execute(module, name, divide=lambda a, b: blur(a / b), root=lambda a: blur(np.sqrt(a)))
+    if native:
+        math = namespace["MATH"]["float32"]
+
+        def sin_cos(x: Any) -> tuple[Any, ...]:
+            errors = rng.uniform(-TRIG, TRIG, (2, *np.shape(x))).astype(np.float32)
+            return tuple(value + error for value, error in zip(math.sin_cos(x), errors, strict=True))
+
+        namespace["MATH"] = {**namespace["MATH"], "float32": type("Math", (math,), {"sin_cos": staticmethod(sin_cos)})}
+    return namespace
 
 
-def record_filter(module: str, kind: str, runs: list[Segment]) -> Recording:
+def record_filter(module: str, kind: str, runs: list[Segment], native: bool = False) -> Recording:
     """Bits of x and the covariance's words after every step, and what is allowed around them.
 
     Parameters
@@ -108,14 +121,18 @@ def record_filter(module: str, kind: str, runs: list[Segment]) -> Recording:
         Filter kind, such as "ickf".
     runs : list of Segment
         The runs.
+    native : bool, optional
+        Sine and cosine are instructions.
     """
     exact = run_filter(execute(module, "recorded"), kind, runs, 1)
-    blurred = run_filter(approximate(module, "approximate"), kind, runs, DRAWS)[2]
+    blurred = run_filter(approximate(module, "approximate", native=native), kind, runs, DRAWS)[2]
     status, iterations, words = (array[..., 0] for array in exact)
     return Recording(status, iterations, words, allowed_exponents(words, blurred))
 
 
-def record_control(module: str, kind: str, run: ControlRun, gains: tuple[float, ...]) -> Recording:
+def record_control(
+    module: str, kind: str, run: ControlRun, gains: tuple[float, ...], native: bool = False
+) -> Recording:
     """Duty cycles and integrators after every sample.
 
     Parameters
@@ -128,9 +145,11 @@ def record_control(module: str, kind: str, run: ControlRun, gains: tuple[float, 
         The controller's inputs.
     gains : tuple of float
         The controller's gains, in the order of the struct.
+    native : bool, optional
+        Sine and cosine are instructions.
     """
     exact = run_control(execute(module, "recorded"), kind, run, gains, 1)
-    blurred = run_control(approximate(module, "approximate"), kind, run, gains, DRAWS)[1]
+    blurred = run_control(approximate(module, "approximate", native=native), kind, run, gains, DRAWS)[1]
     status, words = (array[..., 0] for array in exact)
     return Recording(status, np.zeros_like(status), words, allowed_exponents(words, blurred))
 

@@ -1,4 +1,4 @@
-"""Translation units of emitted C: their functions and types, and the words of those on the C28x."""
+"""Translation units of emitted C: their functions and types, and the size of those on the target."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError
-
-#: 16-bit words of the C28x's types, COFF data model (SPRU514, table 6-1); a pointer has 2.
-_WORDS = {"char": 1, "short": 1, "int": 1, "long": 2, "float": 2, "double": 2, "long long": 4, "long double": 4}
-_POINTER_WORDS = 2
+from codegen.targets.description import DataModel
 
 Kind = str  # "float", "int", or the name of a struct
 
@@ -19,8 +16,8 @@ Kind = str  # "float", "int", or the name of a struct
 class Unit:
     """One translation unit: its functions and types; ``files`` are the texts it was read from."""
 
-    def __init__(self, tree: c_ast.FileAST, files: tuple[str, ...], name: str) -> None:
-        self.name, self.files = name, files
+    def __init__(self, tree: c_ast.FileAST, files: tuple[str, ...], name: str, data: DataModel) -> None:
+        self.name, self.files, self.data = name, files, data
         self.functions = {item.decl.name: item for item in tree.ext if isinstance(item, c_ast.FuncDef)}
         self.typedefs = {item.name: item.type for item in tree.ext if isinstance(item, c_ast.Typedef)}
         self.returns = {
@@ -77,37 +74,37 @@ class Unit:
         return [field.name for field in self.typedefs[struct].type.decls]
 
     def words(self, struct: str) -> int:
-        """16-bit words of a typedef'd type on the C28x, padding included (32-bit fields lie on even addresses).
+        """16-bit words of a typedef'd type on the target, padding included.
 
         Parameters
         ----------
         struct : str
         """
-        return self._layout(self.typedefs[struct])[0]
+        return self.data.words(self._layout(self.typedefs[struct])[0])
 
     def _layout(self, type_node: Any) -> tuple[int, int]:
-        """(words, alignment) of a type."""
+        """(chars, alignment in chars) of a type."""
         if isinstance(type_node, c_ast.PtrDecl):
-            return _POINTER_WORDS, _POINTER_WORDS
+            return self.data.pointer, min(self.data.pointer, self.data.alignment)
         if isinstance(type_node, c_ast.ArrayDecl):
-            words, align = self._layout(type_node.type)
+            chars, align = self._layout(type_node.type)
             length = constant(type_node.dim, {})
             if length is None:
                 raise EmittedError(f"{self.name}: an array whose length cannot be read ({type_node.coord})")
-            return words * length, align
+            return chars * length, align
         if isinstance(type_node.type, c_ast.Struct):
             return self._struct_layout(type_node.type)
         names = [name for name in type_node.type.names if name not in {"unsigned", "signed"}] or ["int"]
         if names[0] in self.typedefs:
             return self._layout(self.typedefs[names[0]])
-        words = _WORDS[" ".join(names)]
-        return words, min(words, 2)
+        chars = self.data.sizes[" ".join(names)]
+        return chars, min(chars, self.data.alignment)
 
     def _struct_layout(self, struct: c_ast.Struct) -> tuple[int, int]:
         offset, widest = 0, 1
         for field in struct.decls:
-            words, align = self._layout(field.type)
-            offset += -offset % align + words
+            chars, align = self._layout(field.type)
+            offset += -offset % align + chars
             widest = max(widest, align)
         return offset + -offset % widest, widest
 

@@ -9,20 +9,12 @@ from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
-from codegen.render.filter import (
-    ANGLE,
-    Description,
-    named_constants,
-    render,
-    sin_cos_arithmetic,
-    sin_cos_text,
-    trig_note,
-    with_ramfuncs,
-)
+from codegen.render.filter import ANGLE, Description, named_constants, render, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
-from codegen.render.printers.targets import F28335, HOST64
 from codegen.render.supervisor import machine_of
+from codegen.render.trig import sin_cos_arithmetic, sin_cos_text, trig_note
+from codegen.targets.numbers import FLOAT32, FLOAT64
 from model.filters import FilterStep
 from model.inverter import OF_LEGS, STATE, TRANSFORM
 from model.loop.controller import (
@@ -138,8 +130,8 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
             {"name": name, "text": printer.format_literal(value), "formula": formula}
             for name, value, formula in named_constants(about, context["control_listings"])
         ],
-        "round": printer.format_literal(printer.target.precision.rounding),
-        "trig_note": trig_note(printer.target),
+        "round": printer.format_literal(printer.numbers.precision.rounding),
+        "trig_note": trig_note(printer.numbers),
         "sin_cos": sin_cos_text(printer),
     }
 
@@ -155,9 +147,11 @@ def render_foc(about: Description, kind: str, notes: Sequence[str]) -> tuple[str
     notes : sequence of str
         Lines of the source's head.
     """
-    context = foc_context(about, kind, CPrinter(F28335))
+    context = foc_context(about, kind, CPrinter(about.target.numbers))
     source = render("foc.c.j2", **context, control=about.drive.control, notes=notes)
-    return render("foc.h.j2", **context), with_ramfuncs(source, cold={f"{context['p']}_foc_init"})
+    return render("foc.h.j2", **context), with_sections(
+        about.target.sections, source, cold={f"{context['p']}_foc_init"}
+    )
 
 
 #: The example sends numbers so many times a second.
@@ -189,17 +183,19 @@ def render_example(about: Description, step: FilterStep) -> str:
     T = drive.model.sample_time
     source = render(
         "example_isr.c.j2",
+        example=about.target.example,
+        compiler=about.target.compiler,
         p=p,
         drive=drive.name,
         sha=drive.sha256,
         sample_time_us=f"{T * 1e6:g}",
         telemetry_every=max(1, round(1 / (TELEMETRY_RATE * T))),
-        pole_pairs=CPrinter(F28335).format_literal(float(drive.motor.pole_pairs)),
+        pole_pairs=CPrinter(FLOAT32).format_literal(float(drive.motor.pole_pairs)),
         omega=state_place(p, "omega"),
         theta=state_place(p, ANGLE),
         rivals=machine_of(about, step).rivals,
     )
-    return with_ramfuncs(source, cold={"motor_setup"})
+    return with_sections(about.target.sections, source, cold={"motor_setup"})
 
 
 def plant_listings(drive: Drive) -> dict[str, Listing]:
@@ -281,5 +277,5 @@ def render_plant(about: Description) -> tuple[str, str]:
     ----------
     about : Description
     """
-    context = plant_context(about, CPrinter(HOST64))
+    context = plant_context(about, CPrinter(FLOAT64))
     return render("plant.h.j2", **context), render("plant.c.j2", **context)

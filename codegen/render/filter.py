@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,13 @@ from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
-from codegen.ir.trig import Precision, sin_cos_bound, sin_cos_listing, wrap_listing
+from codegen.ir.trig import wrap_listing
 from codegen.output.version import __version__
-from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
-from codegen.render.printers.targets import Target
+from codegen.render.printers.c import STRUCT_FIELDS, CPrinter
+from codegen.render.trig import sin_cos_text, trig_note
+from codegen.targets.description import Sections, Target
+from codegen.targets.find import find_target
+from codegen.targets.numbers import NumberFormat
 from model.filters import FilterStep
 from model.filters.program import Call, Repeat, Restart, Seldom, Turns
 from model.machines.own import kept_as, read_word, title
@@ -63,6 +67,11 @@ class Description:
     model: StateSpaceModel
     initial_state: tuple[float, ...]
 
+    @cached_property
+    def target(self) -> Target:
+        """The processor that C is generated for."""
+        return find_target(self.drive.target_name)
+
     @property
     def machine(self) -> str:
         """The machine in words."""
@@ -100,9 +109,14 @@ def render(template: str, **context: Any) -> str:
     return _ENVIRONMENT.get_template(template).render(version=__version__, **context)
 
 
-def render_port() -> str:
-    """Render the port header, which is the same for every drive."""
-    return render("port.h.j2", modes=MODES, reasons=REASONS)
+def render_port(target: Target) -> str:
+    """Render the port header, which is the same for every drive.
+
+    Parameters
+    ----------
+    target : Target
+    """
+    return render("port.h.j2", target=target, compiler=target.compiler, modes=MODES, reasons=REASONS)
 
 
 def covariance_comment(step: FilterStep) -> str:
@@ -116,12 +130,12 @@ def render_filter(
     about: Description,
     step: FilterStep,
     listings: dict[str, Listing],
-    target: Target,
+    numbers: NumberFormat,
     notes: Sequence[str],
 ) -> tuple[str, str]:
-    """Header and source of one filter for one target; ``notes`` are the lines at the source's head."""
+    """Header and source of one filter in one number format; ``notes`` are the lines at the source's head."""
     model = about.model
-    printer = CPrinter(target)
+    printer = CPrinter(numbers)
     layout = CovarianceLayout.of(step)
     looped = step.has(Repeat)
     spread = common_spread(listings[block.name] for block in step.blocks)
@@ -140,28 +154,28 @@ def render_filter(
     source = render(
         "filter.c.j2",
         **common,
-        generated_trig=target.generated_trig,
+        generated_trig=numbers.generated_trig,
         notes=notes,
         constants=filter_constants(about, step, listings, printer),
-        round=printer.format_literal(target.precision.rounding),
-        below_pi=printer.format_literal(target.precision.below_pi),
+        round=printer.format_literal(numbers.precision.rounding),
+        below_pi=printer.format_literal(numbers.precision.below_pi),
         pair=pair,
         pair_type=printer.pair,
-        trig_note=trig_note(target),
+        trig_note=trig_note(numbers),
         sin_cos=sin_cos_text(printer),
         turns=turns,
         **(turn_context(printer, spread) if spread is not None else {}),
-        wrap_angle=printer.format_helper(wrap_listing(target.precision)),
+        wrap_angle=printer.format_helper(wrap_listing(numbers.precision)),
         copies=looped,
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
         defaults=[f"f->{name} = {text};" for name, text in _c_defaults(about, printer, step.has(Restart))],
         zero=printer.format_literal(0.0),
-        locals=_locals(step, target),
+        locals=_locals(step, numbers),
         program="\n".join(printer.format_step(step)),
         seldom=["\n".join(printer.format_seldom(node)) for node in step.all_of(Seldom)],
     )
-    if target.generated_trig:
-        source = with_ramfuncs(source, cold={f"{common['p']}_init", f"{common['p']}_reset"})
+    if numbers.generated_trig:
+        source = with_sections(about.target.sections, source, cold={f"{common['p']}_init", f"{common['p']}_reset"})
     return header, source
 
 
@@ -169,17 +183,17 @@ def _words(
     about: Description, step: FilterStep, layout: CovarianceLayout, listings: dict[str, Listing], printer: CPrinter
 ) -> dict[str, Any]:
     """Template context that header and source of a filter share."""
-    drive, target, n = about.drive, printer.target, len(about.model.states)
+    drive, numbers, n = about.drive, printer.numbers, len(about.model.states)
     return {
-        "p": f"{drive.name}_{step.kind}{target.tag}",
+        "p": f"{drive.name}_{step.kind}{numbers.tag}",
         "title": about.title(step.kind),
         "drive": drive.name,
         "sha": drive.sha256,
-        "real": target.real,
+        "real": numbers.real,
         "n": n,
         "packed": layout.size,
         "layout": layout,
-        "libm": library_calls([listings[block.name] for block in step.blocks], target),
+        "libm": library_calls([listings[block.name] for block in step.blocks], numbers),
         "covariance": step.covariance,
         "guarded": step.has(Restart),
         "sane_limit": printer.format_literal(about.sane_limit),
@@ -193,47 +207,41 @@ def _words(
 _DEFINITION = re.compile(r"^(?:\w+ )+(\w+)\([^;{]*\)\n\{", re.MULTILINE)
 
 
-def with_ramfuncs(source: str, cold: set[str]) -> str:
-    """Pragmas that place every function of the file but the ``cold`` ones in RAM.
+def with_sections(sections: Sections, source: str, cold: set[str]) -> str:
+    """The file with every function but the ``cold`` ones in fast memory.
 
-    They stand before the first include: a pragma that follows a declaration may be ignored (SPRU514).
+    Pragmas stand before the first include: one that follows a declaration may be ignored (SPRU514).
 
     Parameters
     ----------
+    sections : Sections
+        How the target does it.
     source : str
         Text of a C file.
     cold : set of str
         Functions that stay in flash.
     """
-    functions = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
+    hot = [name for name in dict.fromkeys(_DEFINITION.findall(source)) if name not in cold]
+    if sections.style == "attribute":
+        return _DEFINITION.sub(lambda found: f"PMSM_RAM_CODE {found[0]}" if found[1] in hot else found[0], source)
+    if sections.style == "none":
+        return source
     head, include, tail = source.partition("#include")
-    return f"{head}{render('ramfunc.j2', functions=functions)}\n{include}{tail}"
+    return f"{head}{render('ramfunc.j2', sections=sections, functions=hot)}\n{include}{tail}"
 
 
-def trig_note(target: Target) -> list[str]:
-    """Return the comment's lines above sine and cosine: how they are made, and their error."""
-    if not target.generated_trig:
-        return ["Sine and cosine of the platform."]
-    bound = sin_cos_bound()
-    return [
-        "Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.",
-        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, "
-        f"worst of {bound.samples} arguments {bound.seen:.1e}.",
-    ]
-
-
-def library_calls(listings: Sequence[Listing], target: Target) -> str:
+def library_calls(listings: Sequence[Listing], numbers: NumberFormat) -> str:
     """The functions of libm that the step calls, in words.
 
     Parameters
     ----------
     listings : sequence of Listing
         The step's blocks.
-    target : Target
+    numbers : NumberFormat
     """
     count = sum((listing.operations() for listing in listings), Counter())
-    names = [target.libm] if count["sqrt"] else []
-    names += ["sin", "cos"] if count["sincos"] and not target.generated_trig else []
+    names = [numbers.libm] if count["sqrt"] else []
+    names += ["sin", "cos"] if count["sincos"] and not numbers.generated_trig else []
     return f"of libm only {' and '.join(names)}" if names else "nothing of libm"
 
 
@@ -250,12 +258,12 @@ def common_spread(listings: Iterable[Listing]) -> float | None:
     return next(iter(spreads), None)
 
 
-def small_angle_note(target: Target, n: float) -> list[str]:
+def small_angle_note(numbers: NumberFormat, n: float) -> list[str]:
     """The comment on sinc and cosm1: their definition and error.
 
     Parameters
     ----------
-    target : Target
+    numbers : NumberFormat
     n : float
         d^2 over z.
     """
@@ -264,7 +272,7 @@ def small_angle_note(target: Target, n: float) -> list[str]:
         "cos(d) - 1 = COSM1_1 z + ...",
         f"for d up to {LIMIT**0.5:.2g} rad.",
     ]
-    if target.generated_trig:
+    if numbers.generated_trig:
         bound = small_angle_bound(n)
         lines.append(f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of d^2 / 2.")
     return lines
@@ -273,11 +281,11 @@ def small_angle_note(target: Target, n: float) -> list[str]:
 def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
     """Template context of ``widen.j2``: small angles z = d^2 / n, and those that are not."""
     return {
-        "small_angle_note": small_angle_note(printer.target, n),
+        "small_angle_note": small_angle_note(printer.numbers, n),
         "spread": f"{n:g}",
         "turn_constants": [
             {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
-            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.target.precision, n), strict=True)
+            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.numbers.precision, n), strict=True)
             for k, value in enumerate(part, start=1)
         ],
         "small_turn": printer.format_literal(LIMIT / n),
@@ -290,23 +298,6 @@ def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
         "sinc_text": printer.format_turn("SINC", "part"),
         "cosm1_text": printer.format_turn("COSM1", "part"),
     }
-
-
-def sin_cos_arithmetic(printer: CPrinter, precision: Precision) -> str:
-    """Sine and cosine in one precision, their own macro first."""
-    coarse = printer.format_literal(2.0 * precision.rounding)
-    note = "adding and subtracting it rounds to the nearest even integer"
-    return f"#define ROUND_EVEN {coarse} /* {note} */\n{printer.format_helper(sin_cos_listing(precision))}"
-
-
-def sin_cos_text(printer: CPrinter) -> str:
-    """The function behind its note: as arithmetic, or the platform's."""
-    if printer.target.generated_trig:
-        return sin_cos_arithmetic(printer, printer.target.precision)
-    lines = [f"static {printer.pair} sin_cos(float64 x)", "{", f"{INDENT}{printer.pair} result;"]
-    return "\n".join(
-        [*lines, f"{INDENT}result.sine = sin(x);", f"{INDENT}result.cosine = cos(x);", f"{INDENT}return result;", "}"]
-    )
 
 
 def filter_constants(
@@ -366,11 +357,11 @@ def _c_defaults(about: Description, printer: CPrinter, guarded: bool) -> list[tu
     return lines
 
 
-def _locals(step: FilterStep, target: Target) -> list[str]:
+def _locals(step: FilterStep, numbers: NumberFormat) -> list[str]:
     """Arrays of the step that do not live in the struct."""
     sizes: dict[str, int] = {}
     for node in step.nodes:
         ports = node.block.outputs if isinstance(node, Call) else ()
         outputs = ports[1:] if isinstance(node, Turns) else ports  # the squares stay inside
         sizes |= {port.name: len(port.entries) for port in outputs if port.name not in STRUCT_FIELDS}
-    return [f"{target.real} {name}[{size}];" for name, size in sizes.items()]
+    return [f"{numbers.real} {name}[{size}];" for name, size in sizes.items()]

@@ -13,12 +13,11 @@ from codegen.render.filter import (
     covariance_comment,
     filter_constants,
     render,
-    sin_cos_text,
-    trig_note,
     turn_context,
 )
 from codegen.render.printers.lanes import LanesPrinter, lane_arrays
-from codegen.render.printers.targets import F28335, HOST64
+from codegen.render.trig import sin_cos_text, trig_note
+from codegen.targets.numbers import FLOAT32, FLOAT64
 from model.filters import FilterStep
 from model.filters.program import Repeat, Restart, Turns
 
@@ -28,13 +27,13 @@ LANES = 16
 
 def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listing]) -> tuple[str, str]:
     """Header and source; float32 alone, because float64 calls the platform's sine and cosine."""
-    target = F28335
+    numbers = FLOAT32
     model = about.model
     layout = CovarianceLayout.of(step)
     operations = [listings[block.name].operations() for block in step.blocks]
     spread = common_spread(listings[block.name] for block in step.blocks)
     scalar = f"{about.drive.name}_{step.kind}"
-    printer = LanesPrinter(target, len(model.states), f"{scalar}_lanes_t")
+    printer = LanesPrinter(numbers, len(model.states), f"{scalar}_lanes_t")
     program = "\n".join(printer.format_step(step))
     common = {
         "p": f"{scalar}_lanes",
@@ -42,7 +41,7 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "title": about.title(step.kind),
         "drive": about.drive.name,
         "sha": about.drive.sha256,
-        "real": target.real,
+        "real": numbers.real,
         "lanes": LANES,
         "n": len(model.states),
         "packed": layout.size,
@@ -68,16 +67,16 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "lanes.c.j2",
         **common,
         constants=filter_constants(about, step, listings, printer),
-        round=printer.format_literal(target.precision.rounding),
-        below_pi=printer.format_literal(target.precision.below_pi),
+        round=printer.format_literal(numbers.precision.rounding),
+        below_pi=printer.format_literal(numbers.precision.below_pi),
         pair=any(count["sincos"] for count in operations),
-        trig_note=trig_note(target),
+        trig_note=trig_note(numbers),
         sin_cos=_inlined(sin_cos_text(printer)),
         turns=spread is not None,
         skips=printer.skips,
         **(turn_context(printer, spread) if spread is not None else {}),
         zero=printer.format_literal(0.0),
-        wrap_angle=_inlined(printer.format_helper(wrap_listing(target.precision))),
+        wrap_angle=_inlined(printer.format_helper(wrap_listing(numbers.precision))),
         looped=step.has(Repeat),
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
         locals=[f"lanes {name}[{size}];" for name, size in lane_arrays(step.body).items()],
@@ -97,7 +96,7 @@ def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
         That filter's.
     """
     n = len(about.model.states)
-    context = foc_context(about, step.kind, LanesPrinter(F28335, n))
+    context = foc_context(about, step.kind, LanesPrinter(FLOAT32, n))
     context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
     context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.has(Restart)}
     return render("foc_lanes.h.j2", **context), render("foc_lanes.c.j2", **context)
@@ -110,7 +109,7 @@ def render_plant_lanes(about: Description) -> tuple[str, str]:
     ----------
     about : Description
     """
-    context = plant_context(about, LanesPrinter(HOST64, len(about.model.states)))
+    context = plant_context(about, LanesPrinter(FLOAT64, len(about.model.states)))
     context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
     return render("plant_lanes.h.j2", **context), render("plant_lanes.c.j2", **context)
 

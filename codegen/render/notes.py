@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from codegen.evidence.budget import Account, cycles
+from codegen.evidence.budget import Account
 from codegen.evidence.certificate import Certificate, ChipModel
 from codegen.evidence.ledger import Ledger
-from codegen.render.printers.targets import Target
+from codegen.targets.description import Prices, Target
 from model.filters import FilterStep
 from model.quantities import Quantity
+
+#: For what the float64 C is.
+HOST_PURPOSE = "the host, for comparison: float64, the platform's sin and cos"
 
 #: The meaning of another order of the states.
 ROOT_NOTE = "a square root, and points, other than in the state's own order"
@@ -17,30 +20,31 @@ ROOT_NOTE = "a square root, and points, other than in the state's own order"
 
 def filter_notes(
     step: FilterStep,
-    target: Target,
+    target: Target | None,
     states: Sequence[Quantity],
-    account: Account | None,
+    account: Account,
     certificate: Certificate,
-    chip: ChipModel,
+    chip: ChipModel | None,
 ) -> list[str]:
-    """Lines of a filter's head; ``account`` is None while the text is still to be counted, and for the host.
+    """Lines of a filter's head.
 
     Parameters
     ----------
     step : FilterStep
-    target : Target
+    target : Target or None
+        None: float64 for the host, whose cost and rounding are not told.
     states : sequence of Quantity
         Their names and units.
-    account : Account or None
+    account : Account
         What the text costs.
     certificate : Certificate
         Float32 against float64 on the host.
-    chip : ChipModel
-        What the chip is expected to add.
+    chip : ChipModel or None
+        What the chip is expected to add; None: nothing.
     """
-    notes = [f"For {target.purpose}."]
-    if account is not None:
-        notes += cost_notes(account.filter)
+    notes = [f"For {target.purpose if target else HOST_PURPOSE}."]
+    if target is not None:
+        notes += cost_notes(account.filter, account.prices)
     if step.model.root_order and step.kind != "ekf":
         notes.append(f"P is factored in the order {', '.join(step.model.root_order)}: {ROOT_NOTE}.")
     if step.kind == "ickf":
@@ -50,31 +54,42 @@ def filter_notes(
             else "loop over one update, at most N_max"
         )
         notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")
-    if target.generated_trig:
+    if target is not None:
         notes += [
             f"float32 against float64, one step, worst of {certificate.samples} draws from the operating box:",
             f"  {_deviation(states, certificate)}.",
-            "On the chip its division, root and flush to zero are expected to add",
+        ]
+    if target is not None and target.arithmetic is not None and chip is not None:
+        notes += [
+            f"On the chip its {target.arithmetic.differs} are expected to add",
             f"  {_deviation(states, chip.fpu32)}",
-            "  (modelled, not measured; seeds after an emulator's tables, unverified on silicon).",
+            f"  {target.arithmetic.caveat}",
         ]
     return notes
 
 
-def cost_notes(ledger: Ledger, title: str = "Cost at most") -> list[str]:
+def cost_notes(ledger: Ledger, prices: Prices | None, title: str = "Cost at most") -> list[str]:
     """Operations, cycles and RAM, worst case.
 
     Parameters
     ----------
     ledger : Ledger
+    prices : Prices or None
+        None: nothing is said of cycles.
     title : str, optional
         How the first line begins.
     """
     ops = ledger.calls
+    counts = f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos"
+    if prices is None:
+        return [f"{title}: {counts}, {2 * ledger.words} bytes of state."]
+    typical, bound = prices.factors[0], prices.factors[-1]
+    priced = ledger.priced(prices)
     return [
-        f"{title}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos;",
-        f"  estimated {cycles(ops, 2.5)} cycles on C28x + FPU32 (k = 2.5; {cycles(ops, 5)} at k = 5; "
-        f"from published cycles, not measured), {ledger.words} words of state.",
+        f"{title}: {counts};",
+        f"  estimated {prices.total(priced, typical)} cycles on {prices.on} (k = {typical:g}; "
+        f"{prices.total(priced, bound)} at k = {bound:g}; from published cycles, not measured), "
+        f"{ledger.words} words of state.",
     ]
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.evidence.budget import CLOCK, CYCLES, FACTORS, INTERRUPT, PERIODS, Account, cycles
+from codegen.evidence.budget import Account
 from codegen.evidence.certificate import Figures
 from codegen.evidence.ledger import OPERATIONS, Ledger
-from codegen.evidence.measure import FLAGS, Record
+from codegen.evidence.measure import Record
 from codegen.ir.trig import sin_cos_bound
 from codegen.render.filter import FILTER_TITLES, Description, render
 from codegen.render.selftest import SelfTest
 from codegen.render.supervisor import machine_of
 from codegen.render.transitions import modes_context
+from codegen.targets.description import Prices
 from model.filters import FilterStep
 
 
@@ -45,6 +46,8 @@ def render_report(
     return render(
         "report.md.j2",
         about=about,
+        target=about.target,
+        stand_in=about.target.stand_in,
         drive=drive,
         states=[
             {"q": state, "x_0": f"{x0:g}", "P_0": f"{p:g}", "Q": f"{q:g}"}
@@ -76,44 +79,54 @@ def render_report(
 
 def _budget(about: Description, accounts: dict[str, Account], measured: dict[str, Record]) -> dict[str, Any]:
     """Rows of the Budget section: one a filter, and one for the controller around it."""
-    periods = {**PERIODS, about.sample_time: round(CLOCK * about.drive.model.sample_time)}
+    prices = about.target.prices
+    periods = {**prices.periods, **_period(about, prices)} if prices else {}
     rows = []
     for kind, account in accounts.items():
         for subject, ledger, function in (
             (kind, account.filter, f"{account.name}_step"),
             (f"{kind} and controller", account.controller, f"{account.name}_foc_step"),
         ):
-            rows.append(_row(subject, ledger, measured[function], periods))
+            rows.append(_row(subject, ledger, measured[function], prices, periods))
     missing = sorted({row["not_measured"] for row in rows if row["not_measured"]})
     compilers = sorted({record["compiler"] for record in measured.values() if "compiler" in record})
     return {
         "interrupts": _interrupts(about, accounts, measured),
         "rivals": any("STARTING" in account.interrupts for account in accounts.values()),
         "operations": OPERATIONS,
-        "factors": FACTORS,
-        "prices": CYCLES,
-        "interrupt": INTERRUPT,
+        "prices": prices,
+        "clock": f"{prices.clock / 1e6:g} MHz" if prices else "",
         "periods": periods,
         "rows": rows,
         "missing": missing,
         "compilers": compilers,
-        "flags": " ".join(FLAGS),
         "limits": {key: value for key, value in about.drive.budget.model_dump().items() if value is not None},
     }
 
 
+def _period(about: Description, prices: Prices) -> dict[str, int]:
+    """Cycles of the drive's own sample time."""
+    return {about.sample_time: round(prices.clock * about.drive.model.sample_time)}
+
+
 def _interrupts(about: Description, accounts: dict[str, Account], measured: dict[str, Record]) -> list[dict[str, Any]]:
     """Rows of the whole interrupt: a filter and a mode each."""
-    period = {about.sample_time: round(CLOCK * about.drive.model.sample_time)}
+    prices = about.target.prices
+    period = _period(about, prices) if prices else {}
     return [
-        _row(f"{kind}, {mode}", ledger, measured[f"{account.name}_drive_step"], period)
+        _row(f"{kind}, {mode}", ledger, measured[f"{account.name}_drive_step"], prices, period)
         for kind, account in accounts.items()
         for mode, ledger in account.interrupts.items()
     ]
 
 
-def _row(subject: str, ledger: Ledger, record: Record, periods: dict[str, int]) -> dict[str, Any]:
-    called, expanded = ([cycles(counts, k) for k in FACTORS] for counts in (ledger.calls, ledger.expanded))
+def _row(
+    subject: str, ledger: Ledger, record: Record, prices: Prices | None, periods: dict[str, int]
+) -> dict[str, Any]:
+    called, expanded = (
+        [prices.total(counts, k) for k in prices.factors] if prices else []
+        for counts in (ledger.priced(prices) if prices else ledger.calls, ledger.expanded)
+    )
     return {
         "subject": subject,
         "ledger": ledger,

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from codegen.evidence.recording import DRAWS, MARGIN, UNITS, Recording, execute
 from codegen.evidence.selftest import ControlRun, Segment
 from codegen.ir.trig import wrap_listing
-from codegen.render.filter import Description, render, sin_cos_text
+from codegen.render.filter import Description, render
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.expression import wrap_line
-from codegen.render.printers.targets import F28335
+from codegen.render.trig import sin_cos_text
+from codegen.targets.numbers import FLOAT32
 
 Array = NDArray[Any]
 
@@ -67,7 +68,7 @@ def render_filter_selftest(
     common = {**_common(about, p, vectors, words), "plan": plan, "stages": stages, "has_iterations": True}
     story = "a start with two bad inputs in it, and corners of the operating box"
     header = render("selftest.h.j2", **common, story=story, init=f"{p}_init")
-    printer = CPrinter(F28335)
+    printer = CPrinter(FLOAT32)
     source = render(
         "selftest.c.j2",
         **common,
@@ -78,10 +79,10 @@ def render_filter_selftest(
         starts=[_start(int(first), run) for first, run in zip(firsts, runs, strict=False)],
         rows=[_vector(k, (u[k], "u", "V"), (y[k], "y", "A"), recording, n, True) for k in range(vectors)],
         compare=render("selftest_compare.j2", p=p),
-        round=printer.format_literal(F28335.precision.rounding),
-        below_pi=printer.format_literal(F28335.precision.below_pi),
+        round=printer.format_literal(FLOAT32.precision.rounding),
+        below_pi=printer.format_literal(FLOAT32.precision.below_pi),
         sin_cos=sin_cos_text(printer),
-        wrap_angle=printer.format_helper(wrap_listing(F28335.precision)),
+        wrap_angle=printer.format_helper(wrap_listing(FLOAT32.precision)),
     )
     return SelfTest(header, source, vectors, words)
 

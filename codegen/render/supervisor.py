@@ -9,20 +9,12 @@ from codegen.ir.covariance import CovarianceLayout, place, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
-from codegen.render.filter import (
-    ANGLE,
-    Description,
-    named_constants,
-    render,
-    sin_cos_text,
-    trig_note,
-    tuning,
-    with_ramfuncs,
-)
+from codegen.render.filter import ANGLE, Description, named_constants, render, tuning, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.transitions import stay_texts
+from codegen.render.trig import sin_cos_text, trig_note
 from model.filters import FilterStep
 from model.filters.program import Restart
 from model.inverter import TRANSFORM
@@ -163,7 +155,7 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         Lines of the drive's head: what a whole interrupt costs.
     """
     machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
-    printer = ModesC(machine, CovarianceLayout.of(step), prefix)
+    printer = ModesC(machine, CovarianceLayout.of(step), prefix, about.target.numbers)
     amplitude = injected_voltage(about.drive)
     common = {
         "p": prefix,
@@ -175,7 +167,7 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "rivals": machine.rivals,
         "start_share": printer.format_literal(start_share(about.drive)),
         "sin_cos": sin_cos_text(printer),
-        "trig_note": trig_note(printer.target),
+        "trig_note": trig_note(printer.numbers),
         "round": printer.format_literal(SINGLE.rounding),
         "below_pi": printer.format_literal(SINGLE.below_pi),
     }
@@ -183,9 +175,11 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
     drive = render("drive.c.j2", **common, notes=notes, **_drive_text(about, printer, CovarianceLayout.of(step)))
     return {
         "supervisor.h": render("supervisor.h.j2", **common),
-        "supervisor.c": with_ramfuncs(source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}),
+        "supervisor.c": with_sections(
+            about.target.sections, source, cold={f"{prefix}_supervisor_init", f"{prefix}_supervisor_refuse"}
+        ),
         "drive.h": render("drive.h.j2", **common),
-        "drive.c": with_ramfuncs(drive, cold={f"{prefix}_drive_init"}),
+        "drive.c": with_sections(about.target.sections, drive, cold={f"{prefix}_drive_init"}),
     }
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from codegen.targets.find import target_names
 from runtime.commands.terminal import say, working
 from runtime.commands.words import Drives, caution, show_written
 from runtime.folders.generate import generate_drives
@@ -28,11 +29,15 @@ def generate(
     form: Annotated[
         str, typer.Option(metavar="NAME", help="fast (what is shipped), or literal: the paper's shape, for reading.")
     ] = "fast",
+    target: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help=f"Processor, in the place of the drive file's: {', '.join(target_names())}."),
+    ] = None,
 ) -> None:
-    """Generate C for the F28335, host C and Python from drive files."""
+    """Generate C for the drive's target, host C and Python from drive files."""
     caution(drives)
     with working() as progress:
-        written = generate_drives(drives or [], out, check, force, form, progress)
+        written = generate_drives(drives or [], out, check, force, form, progress, target)
     if check:
         for item in written:
             if item.diff:

@@ -8,23 +8,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from codegen.evidence.budget import CLOCK
+from codegen.targets.find import find_target
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.subject import Subject
 from runtime.drive.experiment import run_facts
 from runtime.system.files import write_text
-
-#: Cycles an addition or multiplication is priced at: typical, and the bound.
-PRICES = ("2.5", "5")
 
 
 @dataclass(frozen=True)
 class Cost:
     """One filter's step.
 
-    ``cycles``, ``interrupt`` (with the controller around it): computed, by price; ``share``: per
-    cent of the sample time that the filter takes at the typical price. Stack and text in bytes on a Cortex-M4F, None
-    where they were not measured.
+    ``cycles``, ``interrupt`` (with the controller around it): computed, at the typical price and at the bound, by k;
+    ``share``: per cent of the sample time that the filter takes at the typical price. Cycles are empty and the share is
+    None where nothing is published for the target. Stack and text in bytes on the target's stand-in, None where they
+    were not measured.
     """
 
     label: str
@@ -32,10 +30,20 @@ class Cost:
     operations: dict[str, int]
     cycles: dict[str, int]
     interrupt: dict[str, int]
-    share: float
+    share: float | None
     ram_words: int
     stack: int | None
     text: int | None
+
+    @property
+    def typical(self) -> int | None:
+        """Cycles at the typical price."""
+        return next(iter(self.cycles.values()), None)
+
+    @property
+    def bound(self) -> int | None:
+        """Cycles at the price that is a bound."""
+        return next(reversed(self.cycles.values()), None)
 
 
 def costs(subjects: Sequence[Subject]) -> list[Cost]:
@@ -51,14 +59,16 @@ def kinds(subjects: Sequence[Subject]) -> list[str]:
 def _cost(subject: Subject, kind: str) -> Cost:
     facts = subject.manifest["filters"][kind]
     measured = subject.manifest.get("measured", {}).get(f"{subject.folder.drive}_{kind}_step", {})
-    cycles = {price: int(facts["cycles"][price]) for price in PRICES}
+    prices = find_target(subject.drive.target_name).prices
+    ks = [f"{k:g}" for k in (prices.factors[0], prices.factors[-1])] if prices else []
+    cycles = {k: int(facts["cycles"][k]) for k in ks}
     return Cost(
         label=subject.label,
         kind=kind,
         operations=facts["operations"],
         cycles=cycles,
-        interrupt={price: int(facts["controller"]["cycles"][price]) for price in PRICES},
-        share=100 * cycles[PRICES[0]] / (CLOCK * subject.drive.model.sample_time),
+        interrupt={k: int(facts["controller"]["cycles"][k]) for k in ks},
+        share=100 * cycles[ks[0]] / (prices.clock * subject.drive.model.sample_time) if prices else None,
         ram_words=facts["state_words"],
         stack=measured.get("stack_bytes"),
         text=measured.get("text_bytes"),

@@ -59,7 +59,7 @@ def cost_figure(subjects: Sequence[Subject]) -> str:
     """Bars by filter: cycles, RAM, stack, code."""
     found = costs(subjects)
     panels = {
-        "cycles a step, k = 2.5 (line: 5)": [cost.cycles["2.5"] for cost in found],
+        "cycles a step, k = 2.5 (line: 5)": [cost.typical or 0 for cost in found],
         "RAM, 16-bit words": [cost.ram_words for cost in found],
         "stack, bytes (M4F)": [cost.stack or 0 for cost in found],
         "code, bytes (M4F)": [cost.text or 0 for cost in found],
@@ -72,7 +72,7 @@ def cost_figure(subjects: Sequence[Subject]) -> str:
     for axis, (title, values) in zip(grid.flat, panels.items(), strict=True):
         bars = axis.barh(places, values, 0.85, color=colours)
         if title.startswith("cycles"):
-            bound = [cost.cycles["5"] for cost in found]
+            bound = [cost.bound or 0 for cost in found]
             axis.hlines(places, values, bound, color=colours, lw=1.2)
         axis.bar_label(bars, fmt="{:,.0f}", fontsize=7, label_type="center", color="white")
         axis.set_xlabel(title, fontsize=8)

@@ -1,4 +1,4 @@
-"""Link E-F: the generated C on the host against the same file on a 16-bit-int AVR and on a Cortex-M4F, bit for bit.
+"""Link E-F: the generated C on the host against the same file on a 16-bit-int AVR and on Cortex-M cores, bit for bit.
 
 Every word of the struct, the status and the outputs are compared after every step: by checksum first, and where a
 checksum differs, word by word from a second run, so that a break is reported at its first divergence.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from runtime.estimator.folder import GeneratedFolder
 from runtime.firmware.avr import Avr
-from runtime.firmware.cortex_m4 import CortexM4
+from runtime.firmware.cortex_m import boards
 from runtime.firmware.drive_recording import drive_recording
 from runtime.firmware.emulator import Outcome, Processor
 from runtime.firmware.host import run_on_host
@@ -32,7 +32,7 @@ Array = NDArray[Any]
 Progress = Callable[[str], None]
 
 STEPS = 1000
-PROCESSORS: tuple[Processor, ...] = (Avr(), CortexM4())
+PROCESSORS: tuple[Processor, ...] = (Avr(), *boards().values())
 
 #: What each kind of subject is given.
 RECORDINGS: Mapping[Part, Callable[[GeneratedFolder, int], Recording]] = {

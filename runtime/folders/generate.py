@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from codegen.evidence.budget import check_budget
@@ -12,8 +12,9 @@ from codegen.evidence.measure import Measurer, kept_records
 from codegen.generate import FORMS, generate
 from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import MANIFEST, difference, write_folder
+from codegen.targets.find import find_target
 from model.drives.load import shipped_drives
-from model.schema import DriveError
+from model.schema import Drive, DriveError, TargetChoice
 from runtime.folders.resolve import NamedDrive, find_drive, target_folder
 from runtime.system.errors import UserError
 from runtime.system.workers import workers
@@ -39,6 +40,7 @@ def generate_drives(
     force: bool = False,
     form: str = "fast",
     progress: Progress = lambda text: None,
+    target: str | None = None,
 ) -> list[Written]:
     """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
 
@@ -58,12 +60,19 @@ def generate_drives(
         "fast" (what is shipped) or "literal" (the paper's shape).
     progress : Progress, optional
         Told how far the work is.
+    target : str, optional
+        The processor to generate for, in the place of the drive files'.
     """
+    if target is not None and out is None:
+        raise UserError("--target differs from what the drive file says: say where it goes with --out DIR.")
     if form not in FORMS:
         raise UserError(f"no form '{form}'; there are: {', '.join(FORMS)}.")
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
     chosen = [find_drive(word) for word in drives or shipped_drives()]
+    if target is not None:
+        find_target(target)
+        chosen = [replace(named, drive=for_target(named.drive, target)) for named in chosen]
     packages = _generate_all(chosen, out, check, form, progress)
     names = [package.name for package in packages]
     for name in names:
@@ -79,6 +88,18 @@ def generate_drives(
             write_folder(folder, package.files, force)
         results.append(Written(package.name, folder, state, len(package.files), diff))
     return results
+
+
+def for_target(drive: Drive, target: str) -> Drive:
+    """The same drive for another processor.
+
+    Parameters
+    ----------
+    drive : Drive
+    target : str
+        Its name.
+    """
+    return drive.model_copy(update={"target": TargetChoice(name=target)})
 
 
 @dataclass(frozen=True)

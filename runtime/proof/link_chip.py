@@ -6,6 +6,7 @@ says is modelled, not measured; it is the expectation that the user's own board 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codegen.evidence.fpu32 import FPU32, Flushed
+from codegen.targets.find import find_target
+from model.schema import DEFAULT_TARGET
 from runtime.estimator.estimator import Estimator, load_folder
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
@@ -25,9 +28,13 @@ Array = NDArray[Any]
 class ChipBackend(NumpyBackend):
     """The generated float32 Python, every number of it wrapped in a modelled arithmetic."""
 
-    def __init__(self, module: ModuleType, kind: str, number: type[Flushed] = FPU32) -> None:
+    def __init__(
+        self, module: ModuleType, kind: str, number: type[Flushed] = FPU32, sin_cos: Callable[..., Any] | None = None
+    ) -> None:
         super().__init__(module, kind, "float32")
         self.number = number
+        if sin_cos is not None:
+            self.math = type("Math", (self.math,), {"sin_cos": staticmethod(sin_cos)})
         self.filter = module.new_filter(lambda value: number(np.float32(value)))
 
     def _wrap(self, value: Any) -> Any:
@@ -79,7 +86,11 @@ def link_chip(folder: GeneratedFolder, kind: str, gain: str, u: Array, y: Array)
     y : ndarray
         Currents, A, (N, 2).
     """
-    chip = Estimator(folder, kind, ChipBackend(folder.module, kind), "float32")
+    arithmetic = find_target(folder.manifest.get("target", DEFAULT_TARGET)).arithmetic
+    model = ChipBackend(
+        folder.module, kind, *((arithmetic.number, arithmetic.sin_cos) if arithmetic is not None else (FPU32, None))
+    )
+    chip = Estimator(folder, kind, model, "float32")
     host = load_folder(folder, kind, "numpy", "float32")
     rows = drift_rows(host, drift(chip, host, u, y), 0)
     return Link("D-chip", "float32 = the chip's modelled arithmetic", folder.drive, kind, gain, f"{len(u)} steps", rows)

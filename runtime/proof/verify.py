@@ -18,6 +18,7 @@ from codegen.evidence.box import BoxSamples, sample_box
 from codegen.evidence.certificate import SAMPLES
 from codegen.generate import Package, build_steps, draft, generate_bare
 from codegen.output.folder import write_folder
+from codegen.targets.find import find_target
 from model.filters import FilterStep
 from model.schema import Drive
 from model.supervisor import supervisor
@@ -247,9 +248,12 @@ class Prover:
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)
         evidence.drift[label] = drift.envelope()
-        self.progress(f"{label}: D-chip, the chip's arithmetic as modelled")
-        steps = self.effort.chip_steps
-        return [*found, drift_link, link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps])]
+        found.append(drift_link)
+        if find_target(self.package.drive.target_name).arithmetic is not None:
+            self.progress(f"{label}: D-chip, the chip's arithmetic as modelled")
+            steps = self.effort.chip_steps
+            found.append(link_chip(self.folder, kind, step.gain, long.u[:steps], long.y[:steps]))
+        return found
 
     def along_trajectory(self, kind: str) -> list[Link]:
         """A-B stage by stage along the trajectory, and B on its own; then B-C.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from codegen.evidence.budget import Account, BudgetError, check_budget, cycles
+from codegen.evidence.budget import Account, BudgetError, check_budget
 from codegen.generate import count, generate_bare
+from codegen.targets.find import default_target
 from model.drives.load import load_drive
 from model.schema import Budget, Drive
 from tests.conftest import shipped_accounts, variant
@@ -13,6 +14,9 @@ from tests.conftest import shipped_accounts, variant
 pytestmark = pytest.mark.unit
 
 
+PRICES = default_target().prices
+assert PRICES is not None
+cycles = PRICES.total
 FLUX = load_drive("ipmsm_flux")
 
 

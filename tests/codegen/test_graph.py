@@ -15,7 +15,7 @@ from codegen.ir.layout import lay_out
 from codegen.ir.trig import DOUBLE, wrap_listing
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
-from codegen.render.printers.targets import HOST64
+from codegen.targets.numbers import FLOAT64
 from model.filters.program import BlockBuilder
 from model.quantities import Block
 from runtime.estimator.compiler import build_library
@@ -72,7 +72,7 @@ def test_python_prints_every_operator(point: list[float]) -> None:
 @pytest.mark.process
 @pytest.mark.parametrize("point", POINTS)
 def test_c_prints_every_operator(point: list[float]) -> None:
-    printer = CPrinter(HOST64)
+    printer = CPrinter(FLOAT64)
     listing = lay_out(every_operator(), [])
     size = len(listing.outputs["w"])
     source = "\n".join(
@@ -129,8 +129,8 @@ def test_remainder_other_than_a_turn_is_refused() -> None:
     ("value", "text"), [(0.1, "0.1f"), (2.0, "2.0f"), (1e-7, "1e-07f"), (-0.5, "-0.5f"), (8388608.0, "8.388608e+06f")]
 )
 def test_float_literals_read_back_to_the_same_bits(value: float, text: str) -> None:
-    from codegen.render.printers.targets import F28335
+    from codegen.targets.numbers import FLOAT32
 
-    printed = CPrinter(F28335).format_literal(value)
+    printed = CPrinter(FLOAT32).format_literal(value)
     assert printed == text
     assert np.float32(printed.rstrip("f")) == np.float32(value)

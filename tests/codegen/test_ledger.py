@@ -8,13 +8,13 @@ from typing import Any
 import casadi as ca
 import pytest
 
-from codegen.evidence.budget import cycles
 from codegen.evidence.emitted import EmittedError, code_of, parse_emitted
 from codegen.evidence.ledger import Program
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import sin_cos_listing, wrap_listing
 from codegen.render.printers.c import CPrinter
-from codegen.render.printers.targets import F28335
+from codegen.targets.find import default_target
+from codegen.targets.numbers import FLOAT32
 from model.filters.program import BlockBuilder
 from model.loop.controller import clarke_block
 from model.schema import Drive
@@ -22,6 +22,9 @@ from runtime.estimator.folder import GENERATED
 from tests.conftest import shipped_accounts
 
 pytestmark = pytest.mark.unit
+
+PRICES = default_target().prices
+assert PRICES is not None
 
 PRELUDE = """
 #define PMSM_SQRT(x) sqrtf(x)
@@ -138,7 +141,7 @@ def test_casadi_counts_the_same_block() -> None:
     expected = Counter(
         names[op] for k in range(function.n_instructions()) if (op := function.instruction_id(k)) in names
     )
-    text = PRELUDE + CPrinter(F28335).format_block(lay_out(block, []))
+    text = PRELUDE + CPrinter(FLOAT32).format_block(lay_out(block, []))
     assert Program({"x.c": text}, "x.c").count("block", 1) == expected
 
 
@@ -151,7 +154,7 @@ def test_the_graph_agrees_block_by_block(drive: Drive) -> None:
     """The text is counted, the graph it was printed from is counted: both must be the same work."""
     from codegen.generate import build_steps, lay_out_steps
 
-    wrap = Counter(_graph_count(wrap_listing(F28335.precision)))
+    wrap = Counter(_graph_count(wrap_listing(FLOAT32.precision)))
     model, steps = build_steps(drive)
     listings = lay_out_steps(model, steps)
     program = shipped_accounts(drive.name)["ckf"].program
@@ -190,7 +193,7 @@ def test_the_printed_figures_are_those_of_the_printed_text(drive: Drive) -> None
             assert {key: ops[key] for key in recorded["operations"]} == recorded["operations"]
             text = files[f"{name}{source}.c"]
             assert f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt" in text
-            figures = [cycles(ops, k) for k in (2.5, 4, 5)]
+            figures = [PRICES.total(ops, k) for k in (2.5, 4, 5)]
             assert f"estimated {figures[0]} cycles" in text
             assert " / ".join(str(figure) for figure in figures) in report
 

@@ -11,12 +11,15 @@ import pytest
 
 from codegen.evidence import measure
 from codegen.evidence.ledger import Program
-from codegen.evidence.measure import NOT_FOUND, Measurer, kept_records
+from codegen.evidence.measure import Measurer, kept_records, not_found
 from codegen.generate import generate
 from codegen.output.folder import write_folder
+from codegen.targets.find import default_target
 from model.drives.load import load_drive
 from runtime.estimator.folder import GENERATED
 
+STAND_IN = default_target().stand_in
+NOT_FOUND = not_found(STAND_IN)
 NAME = "paper_spmsm_ckf"
 STEP = f"{NAME}_step"
 
@@ -59,8 +62,8 @@ def test_a_missing_measurement_is_made_up_for_only_when_writing(monkeypatch: pyt
     files, kept = committed()
     missing = {STEP: {"source_sha256": kept[STEP]["source_sha256"], "not_measured": NOT_FOUND}}
     made = ({STEP: 72, "time_update": 100}, 1000)
-    monkeypatch.setattr("codegen.evidence.measure.compile_object", lambda files, source: made)
-    monkeypatch.setattr("codegen.evidence.measure.compiler_version", lambda: "1.2.3")
+    monkeypatch.setattr("codegen.evidence.measure.compile_object", lambda files, source, stand_in: made)
+    monkeypatch.setattr("codegen.evidence.measure.compiler_version", lambda stand_in: "1.2.3")
     monkeypatch.setattr(shutil, "which", lambda name: f"bin/{name}")
     assert record(Measurer(missing, compile=True), files) == missing[STEP]
     found = record(Measurer(missing, compile=True, retry=True), files)
@@ -96,8 +99,8 @@ def test_stack_is_the_deepest_chain_and_code_the_sum_of_all_files(monkeypatch: p
         f"{name}.c": ({STEP: 72, "time_update": 100, "ckf_measurement_update": 40}, 1000),
         f"{name}_foc.c": ({f"{name}_foc_step": 16, "control": 30}, 500),
     }
-    monkeypatch.setattr(measure, "compile_object", lambda texts, source: objects[source])
-    monkeypatch.setattr(measure, "compiler_version", lambda: "1.2.3")
+    monkeypatch.setattr(measure, "compile_object", lambda texts, source, stand_in: objects[source])
+    monkeypatch.setattr(measure, "compiler_version", lambda stand_in: "1.2.3")
     monkeypatch.setattr(shutil, "which", lambda name: f"bin/{name}")
     program = Program(files, f"{name}.c", f"{name}_foc.c")
     found = Measurer(compile=True)(files, program, f"{name}_foc_step")
@@ -105,17 +108,15 @@ def test_stack_is_the_deepest_chain_and_code_the_sum_of_all_files(monkeypatch: p
     assert Measurer(compile=True)(files, program, STEP)["text_bytes"] == 1000
 
 
-def test_other_flags_are_another_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = measure._digest({"a.c": "int a;"})
-    monkeypatch.setattr(measure, "FLAGS", ("-O0",))
-    assert measure._digest({"a.c": "int a;"}) != before
+def test_other_flags_are_another_measurement() -> None:
+    assert measure._digest(("-O0",), {"a.c": "int a;"}) != measure._digest(STAND_IN.flags, {"a.c": "int a;"})
 
 
 def test_text_is_the_first_column_of_the_size_tool(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(command: list[str], cwd: str, **given: object) -> SimpleNamespace:
-        if command[0] == measure.COMPILER:
+        if command[0] == STAND_IN.compiler:
             (Path(cwd) / "measured.su").write_text("a.c:1:5:step\t40\tstatic\n")
         return SimpleNamespace(stdout="   text\tdata\tbss\tdec\thex\tfilename\n  123\t 4\t 5\t 132\t 84\tmeasured.o\n")
 
     monkeypatch.setattr(measure.subprocess, "run", run)
-    assert measure.compile_object({"a.c": "int a;"}, "a.c") == ({"step": 40}, 123)
+    assert measure.compile_object({"a.c": "int a;"}, "a.c", STAND_IN) == ({"step": 40}, 123)

@@ -16,6 +16,7 @@ import pytest
 
 import runtime.design.cost
 import runtime.design.trial
+from codegen.targets.find import default_target
 from runtime.design.facts import EXAMPLE, parse_facts
 from runtime.design.known import filter_bandwidth, rated_point, unknown_share, unsaid_share
 from runtime.design.rules import Choice, Design, design
@@ -307,10 +308,13 @@ def test_every_value_has_its_reason_in_the_file() -> None:
 def test_cost_of_a_design_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     """150 cycles a microsecond; half of a sample where that is enough, else all; words in steps of 32, upwards."""
     for spent, budget, said in ((7000, 7500, ""), (9000, 15000, "9000 of 15000"), (16000, None, "of 107 us or more")):
-        account = SimpleNamespace(controller=SimpleNamespace(calls=spent), filter=SimpleNamespace(words=65))
+        calls = {"copied": spent - default_target().prices.interrupt}  # type: ignore[union-attr]
+        account = SimpleNamespace(
+            controller=SimpleNamespace(priced=lambda prices, calls=calls: calls), filter=SimpleNamespace(words=65)
+        )
         monkeypatch.setattr(runtime.design.cost, "count", lambda drive, files, account=account: {"ckf": account})
-        monkeypatch.setattr(runtime.design.cost, "cycles", lambda calls, factor: calls)
-        made = SimpleNamespace(drive=SimpleNamespace(model=SimpleNamespace(sample_time=1e-4)), files={})
+        drive = SimpleNamespace(model=SimpleNamespace(sample_time=1e-4), target_name="f28335")
+        made = SimpleNamespace(drive=drive, files={})
         chosen = runtime.design.cost.priced(replace(DESIGN, remarks=[]), made)  # type: ignore[arg-type]
         stated = chosen.sections["budget"].get("controller_cycles")
         assert (stated.value if stated else None) == budget

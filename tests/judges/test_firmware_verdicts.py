@@ -261,17 +261,19 @@ def test_lines_of_a_run() -> None:
 
 
 def test_units_of_the_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Independent of the emulators: SysTick at 25 MHz, 1024 ns an instruction; the AVR's timer at clock / 256."""
-    from runtime.firmware import avr, cortex_m4
+    """Independent of the emulators: SysTick at the board's clock, 1024 ns an instruction; the AVR's at clock / 256."""
+    from runtime.firmware import avr, cortex_m
 
     text = "E 00000000\nL 0007d000\nS 00000000 00000064\n"
     recording: Any = SimpleNamespace(steps=1)
     subject: Any = SimpleNamespace(name="x")
-    monkeypatch.setattr(cortex_m4.CortexM4, "_run", lambda *rest: text)
+    monkeypatch.setattr(cortex_m.CortexM, "_run", lambda *rest: text)
     monkeypatch.setattr(avr.Avr, "_run", lambda *rest: text)
-    m4, small = cortex_m4.CortexM4(), avr.Avr()
-    assert m4.run(subject, recording).cost[0] == round(100 / 25e6 / 1024e-9)
-    assert m4.run(subject, recording).known_loop == 512_000 / 25.6
-    assert (m4.known_loop, m4.unit) == (20_003, "instructions")
+    small, boards = avr.Avr(), cortex_m.boards()
+    for name, clock in (("cortex_m4f", 25e6), ("cortex_m33f", 20e6), ("cortex_m7", 25e6)):
+        found = boards[name].run(subject, recording)
+        assert found.cost[0] == round(100 / clock / 1024e-9)
+        assert found.known_loop == 512_000 / (clock * 1024e-9)
+        assert (boards[name].known_loop, boards[name].unit) == (20_002, "instructions")
     assert small.run(subject, recording).cost[0] == 100 * 256
     assert (small.resolution, small.known_loop, small.unit) == (256, 64_000, "cycles")

@@ -51,13 +51,15 @@ def _printed(fresh: Fresh) -> dict[str, str]:
     from codegen.render.drive import render_foc
     from codegen.render.filter import render_filter, render_port
     from codegen.render.lanes import render_lanes
-    from codegen.render.printers.targets import F28335
     from codegen.render.supervisor import render_supervisor
+    from codegen.targets.find import default_target
 
-    files = {"pmsm_port.h": render_port()}
+    files = {"pmsm_port.h": render_port(default_target())}
     for kind, step in fresh.steps.items():
         stem = f"{fresh.drive}_{kind}"
-        files[f"{stem}.h"], files[f"{stem}.c"] = render_filter(fresh.about, step, fresh.listings, F28335, [])
+        files[f"{stem}.h"], files[f"{stem}.c"] = render_filter(
+            fresh.about, step, fresh.listings, default_target().numbers, []
+        )
         files[f"{stem}_foc.h"], files[f"{stem}_foc.c"] = render_foc(fresh.about, kind, [])
         files |= {f"{stem}_{end}": text for end, text in render_supervisor(fresh.about, step, []).items()}
         files[f"{stem}_lanes.h"], files[f"{stem}_lanes.c"] = render_lanes(fresh.about, step, fresh.listings)

@@ -20,7 +20,7 @@ from runtime.cli import app
 from runtime.estimator.folder import GENERATED, find_folder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.firmware.avr import Avr
-from runtime.firmware.cortex_m4 import CortexM4
+from runtime.firmware.cortex_m import boards
 from runtime.firmware.drive_recording import CASES, PIECE
 from runtime.firmware.emulator import Processor, outcome
 from runtime.firmware.gates import check_firmware
@@ -46,7 +46,9 @@ MANY = [
 FEW = [f"{name}_ickf_foc" for name in DRIVES]
 #: Whole drives: one without a rival, one with.
 WHOLE = ("paper_spmsm_ickf_drive", "ipmsm_flux_ickf_drive")
-BOTH = pytest.mark.parametrize("processor", PROCESSORS, ids=lambda processor: processor.programs[0])
+M4 = boards()["cortex_m4f"]
+OTHERS = [processor for processor in PROCESSORS if processor.name not in {Avr.name, M4.name}]
+BOTH = pytest.mark.parametrize("processor", [Avr(), M4, *thoroughly(*OTHERS)], ids=lambda processor: processor.name)
 QUICK = 60
 #: A surface and a salient machine run all of the recording, others its first part.
 FULL, SHORT = ("paper_spmsm", "ipmsm_flux"), 200
@@ -76,6 +78,14 @@ def run(name: str, processor: Processor, steps: int, target: Subject | None = No
 @pytest.mark.parametrize("name", ["paper_spmsm_ickf", *thoroughly("paper_spmsm_ickf_foc")])  # which runs longer below
 def test_same_bits(name: str, processor: Processor) -> None:
     found = run(name, processor, QUICK)
+    assert found.divergence is None, str(found.divergence)
+    assert found.counted_exactly
+
+
+@pytest.mark.parametrize("processor", OTHERS, ids=lambda processor: processor.name)
+@pytest.mark.parametrize("name", ["ipmsm_flux_ickf", WHOLE[0]])
+def test_same_bits_on_the_other_cores(name: str, processor: Processor) -> None:
+    found = run(name, processor, QUICK if name == "ipmsm_flux_ickf" else PIECE * len(CASES))
     assert found.divergence is None, str(found.divergence)
     assert found.counted_exactly
 
@@ -130,7 +140,7 @@ def test_a_count_that_ends_nowhere_stands_at_its_largest_number(name: str) -> No
 
 def test_no_iteration_means_a_constant_number_of_instructions() -> None:
     """Straight-line code: accepted steps of the CKF all cost the same, but for those that turn an angle widely."""
-    found = run("paper_spmsm_ckf", CortexM4(), QUICK)
+    found = run("paper_spmsm_ckf", M4, QUICK)
     accepted = run_on_host(*recorded("paper_spmsm_ckf", QUICK))[:, 0] == 0
     costs, counts = np.unique(found.outcome.cost[accepted], return_counts=True)
     assert len(costs) <= 3
@@ -236,7 +246,7 @@ def test_a_constants_last_bit_is_caught_and_located(name: str, processor: Proces
 
 def test_fused_multiply_add_is_caught() -> None:
     """The reason for -ffp-contract=off: the Cortex-M4F has a fused multiply-add."""
-    found = run("paper_spmsm_ickf", CortexM4(), QUICK, None, "-ffp-contract=fast")
+    found = run("paper_spmsm_ickf", M4, QUICK, None, "-ffp-contract=fast")
     assert found.divergence is not None
 
 
@@ -246,7 +256,7 @@ def test_an_int_of_16_bits_is_seen() -> None:
     segment = Segment(recording.segments[0].inputs, {"max_iterations": 40000})
     recording = Recording((segment,))
     expected = run_on_host(subject, recording)
-    for processor, differs in ((Avr(), True), (CortexM4(), False)):
+    for processor, differs in ((Avr(), True), (M4, False)):
         need(*processor.programs)
         divergence = compare(processor, subject, recording, expected).divergence
         assert (divergence is not None) == differs
@@ -263,7 +273,7 @@ def test_a_count_that_an_int_of_16_bits_does_not_hold_is_seen() -> None:
     long = Recording((Segment(recording.segments[0].inputs, {"supervisor.since": 32766}),))
     expected = run_on_host(wrong, long)
     assert expected[:, wrong.words.index("supervisor.since")].tolist() == [32767, 32768, 32769]
-    for processor, differs in ((Avr(), True), (CortexM4(), False)):
+    for processor, differs in ((Avr(), True), (M4, False)):
         need(*processor.programs)
         divergence = compare(processor, wrong, long, expected).divergence
         assert (divergence is not None) == differs
@@ -276,8 +286,9 @@ def test_a_count_that_an_int_of_16_bits_does_not_hold_is_seen() -> None:
 def test_missing_tools_are_rows_and_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name, which=shutil.which: None if name in PACKAGES else which(name))
     rows = link_ef(FOLDERS["paper_spmsm"])
-    assert [row.state for row in rows] == ["not run", "not run"]
-    needed = ["gcc-avr avr-libc simavr", "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"]
+    assert [row.state for row in rows] == ["not run"] * len(PROCESSORS)
+    cortex = "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
+    needed = ["gcc-avr avr-libc simavr", *[cortex] * (len(PROCESSORS) - 1)]
     assert [row.figure for row in rows] == [f"needs {packages}" for packages in needed]
     monkeypatch.setattr(runtime.firmware.gates, "GATES", (link_ef,))
     for options, code in (((), 1), (("--allow-missing",), 0)):

@@ -9,16 +9,19 @@ import shutil
 import pytest
 
 from codegen.evidence.ledger import Program
-from codegen.evidence.measure import COMPILER, NOT_FOUND, Measurer, compiler_version
+from codegen.evidence.measure import Measurer, compiler_version, not_found
+from codegen.targets.find import default_target
 from model.schema import Drive
 from runtime.estimator.folder import GENERATED
+
+STAND_IN = default_target().stand_in
 
 
 @pytest.fixture(autouse=True)
 def _compiler() -> None:
-    if shutil.which(COMPILER) is None:
-        assert "CI" not in os.environ, NOT_FOUND
-        pytest.skip(NOT_FOUND)
+    if shutil.which(STAND_IN.compiler) is None:
+        assert "CI" not in os.environ, not_found(STAND_IN)
+        pytest.skip(not_found(STAND_IN))
 
 
 def test_committed_measurements_hold(drive: Drive) -> None:
@@ -29,12 +32,12 @@ def test_committed_measurements_hold(drive: Drive) -> None:
     measurer = Measurer(compile=True)
     assert len(committed) == 3 * len(drive.filter.kinds)
     for function, record in committed.items():
-        assert "not_measured" not in record, f"{function}: regenerate on a machine that has {COMPILER}"
+        assert "not_measured" not in record, f"{function}: regenerate on a machine that has {STAND_IN.compiler}"
         name = function.removesuffix("_step").removesuffix("_foc").removesuffix("_drive")
         sources = [f"{name}{end}.c" for end in ("", "_foc", "_supervisor", "_drive")]
         found = measurer(files, Program(files, *sources), function)
         assert found["source_sha256"] == record["source_sha256"]
-        same = record["compiler"] == f"{COMPILER} {compiler_version()}"
+        same = record["compiler"] == f"{STAND_IN.compiler} {compiler_version(STAND_IN)}"
         for key in ("stack_bytes", "text_bytes"):
             assert found[key] == (record[key] if same else pytest.approx(record[key], rel=0.15)), (function, key)
 

@@ -8,7 +8,7 @@ from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
 from codegen.render.printers.expression import unbroken, wrap_line
 from codegen.render.printers.flow import FlowPrinter
-from codegen.render.printers.targets import Target
+from codegen.targets.numbers import NumberFormat
 from model.filters import FilterStep
 from model.filters.conditions import All, Entry
 from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Size, Turns
@@ -18,20 +18,20 @@ INDENT = "    "
 
 
 class CPrinter(FlowPrinter):
-    """Prints listings for one target.
+    """Prints listings in one number format.
 
-    >>> from codegen.render.printers.targets import F28335
-    >>> CPrinter(F28335).format_literal(0.1)
+    >>> from codegen.targets.numbers import FLOAT32
+    >>> CPrinter(FLOAT32).format_literal(0.1)
     '0.1f'
     """
 
     #: What tells a function which filter is meant.
     FILTER = "f"
 
-    def __init__(self, target: Target) -> None:
-        self.target = target
+    def __init__(self, numbers: NumberFormat) -> None:
+        self.numbers = numbers
         #: Type of a sine and cosine; the port header declares the firmware's, once for all files (MISRA 5.6).
-        self.pair = f"pmsm_pair{target.tag}"
+        self.pair = f"pmsm_pair{numbers.tag}"
         #: Numbers and the status that a function of the step has as its own, by what the step calls them.
         self.own: dict[str, str] = {}
         #: The step iterates.
@@ -40,16 +40,20 @@ class CPrinter(FlowPrinter):
     # --- expressions
 
     def format_literal(self, value: float) -> str:
-        """Shortest decimal that reads back to the same bits in the target's format."""
-        rounded = np.float32(value) if self.target.suffix else np.float64(value)
+        """Shortest decimal that reads back to the same bits in the format."""
+        rounded = np.float32(value) if self.numbers.suffix else np.float64(value)
         text = str(rounded)
         if not any(mark in text for mark in ".e"):
             text += ".0"
-        return text + self.target.suffix
+        return text + self.numbers.suffix
+
+    def format_division(self, left: str, right: str) -> str:
+        """Spell a division by the port header's macro; empty where the operator does."""
+        return f"{self.numbers.divide}({left}, {right})" if self.numbers.divide else ""
 
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root."""
-        return f"{self.target.sqrt}({argument})"
+        return f"{self.numbers.sqrt}({argument})"
 
     def format_wrap(self, argument: str) -> str:
         """Spell an angle wrapped into [-pi, pi)."""
@@ -80,13 +84,13 @@ class CPrinter(FlowPrinter):
 
     def format_turn(self, prefix: str, variable: str) -> str:
         """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), its coefficients by name."""
-        s, c = coefficients(self.target.precision)  # how many: n does not change it
+        s, c = coefficients(self.numbers.precision)  # how many: n does not change it
         if prefix == "SINC":
             return f"{horner('SINC_', len(s), variable)} + {self.format_literal(1.0)}"
         return horner("COSM1_", len(c), variable)
 
     def _declaration(self, name: str, expression: str) -> str:
-        return wrap_line(f"const {self.target.real} {name} = {expression};", INDENT, INDENT)
+        return wrap_line(f"const {self.numbers.real} {name} = {expression};", INDENT, INDENT)
 
     def format_body(self, listing: Listing) -> list[str]:
         """Sections with their headings."""
@@ -105,7 +109,7 @@ class CPrinter(FlowPrinter):
         title = listing.block.title + ("; returns the status" if listing.spreads else "")
         lines = [f"/* {title} */", *self._signature(listing), "{"]
         for port, used in listing.used_inputs.items():
-            lines += [f"{INDENT}const {self.target.real} {name} = {port}[{k}];" for k, name in used]
+            lines += [f"{INDENT}const {self.numbers.real} {name} = {port}[{k}];" for k, name in used]
         lines += [*self.format_body(listing), ""]
         if listing.spreads:
             lines += self._turns(listing)
@@ -138,7 +142,7 @@ class CPrinter(FlowPrinter):
         ]
         return [
             wrap_line(f"if ({self.total_turn(listing)} > SMALL_TURN) {{", INDENT, INDENT),
-            f"{INDENT * 2}{self.target.real} z[{len(squares)}];",
+            f"{INDENT * 2}{self.numbers.real} z[{len(squares)}];",
             *(f"{INDENT * 2}z[{k}] = {text};" for k, text in enumerate(squares)),
             f"{INDENT * 2}return widen(&{words}[ANGLE_ROW], z, {turn}_out, {len(squares)});",
             f"{INDENT}}}",
@@ -152,7 +156,7 @@ class CPrinter(FlowPrinter):
         return " + ".join(self.reference(listing, node) for node in listing.outputs[z])
 
     def _signature(self, listing: Listing) -> list[str]:
-        real, block = self.target.real, listing.block
+        real, block = self.numbers.real, listing.block
         const = "" if listing.spreads else "const "  # an angle that is given up is given up in P as well
         outputs = block.outputs[1:] if listing.spreads else block.outputs  # the squares stay inside
         args = [unbroken(f"{const}{real} {port.name}[{len(port.entries)}]") for port in block.inputs]
@@ -171,8 +175,8 @@ class CPrinter(FlowPrinter):
             lines.insert(0, f"{INDENT}{self.pair} result;")
             lines += [wrap_line(f"result.{key} = {text};", INDENT, INDENT) for key, text in results.items()]
             lines.append(f"{INDENT}return result;")
-        returned = self.target.real if len(results) == 1 else self.pair
-        return "\n".join([f"static {returned} {listing.block.name}({self.target.real} x)", "{", *lines, "}"])
+        returned = self.numbers.real if len(results) == 1 else self.pair
+        return "\n".join([f"static {returned} {listing.block.name}({self.numbers.real} x)", "{", *lines, "}"])
 
     # --- the step
 
@@ -200,8 +204,8 @@ class CPrinter(FlowPrinter):
         first, *others = (self.format_entry(entry) for entry in node.entries)
         adds = f"{node.target} = {node.target} + size * size;"
         return [
-            f"{INDENT}{self.target.real} size = {first} * {node.per_unit};",
-            f"{INDENT}{self.target.real} {node.target} = size * size;",
+            f"{INDENT}{self.numbers.real} size = {first} * {node.per_unit};",
+            f"{INDENT}{self.numbers.real} {node.target} = size * size;",
             *self._declare_status(),
             f"{INDENT}int k;",
             *(line for other in others for line in (f"{INDENT}size = {other} * {node.per_unit};", f"{INDENT}{adds}")),

@@ -28,6 +28,16 @@ class ExpressionPrinter:
         """
         raise NotImplementedError
 
+    def format_division(self, left: str, right: str) -> str:
+        """Spell a division as a call; empty where the language's operator does.
+
+        Parameters
+        ----------
+        left, right : str
+            Text of two expressions.
+        """
+        return ""
+
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root.
 
@@ -90,6 +100,8 @@ class ExpressionPrinter:
             text = self.format_literal(node.value)
             return text, (3 if text.startswith("-") else 4)
         args = [self._format(listing, arg) for arg in node.args]
+        if node.op == "div" and (call := self.format_division(args[0][0], args[1][0])):
+            return call, 4
         if node.op in _SYMBOL:
             return self._format_binary(node.op, args)
         if node.op == "neg":

@@ -12,7 +12,7 @@ import textwrap
 from codegen.ir.layout import Listing
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.expression import unbroken, wrap_line
-from codegen.render.printers.targets import Target
+from codegen.targets.numbers import NumberFormat
 from model.filters import FilterStep
 from model.filters.conditions import ACCEPTED, All, Condition, Either, Entry, Not
 from model.filters.program import (
@@ -39,15 +39,15 @@ class LanesPrinter(CPrinter):
 
     FILTER = "f, lane"
 
-    def __init__(self, target: Target, states: int, struct: str = "") -> None:
-        super().__init__(target)
+    def __init__(self, numbers: NumberFormat, states: int, struct: str = "") -> None:
+        super().__init__(numbers)
         self.states, self.struct = states, struct
         #: Some wide turns are not for lanes whose measurement is rejected.
         self.skips = False
         #: Functions that a step needs besides its blocks.
         self.functions: list[str] = []
         #: The type that holds one number of every lane.
-        self.array = f"lanes{target.tag}"
+        self.array = f"lanes{numbers.tag}"
 
     # --- functions
 
@@ -61,7 +61,7 @@ class LanesPrinter(CPrinter):
         read, written = ({port.name for port in ports} for ports in (listing.block.inputs, listing.block.outputs))
         assert not written & read or written & COPIED, "what is read and written needs two arrays from its caller"
         body = [
-            f"{INDENT}const {self.target.real} {name} = {port}[{k}].of[lane];"
+            f"{INDENT}const {self.numbers.real} {name} = {port}[{k}].of[lane];"
             for port, used in listing.used_inputs.items()
             for k, name in used
         ]
@@ -178,7 +178,7 @@ class LanesPrinter(CPrinter):
             if where is None:
                 return [f"{target} = {value};"]
             assert where == ACCEPTED
-            name, real = node.target.name, self.target.real
+            name, real = node.target.name, self.numbers.real
             return [
                 f"const {real} {name}_before = {target};",
                 f"const {real} {name}_after = {value};",
@@ -219,7 +219,7 @@ class LanesPrinter(CPrinter):
         ]
 
     def _seldom_function(self, node: Seldom) -> str:
-        given = [f"{self.target.real} {entry.name}" for entry in node.size.entries if entry.place is not None]
+        given = [f"{self.numbers.real} {entry.name}" for entry in node.size.entries if entry.place is not None]
         return "\n".join(
             [
                 "/* Sets the remaining status bits of a lane whose step was not ordinary, counts repairs, and "

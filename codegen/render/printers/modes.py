@@ -11,7 +11,7 @@ from codegen.render.printers.c import INDENT, CPrinter
 from codegen.render.printers.expression import WIDTH, unbroken, wrap_line
 from codegen.render.printers.places import SCORE, Body, Places
 from codegen.render.printers.python import PythonPrinter
-from codegen.render.printers.targets import F28335
+from codegen.targets.numbers import NumberFormat
 from model.filters.conditions import Entry
 from model.filters.program import Call, Count, If, Node, Restart, Set
 from model.quantities import Block
@@ -26,8 +26,8 @@ RIVAL = "rival_"
 class ModesC(CPrinter):
     """Prints a machine for the chip; the machine's struct is ``s``, the filter's ``f``."""
 
-    def __init__(self, machine: Supervisor, layout: CovarianceLayout, prefix: str) -> None:
-        super().__init__(F28335)
+    def __init__(self, machine: Supervisor, layout: CovarianceLayout, prefix: str, numbers: NumberFormat) -> None:
+        super().__init__(numbers)
         self.machine, self.places, self.prefix = machine, Places(machine, layout), prefix
 
     # --- spelling

@@ -186,13 +186,8 @@ static void calibrate(void)
     float32 input[INPUTS] = {0};
     int status;
     const uint32_t empty = timed_step(&nothing, input, &status);
-    const uint32_t before = port_ticks();
-    const uint32_t pair = port_elapsed(before, port_ticks());
-    uint32_t loop = port_ticks();
-    port_known_loop();
-    loop = port_elapsed(loop, port_ticks()) - pair;
     line('E', empty, 0);
-    line('L', loop, 0);
+    line('L', port_known_loop(), 0);
 }
 
 int main(void)

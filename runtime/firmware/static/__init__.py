@@ -16,12 +16,14 @@ def static_checks(folder: Path, progress: Callable[[str], None] = lambda text: N
     from runtime.firmware.static.eva import eva_checks
     from runtime.firmware.static.eva_modes import mode_checks
     from runtime.firmware.static.misra import misra_checks
+    from runtime.firmware.static.subset import subset_checks
 
     checks: list[Check] = []
     for gate, words in (
         (compiler_checks, "compilers that complain about everything"),
         (ban_checks, "bans and divisions"),
         (misra_checks, "MISRA C:2012"),
+        (subset_checks, "the target's subset of C"),
         (eva_checks, "Frama-C's EVA"),
         (mode_checks, "Frama-C's EVA on the modes"),
     ):

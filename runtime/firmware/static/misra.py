@@ -16,20 +16,17 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from codegen.evidence.emitted import CHIP_MACROS
+from codegen.targets.find import default_target
 from runtime.firmware.static.check import Check
+from runtime.firmware.static.subset import target_of
 from runtime.firmware.static.tool import OTHER_EXAMPLE, firmware_sources, is_example, missing, run
 
 NAME = "MISRA C:2012"
 TABLE = Path(__file__).with_name("misra.toml")
 PLATFORM = Path(__file__).with_name("c28x.xml")
 
-#: Macros that TI's compiler and its limits.h and float.h define; cppcheck reads no system header.
-DEFINES = {
-    **CHIP_MACROS,
-    "__TI_STRICT_FP_MODE__": "1",
-    "__TI_COMPILER_VERSION__": "22006000",
-}
+#: What TI's compilers define beside a target's macros; no other text asks for them.
+TI_DEFINES = {"__TI_STRICT_FP_MODE__": "1", "__TI_COMPILER_VERSION__": "22006000"}
 
 _LINE = re.compile(r"^(?P<file>[^|]*)\|(?P<line>\d+)\|(?P<severity>\w+)\|(?P<id>[\w.-]+)\|(?P<message>.*)$")
 
@@ -77,10 +74,10 @@ def _checks(folder: Path) -> list[Check]:
     if absent:
         return [absent]
     sources = firmware_sources(folder)
-    findings = find(sources, f"-I{folder}") if sources else []
+    findings = find(folder, sources) if sources else []
     examples = [source for source in sources if is_example(source)]
     if examples:  # the other way of the example; no other file asks which it is
-        findings = list(dict.fromkeys([*findings, *find(examples, f"-I{folder}", f"-D{OTHER_EXAMPLE}")]))
+        findings = list(dict.fromkeys([*findings, *find(folder, examples, f"-D{OTHER_EXAMPLE}")]))
     count = Counter(finding.rule for finding in findings if finding.rule)
     broken = [f for f in findings if not f.rule and f.severity in {"error", "warning"}]
     required = [f for f in findings if f.rule and category(f.rule) != "advisory"]
@@ -92,17 +89,20 @@ def _checks(folder: Path) -> list[Check]:
     if explained and not bad:
         followed = ", ".join(sorted(explained, key=_order))
         detail = [f"MISRA: advisory rules not followed: {followed}; docs/misra.md has the reasons"]
-    how = "cppcheck's addon, chars of 16 bits, as the C28x compiler preprocesses"
+    how = "cppcheck's addon, chars of 16 bits, as the target's compiler preprocesses"
     state: Literal["passed", "failed"] = "failed" if bad or not sources else "passed"
     return [Check(NAME, folder.name, state, figure, how, tuple(detail))]
 
 
-def find(sources: list[Path], *options: str) -> list[Finding]:
+def find(folder: Path, sources: list[Path], *options: str) -> list[Finding]:
     """The findings of cppcheck, one a a place and rule."""
+    # Ints of 16 bits for every target: the text must hold there. Where chars have 8, the addon takes a status bit for a
+    # char that is assigned to an int (rule 10.6): that is not judged here.
+    macros = dict(target_of(folder).compiler.macros) | default_target().data.macros | TI_DEFINES
     command = ["cppcheck", f"--platform={PLATFORM}", "--addon=misra", "--enable=style,warning", "--std=c89", "--quiet"]
     command += ["--max-configs=1", "--template={file}|{line}|{severity}|{id}|{message}"]
-    command += [f"-D{name}={value}" for name, value in DEFINES.items()]
-    code, text = run([*command, *options, *map(str, sources)])
+    command += [f"-D{name}={value}" for name, value in macros.items()]
+    code, text = run([*command, f"-I{folder}", *options, *map(str, sources)])
     found = dict.fromkeys(filter(None, map(_finding, text.splitlines())))
     if code and not found:
         return [Finding("cppcheck", "error", "", text.strip()[-300:])]

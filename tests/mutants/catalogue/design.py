@@ -126,7 +126,7 @@ COST = of(
     ("all of a sample", "SHARE = 0.5", "SHARE = 1.0", BUDGET),
     ("RAM rounded down", "-(-account.filter.words // WORDS)", "account.filter.words // WORDS", BUDGET),
     ("said where it is not", "if share == 1.0:", "if share < 1.0:", BUDGET),
-    ("us for s", "spent / CLOCK * 1e6", "spent / CLOCK * 1e3", BUDGET),
+    ("us for s", "spent / prices.clock * 1e6", "spent / prices.clock * 1e3", BUDGET),
 )  # fmt: skip
 
 TRIED = of(

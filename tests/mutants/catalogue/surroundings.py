@@ -149,9 +149,9 @@ FIGURES = ("pytest tests/codegen/test_printed_figures.py tests/codegen/test_prin
 BUDGET = "pytest tests/codegen/test_budget.py"
 
 _REPORT_TEMPLATE: tuple[Row, ...] = (
-    ("stack and code exchanged", "{{ row.subject }} | {{ row.ledger.words }} | {{ row.stack }} | {{ row.text }}", "{{ row.subject }} | {{ row.ledger.words }} | {{ row.text }} | {{ row.stack }}", FIGURES),
-    ("heads of stack and code exchanged", "| step | RAM, words | stack, bytes (M4F) | code, bytes (M4F)", "| step | RAM, words | code, bytes (M4F) | stack, bytes (M4F)", FIGURES),
-    ("RAM in bytes", "{{ row.subject }} | {{ row.ledger.words }}", "{{ row.subject }} | {{ 2 * row.ledger.words }}", FIGURES),
+    ("stack and code exchanged", "{{ row.subject }} | {{ row.ledger.words * per_word }} | {{ row.stack }} | {{ row.text }}", "{{ row.subject }} | {{ row.ledger.words * per_word }} | {{ row.text }} | {{ row.stack }}", FIGURES),
+    ("heads of stack and code exchanged", "| step | RAM, {{ memory }} | stack, bytes ({{ stand_in.short }}) | code, bytes ({{ stand_in.short }})", "| step | RAM, {{ memory }} | code, bytes ({{ stand_in.short }}) | stack, bytes ({{ stand_in.short }})", FIGURES),
+    ("RAM in bytes", '("words", 1) if target', '("words", 2) if target', FIGURES),
     ("called and expanded exchanged", '{{ row.cycles | join(" / ") }} | {{ row.expanded | join(" / ") }}', '{{ row.expanded | join(" / ") }} | {{ row.cycles | join(" / ") }}', FIGURES),
     ("x_0 and P_0 exchanged", "{{ s.x_0 }} | {{ s.P_0 }}", "{{ s.P_0 }} | {{ s.x_0 }}", FIGURES),
     ("P_0 and Q exchanged", "| {{ s.P_0 }} | {{ s.Q }} |", "| {{ s.Q }} | {{ s.P_0 }} |", FIGURES),
@@ -161,7 +161,7 @@ _REPORT_TEMPLATE: tuple[Row, ...] = (
     ("chip's certificate is the host's", 'certificate(kind ~ ", chip", f.chip.fpu32)', 'certificate(kind ~ ", chip", f.certificate)', FIGURES),
     ("current of the box in V", "{{ \"%g\" | format(drive.operating_box.current) }} A", "{{ \"%g\" | format(drive.operating_box.current) }} V", FIGURES),
     ("sine: proved and seen exchanged", 'error proved <= {{ "%.1e" | format(trig.proved) }}', 'error proved <= {{ "%.1e" | format(trig.seen) }}', FIGURES),
-    ("price of a division", "{{ budget.prices.div }} div + {{ budget.prices.sqrt }} sqrt", "{{ budget.prices.sqrt }} div + {{ budget.prices.div }} sqrt", FIGURES),
+    ("price of a division", "+ {{ price }} {{ name }}", "+ {{ name }} {{ price }}", FIGURES),
     ("expanded add is mul", "{{ row.ledger.expanded.add }} | {{ row.ledger.expanded.mul }}", "{{ row.ledger.expanded.mul }} | {{ row.ledger.expanded.add }}", FIGURES),
 )  # fmt: skip
 
@@ -170,25 +170,30 @@ _FIGURES = {
     "codegen/render/report.py": (
         ("shares of the expanded", "for value in called] for period", "for value in expanded] for period", FIGURES),
         ("shares per mille", "round(100 * value / period)", "round(1000 * value / period)", FIGURES),
-        ("row of the step's record", "_row(subject, ledger, measured[function], periods)", '_row(subject, ledger, measured[f"{account.name}_step"], periods)', FIGURES),
+        ("row of the step's record", "_row(subject, ledger, measured[function], prices, periods)", '_row(subject, ledger, measured[f"{account.name}_step"], prices, periods)', FIGURES),
         ("controller's ledger for the filter's", '(kind, account.filter, f"{account.name}_step")', '(kind, account.controller, f"{account.name}_step")', FIGURES),
         ("stack is the code's size", 'record.get("stack_bytes", "not measured")', 'record.get("text_bytes", "not measured")', FIGURES),
     ),
     "codegen/render/notes.py": (
-        ("k = 5 with k = 4's cycles", "{cycles(ops, 5)} at k = 5", "{cycles(ops, 4)} at k = 5", FIGURES),
+        ("k = 5 with k = 4's cycles", "prices.factors[0], prices.factors[-1]", "prices.factors[0], prices.factors[1]", FIGURES),
         ("expanded cost for the called", "    ops = ledger.calls\n", "    ops = ledger.expanded\n", FIGURES),
         ("mul and add exchanged", "{ops['add']} add, {ops['mul']} mul", "{ops['mul']} add, {ops['add']} mul", FIGURES),
         ("P's 99 % for its worst", "P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e})", "P {certificate.P_99:.1e} relative (99 %: {certificate.P:.1e})", FIGURES),
         ("chip says flush to zero", "{_deviation(states, chip.fpu32)}", "{_deviation(states, chip.flushed)}", FIGURES),
         ("units one state on", '"{state.name} {error:.1e} {state.unit}" for state', '"{state.name} {error:.1e} {states[0].unit}" for state', FIGURES),
     ),
-    "codegen/evidence/budget.py": (
+    "codegen/targets/chips/f28335.py": (
         ("price of a root", '"sqrt": 29', '"sqrt": 92', FIGURES),
-        ("k of the bound", "FACTORS = (2.5, 4.0, 5.0)", "FACTORS = (2.5, 4.0, 6.0)", FIGURES),
-        ("interrupt not counted", "+ priced + INTERRUPT)", "+ priced)", FIGURES),
-        ("clock of another chip", "CLOCK = 150e6", "CLOCK = 100e6", FIGURES),
-        ("20 kHz at 100 us", '"20 kHz": 7_500', '"20 kHz": 15_000', FIGURES),
-        ("copies for nothing", "COPIED: 1}", "COPIED: 0}", FIGURES),
+        ("k of the bound", "factors=(2.5, 4.0, 5.0)", "factors=(2.5, 4.0, 6.0)", FIGURES),
+        ("clock of another chip", "clock=150e6", "clock=100e6", FIGURES),
+        ("copies for nothing", '"copied": 1}', '"copied": 0}', FIGURES),
+        ("a long of one word", '"int": 1, "long": 2, "float": 2', '"int": 1, "long": 2, "float": 1', FIGURES),
+    ),
+    "codegen/targets/description.py": (
+        ("interrupt not counted", "+ priced + self.interrupt)", "+ priced)", FIGURES),
+        ("20 kHz at 100 us", "for f in (10, 20, 50)", "for f in (10, 10, 50)", FIGURES),
+    ),
+    "codegen/evidence/budget.py": (
         ("a rival's step in every mode", '"rivals": mode.rivals}', '"rivals": True}', FIGURES),
         ("modes without a filter are priced", "if mode.runs and (rivals", "if (rivals", FIGURES),
         ("STARTING of who has no rival", "(rivals or not mode.rivals)", "(True or rivals)", FIGURES),
@@ -199,9 +204,9 @@ _FIGURES = {
         ("iterations that do not fit are offered", "<= budget]\n", "<= 2 * budget]\n", (BUDGET,)),
     ),
     "codegen/facts.py": (
-        ("estimated at k = 4", "cycles(ledger.calls, FACTORS[0])", "cycles(ledger.calls, FACTORS[1])", FIGURES),
-        ("filter's cost for the controller's", "_cost_facts(accounts[kind].controller)", "_cost_facts(accounts[kind].filter)", FIGURES),
-        ("share of another mode", "round(share(ledger.calls, drive), 4)", "round(share(accounts[kind].controller.calls, drive), 4)", FIGURES),
+        ("estimated at k = 4", "prices.total(ledger.priced(prices), prices.factors[0])", "prices.total(ledger.priced(prices), prices.factors[1])", FIGURES),
+        ("filter's cost for the controller's", "_cost_facts(accounts[kind].controller, accounts", "_cost_facts(accounts[kind].filter, accounts", FIGURES),
+        ("share of another mode", "round(share(ledger.priced(prices), drive, prices), 4)", "round(share(ledger.expanded, drive, prices), 4)", FIGURES),
         ("three digits", '[float(f"{value:.1e}") for value', '[float(f"{value:.0e}") for value', FIGURES),
         ("self-test of the controller", "tests[kind].vectors,", 'tests[f"{kind}_foc"].vectors,', HEADERS),
     ),
@@ -217,9 +222,11 @@ _FIGURES = {
     "codegen/render/templates/port.h.j2": (
         ("two bits exchanged", "#define PMSM_DIVERGED 0x10", "#define PMSM_DIVERGED 0x8", ("regenerated paper_spmsm tests/codegen/test_status_bits.py -k 'values_agree and paper_spmsm'",)),
     ),
+    "codegen/render/trig.py": (
+        ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
+    ),
     "codegen/render/filter.py": (
         ("sample time in ms", "sample_time * 1e6:g} us", "sample_time * 1e3:g} us", FIGURES),
-        ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
         ("sinc's bound for cosm1's", "sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e}", "sinc {bound.cosm1:.1e}, cosm1 {bound.sinc:.1e}", FIGURES),
         ("small angles as far as d^2", "for d up to {LIMIT**0.5:.2g} rad", "for d up to {LIMIT:.2g} rad", FIGURES),
         ("units of x forgotten one on", 'f"{state.name} {state.unit}" for state', 'f"{state.name} {model.states[0].unit}" for state', FIGURES),
@@ -253,13 +260,13 @@ _EVIDENCE = {
     "codegen/evidence/measure.py": (
         ("own frame forgotten", "return own + max((depth(*callee)", "return 0 * own + max((depth(*callee)", (MEASURE,)),
         ("smallest clone", "frames[name] = max(frames.get(name, 0), int(size))", "frames[name] = int(size)", (MEASURE,)),
-        ("flags not in the key", '" ".join(FLAGS), *(f"{name}', '"", *(f"{name}', (MEASURE,)),
+        ("flags not in the key", '" ".join(flags), *(f"{name}', '"", *(f"{name}', (MEASURE,)),
         ("only the own file's code", "sum(text for _, text in objects.values())", "max(text for _, text in objects.values())", (MEASURE,)),
         ("data for text", "splitlines()[1].split()[0])", "splitlines()[1].split()[1])", (MEASURE,)),
         ("kept though the code changed", 'usable = kept.get("source_sha256") == key', 'usable = "source_sha256" in kept', (MEASURE,)),
     ),
     "codegen/evidence/units.py": (
-        ("padding forgotten", "offset += -offset % align + words", "offset += words", (LEDGER,)),
+        ("padding forgotten", "offset += -offset % align + chars", "offset += chars", (LEDGER,)),
     ),
     "codegen/evidence/ledger.py": (
         ("what is given decides the other way", "(value == other) is (condition.op ==", "(value != other) is (condition.op ==", (LEDGER,)),

@@ -30,9 +30,11 @@ void port_print(const char *text)
 }
 
 /* 4 cycles a turn: 64000 cycles, 250 ticks. */
-void port_known_loop(void)
+uint32_t port_known_loop(void)
 {
+    const uint16_t before = TCNT1;
     _delay_loop_2(16000);
+    return (uint16_t)(TCNT1 - before);
 }
 
 uint32_t port_ticks(void)

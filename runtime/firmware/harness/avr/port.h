@@ -13,7 +13,7 @@
 void port_start(void);
 void port_stop(void);
 void port_print(const char *text);
-void port_known_loop(void);
+uint32_t port_known_loop(void);
 uint32_t port_ticks(void);
 uint32_t port_elapsed(uint32_t before, uint32_t after);
 

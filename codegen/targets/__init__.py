@@ -1,0 +1,1 @@
+"""The processors that C is generated for, a small description each: see :mod:`codegen.targets.description`."""
