@@ -19,15 +19,20 @@ from codegen.ir.graph import UnsupportedOperationError
 from codegen.output.folder import FolderError
 from codegen.output.version import __version__
 from model.schema import DriveError
+from runtime.commands.commission import commission
 from runtime.commands.compare import compare
 from runtime.commands.design import design
+from runtime.commands.doctor import doctor
+from runtime.commands.export import app as export
 from runtime.commands.faults import faults
 from runtime.commands.firmware import firmware
 from runtime.commands.fuzz import fuzz
 from runtime.commands.generate import generate
 from runtime.commands.identify import identify
 from runtime.commands.new import new
+from runtime.commands.package import package
 from runtime.commands.pil import pil
+from runtime.commands.quiet import with_quiet
 from runtime.commands.record import record
 from runtime.commands.replay import replay
 from runtime.commands.run import run
@@ -57,30 +62,27 @@ app = typer.Typer(
     help="Write the motor once, as mathematics; "
     "get firmware, a Python runtime, and the proof that they are the same filter.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (
-    run,
-    new,
-    design,
-    generate,
-    simulate,
-    verify,
-    firmware,
-    pil,
-    record,
-    replay,
-    identify,
-    compare,
-    starts,
-    faults,
-    fuzz,
-    soak,
-):
-    app.command()(command)
-app.add_typer(study, name="study")
+#: Commands in groups, both in the order in which one comes to use them.
+GROUPS = {
+    "Begin": (run, new, doctor),
+    "Make": (design, generate, package, export),
+    "Prove": (verify, firmware),
+    "See": (simulate, replay, compare),
+    "Choose": (identify, study),
+    "Board": (pil, record, commission),
+    "Stress": (starts, faults, fuzz, soak),
+}
+for group, commands in GROUPS.items():
+    for command in commands:
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=command.info.name, rich_help_panel=group)
+            for info in command.registered_commands:
+                info.callback = with_quiet(info.callback) if info.callback else None
+        else:
+            app.command(rich_help_panel=group)(with_quiet(command))
 
 
 @app.callback(invoke_without_command=True)

@@ -11,6 +11,15 @@ from model.filters import FilterStep
 BOARD = "board"
 #: Raised when a frame's meaning changes.
 PROTOCOL = 1
+#: What serves every filter.
+SHARED = (
+    *(
+        f"{stem}{end}"
+        for stem in ("pmsm_link", "pmsm_pil", "pmsm_telemetry", "pmsm_commission")
+        for end in (".h", ".c")
+    ),
+    "pmsm_commission_talk.c",
+)
 #: Bytes of a frame without COBS: one COBS code reaches across 254.
 FRAME_MAX = 250
 
@@ -36,7 +45,7 @@ def identity(drive: str, kind: str, sha: str, source: str) -> str:
 
 
 def render_board(about: Description, steps: dict[str, FilterStep], sources: dict[str, str]) -> dict[str, str]:
-    """File texts by path: the three shared pairs, and one binding a filter.
+    """File texts by path: the shared ones, and one binding a filter.
 
     Parameters
     ----------
@@ -54,8 +63,7 @@ def render_board(about: Description, steps: dict[str, FilterStep], sources: dict
     assert payload + 7 <= FRAME_MAX, f"{payload} bytes of state or name do not fit a frame"
     files = {
         f"{BOARD}/{name}": render(f"{name}.j2", frame_max=FRAME_MAX, protocol=PROTOCOL, example=example)
-        for stem in ("pmsm_link", "pmsm_pil", "pmsm_telemetry")
-        for name in (f"{stem}.h", f"{stem}.c")
+        for name in SHARED
     }
     for kind, source in sources.items():
         p = f"{drive.name}_{kind}"

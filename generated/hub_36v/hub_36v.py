@@ -978,19 +978,16 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     v_highest = _larger(v_alpha, _larger(v_b, v_c))
     v_lowest = _smaller(v_alpha, _smaller(v_b, v_c))
     v_common = 0.5 * (v_highest + v_lowest)
+    duty_a = _smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0)
+    duty_b = _smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b, 0.0), 1.0)
+    duty_c = _smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c, 0.0), 1.0)
 
     # --- the voltage commanded
-    part_of_v_alpha_commanded = (_smaller(_larger(0.5 + (v_b - v_common) / v_link + lost_share * sign_i_b,
-        0.0), 1.0))
-    part_of_v_alpha_commanded_2 = (_smaller(_larger(0.5 + (v_c - v_common) / v_link + lost_share * sign_i_c,
-        0.0), 1.0))
-    v_alpha_commanded = (v_link * (TWO_THIRDS * (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link +
-        lost_share * sign_i_a, 0.0), 1.0) - 0.5 * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2))))
-    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2))
+    v_alpha_commanded = v_link * (TWO_THIRDS * (duty_a - 0.5 * (duty_b + duty_c)))
+    v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (duty_b - duty_c))
 
     return (
-        (_smaller(_larger(0.5 + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0), 1.0),
-            part_of_v_alpha_commanded, part_of_v_alpha_commanded_2,),
+        (duty_a, duty_b, duty_c,),
         (v_alpha_commanded, v_beta_commanded,),
         (integral_speed_next, integral_d_next, integral_q_next, integral_weakening_next,),
     )
@@ -1056,7 +1053,7 @@ def foc_step(c, filter_step, phase, command, math):
 
 RESTING = 0  # inverter off, until the currents read zero
 PROBING = 1  # zero voltage, until a current shows where the back-EMF points
-WAITING = 2  # inverter off, between two readings of a rotor that turns
+WAITING = 2  # inverter off, until the current of a reading has died out
 CATCHING = 3  # zero torque, until the filter has found the rotor that turns
 RUNNING = 4  # speed and torque as commanded
 FAULT = 5  # inverter off, until the fault is acknowledged
@@ -1088,6 +1085,7 @@ TWICE_SETTLE_SAMPLES = 32  # or the guess is turned round
 CATCH_SAMPLES = 160  # so long the filter may take to lock
 LOCKED_SAMPLES = 48  # so long content, or a rival the better one; a window of RUNNING
 STEADY_WINDOWS = 33  # of RUNNING, after which failures are forgotten
+EASE = 0.00625  # of the largest current a sample: the torque of a rotor that was caught
 MOST_SAMPLES = 32000  # an int of 16 bits counts no further
 ZERO_SQUARED = 1.5625  # (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors
 PROBE_SQUARED = 6.25  # (0.1 of the largest current)^2, A^2: tells where the back-EMF points
@@ -1140,6 +1138,7 @@ def new_supervisor(dtype=np.float32):
         steady=np.int64(0),
         turning=(dtype(0),) * 5,
         silent=(dtype(0),) * 3,
+        eased=(dtype(0),) * 1,
         probe=(dtype(0),) * 2,
         reading=(dtype(0),) * 4,
         first=(dtype(0),) * 2,
@@ -1218,6 +1217,13 @@ def _exchange(one, other, where):
     one.nis, other.nis = np.where(where, b, a)[()], np.where(where, a, b)[()]
     a, b = one.repairs, other.repairs
     one.repairs, other.repairs = np.where(where, b, a)[()], np.where(where, a, b)[()]
+
+
+def turn_guess(guess, math, stages=None):
+    """Where the rotor of the guess is a sample later."""
+    (z_alpha, z_beta, omega, theta) = guess
+
+    return (z_alpha, z_beta, omega, math.wrap(theta + TURN_PER_SAMPLE * omega),)
 
 
 def watch_turning(x, turning, math, stages=None):
@@ -1353,6 +1359,7 @@ def _guess_from_probe(s, f, phase, where, math):
     s.mirrored = np.where(where, 0, s.mirrored)[()]
     spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
     spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
+    s.readings = np.where(where, 2, s.readings)[()]
     s.probe = tuple(probe)
     s.guess = tuple(guess)
     s.spread = tuple(spread)
@@ -1512,6 +1519,8 @@ def _tell(s):
 def _watch(s, f, status, phase, reference, math):
     """Counts, in every mode, and of the step that ran."""
     probe = list(s.probe)
+    guess = list(s.guess)
+    eased = list(s.eased)
     turning = list(s.turning)
     silent = list(s.silent)
     s.since = np.where((s.since < MOST_SAMPLES), s.since + 1, s.since)[()]
@@ -1524,53 +1533,67 @@ def _watch(s, f, status, phase, reference, math):
     probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
     probe[1] = np.where(miss_2, 0.0, probe[1])[()]
     s.gap = np.where((s.gap < MOST_SAMPLES), s.gap + 1, s.gap)[()]
-    hit_3 = s.mode == RESTING
-    miss_3 = np.logical_not(s.mode == RESTING)
-    hit_4 = hit_3 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
-    miss_4 = (hit_3 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
+    hit_3 = s.mode == WAITING
+    guess_new = turn_guess(guess, math)
+    guess = list(_select(hit_3, guess_new, guess))
+    hit_4 = s.mode == CATCHING
+    miss_4 = np.logical_not(s.mode == CATCHING)
+    eased[0] = np.where(hit_4, EASE, eased[0])[()]
+    hit_5 = miss_4 & (s.mode == RUNNING)
+    miss_5 = miss_4 & np.logical_not(s.mode == RUNNING)
+    eased[0] = np.where(hit_5, eased[0] + EASE, eased[0])[()]
+    eased[0] = np.where(miss_5, 1.0, eased[0])[()]
+    hit_6 = miss_4 & (np.logical_not(eased[0] <= 1.0))
+    eased[0] = np.where(hit_6, 1.0, eased[0])[()]
+    hit_7 = s.mode == RESTING
+    miss_7 = np.logical_not(s.mode == RESTING)
+    hit_8 = hit_7 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
+    miss_8 = (hit_7 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
         (phase[1] * phase[1] <= ZERO_SQUARED)))
-    s.quiet = np.where(hit_4 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
-    s.quiet = np.where(miss_4, 0, s.quiet)[()]
-    s.quiet = np.where(miss_3, 0, s.quiet)[()]
-    hit_5 = np.logical_not(s.mode == FAULT)
-    s.acknowledged = np.where(hit_5, 0, s.acknowledged)[()]
-    hit_6 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
-    miss_6 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
-    s.excess = np.where(hit_6 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
-    s.excess = np.where(miss_6, 0, s.excess)[()]
-    hit_7 = s.runs == 1
-    hit_8 = hit_7 & ((status & INPUT_REJECTED) != 0)
-    miss_8 = hit_7 & np.logical_not((status & INPUT_REJECTED) != 0)
-    s.rejected = np.where(hit_8 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
-    s.rejected = np.where(miss_8, 0, s.rejected)[()]
-    hit_9 = hit_7 & ((status & DIVERGED) != 0)
-    miss_9 = hit_7 & np.logical_not((status & DIVERGED) != 0)
-    s.diverged = np.where(hit_9 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
-    s.diverged = np.where(miss_9, 0, s.diverged)[()]
-    hit_10 = hit_7 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
-    miss_10 = (hit_7 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
+    s.quiet = np.where(hit_8 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
+    s.quiet = np.where(miss_8, 0, s.quiet)[()]
+    s.quiet = np.where(miss_7, 0, s.quiet)[()]
+    hit_9 = np.logical_not(s.mode == FAULT)
+    s.acknowledged = np.where(hit_9, 0, s.acknowledged)[()]
+    hit_10 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
+    miss_10 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
+    s.excess = np.where(hit_10 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
+    s.excess = np.where(miss_10, 0, s.excess)[()]
+    hit_11 = s.runs == 1
+    hit_12 = hit_11 & ((status & INPUT_REJECTED) != 0)
+    miss_12 = hit_11 & np.logical_not((status & INPUT_REJECTED) != 0)
+    s.rejected = np.where(hit_12 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
+    s.rejected = np.where(miss_12, 0, s.rejected)[()]
+    hit_13 = hit_11 & ((status & DIVERGED) != 0)
+    miss_13 = hit_11 & np.logical_not((status & DIVERGED) != 0)
+    s.diverged = np.where(hit_13 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
+    s.diverged = np.where(miss_13, 0, s.diverged)[()]
+    hit_14 = hit_11 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
+    miss_14 = (hit_11 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
         np.logical_not((status & RESTARTED) != 0)))
-    s.content = np.where(hit_10 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
-    s.content = np.where(miss_10, 0, s.content)[()]
+    s.content = np.where(hit_14 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
+    s.content = np.where(miss_14, 0, s.content)[()]
     turning_new = watch_turning(f.x, turning, math)
-    turning = list(_select(hit_7, turning_new, turning))
-    hit_11 = hit_7 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
-    silent[0] = np.where(hit_11, silent[0] + turning[4], silent[0])[()]
-    hit_12 = hit_11 & (phase[0] * phase[0] > ZERO_SQUARED)
-    silent[0] = np.where(hit_12, 0.0, silent[0])[()]
-    silent[1] = np.where(hit_11, silent[1] + turning[4], silent[1])[()]
-    hit_13 = hit_11 & (phase[1] * phase[1] > ZERO_SQUARED)
-    silent[1] = np.where(hit_13, 0.0, silent[1])[()]
-    silent[2] = np.where(hit_11, silent[2] + turning[4], silent[2])[()]
-    hit_14 = hit_11 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
-    silent[2] = np.where(hit_14, 0.0, silent[2])[()]
-    hit_15 = (hit_7 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    turning = list(_select(hit_11, turning_new, turning))
+    hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    silent[0] = np.where(hit_15, silent[0] + turning[4], silent[0])[()]
+    hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED)
+    silent[0] = np.where(hit_16, 0.0, silent[0])[()]
+    silent[1] = np.where(hit_15, silent[1] + turning[4], silent[1])[()]
+    hit_17 = hit_15 & (phase[1] * phase[1] > ZERO_SQUARED)
+    silent[1] = np.where(hit_17, 0.0, silent[1])[()]
+    silent[2] = np.where(hit_15, silent[2] + turning[4], silent[2])[()]
+    hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
+    silent[2] = np.where(hit_18, 0.0, silent[2])[()]
+    hit_19 = (hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    miss_15 = (hit_7 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    miss_19 = (hit_11 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    s.open = np.where(hit_15 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
-    s.open = np.where(miss_15, 0, s.open)[()]
+    s.open = np.where(hit_19 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_19, 0, s.open)[()]
     s.probe = tuple(probe)
+    s.guess = tuple(guess)
+    s.eased = tuple(eased)
     s.turning = tuple(turning)
     s.silent = tuple(silent)
 
@@ -1584,47 +1607,49 @@ def supervise(s, f, status, phase, reference, math):
     s.anew = np.zeros(np.shape(s.mode), np.int64)[()]
     taken = 0
     found = 0
-    found = np.where(s.since >= WINDOW_SAMPLES, 22, found)
-    found = np.where(s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED, 21, found)
+    found = np.where(s.since >= WINDOW_SAMPLES, 23, found)
+    found = np.where(s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED, 22, found)
     found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
-        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0), 20, found))
+        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0), 21, found))
     found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
         (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0) &
-        (s.good >= GOOD_WINDOWS), 19, found))
+        (s.good >= GOOD_WINDOWS), 20, found))
     found = (np.where((s.since >= LOCKED_SAMPLES) & (s.rival.nis +
         LOAD_PENALTY * (s.rival.x[4] * s.rival.x[4]) + PREFERENCE < f.nis + LOAD_PENALTY * (f.x[4] * f.x[4])),
-        18, found))
-    found = np.where(s.windows >= MAX_WINDOWS, 17, found)
-    found = np.where((status & RESTARTED) != 0, 16, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 15, found)
-    found = np.where(s.excess >= MAX_EXCESS, 14, found)
+        19, found))
+    found = np.where(s.windows >= MAX_WINDOWS, 18, found)
+    found = np.where((status & RESTARTED) != 0, 17, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 16, found)
+    found = np.where(s.excess >= MAX_EXCESS, 15, found)
     taken = np.where(s.mode == STARTING, found, taken)[()]
     found = 0
-    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 31, found)
+    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 32, found)
     taken = np.where(s.mode == FAULT, found, taken)[()]
     found = 0
-    found = np.where(s.since >= LOCKED_SAMPLES, 30, found)
-    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 29,
+    found = np.where(s.since >= LOCKED_SAMPLES, 31, found)
+    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 30,
         found))
-    found = np.where((status & RESTARTED) != 0, 28, found)
-    found = np.where(s.diverged >= MAX_DIVERGED, 27, found)
-    found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 26, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 25, found)
-    found = np.where(s.open >= MAX_OPEN, 24, found)
-    found = np.where(s.excess >= MAX_EXCESS, 23, found)
+    found = np.where((status & RESTARTED) != 0, 29, found)
+    found = np.where(s.diverged >= MAX_DIVERGED, 28, found)
+    found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 27, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 26, found)
+    found = np.where(s.open >= MAX_OPEN, 25, found)
+    found = np.where(s.excess >= MAX_EXCESS, 24, found)
     taken = np.where(s.mode == RUNNING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= CATCH_SAMPLES, 13, found)
+    found = np.where(s.since >= CATCH_SAMPLES, 14, found)
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.content >= LOCKED_SAMPLES) &
-        (s.turning[3] <= CATCH_JOLT_SQUARED), 12, found))
+        (s.turning[3] <= CATCH_JOLT_SQUARED), 13, found))
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.mirrored == 0) &
-        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 11, found))
-    found = np.where(s.since == SETTLE_SAMPLES, 10, found)
-    found = np.where(s.excess >= MAX_EXCESS, 9, found)
+        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 12, found))
+    found = np.where(s.since == SETTLE_SAMPLES, 11, found)
+    found = np.where(s.excess >= MAX_EXCESS, 10, found)
     taken = np.where(s.mode == CATCHING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= WAIT_SAMPLES, 8, found)
-    found = (np.where((s.gap >= GAP_SAMPLES) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
+    found = np.where(s.since >= WAIT_SAMPLES, 9, found)
+    found = (np.where(np.logical_not(s.readings == 2) & (s.gap >= GAP_SAMPLES) &
+        ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED)), 8, found))
+    found = (np.where((s.readings == 2) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
         (phase[1] * phase[1] <= ZERO_SQUARED)), 7, found))
     taken = np.where(s.mode == WAITING, found, taken)[()]
     found = 0
@@ -1668,11 +1693,7 @@ def supervise(s, f, status, phase, reference, math):
     if np.any(where):
         _take_reading(s, f, phase, where, math)
         _guess_from_probe(s, f, phase, where, math)
-        _place(s, f, phase, where, math)
-        _start_filter(s, f, phase, where, math)
-        _void_voltages(s, f, phase, where, math)
-        _begin_anew(s, f, phase, where, math)
-        _go(s, CATCHING, where)
+        _go(s, WAITING, where)
     # PROBING: no current came: the rotor stands.
     where = taken == 6
     if np.any(where):
@@ -1687,28 +1708,36 @@ def supervise(s, f, status, phase, reference, math):
         _begin_anew(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
-    # WAITING: the current has died out.
+    # WAITING: the second current has died out: the filter begins where the rotor is by now.
     where = taken == 7
+    if np.any(where):
+        _place(s, f, phase, where, math)
+        _start_filter(s, f, phase, where, math)
+        _void_voltages(s, f, phase, where, math)
+        _begin_anew(s, f, phase, where, math)
+        _go(s, CATCHING, where)
+    # WAITING: the first current has died out.
+    where = taken == 8
     if np.any(where):
         _go(s, PROBING, where)
     # WAITING: the current does not die out.
-    where = taken == 8
-    if np.any(where):
-        _fail(s, f, phase, where, math)
-        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
-        _go(s, RESTING, where)
-    # CATCHING: a current is too large.
     where = taken == 9
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
-    # CATCHING: the angle has jumped where it would.
+    # CATCHING: a current is too large.
     where = taken == 10
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # CATCHING: the angle has jumped where it would.
+    where = taken == 11
     if np.any(where):
         _begin_window(s, f, phase, where, math)
     # CATCHING: the angle turns the other way than the speed says: half a turn on there is the other guess.
-    where = taken == 11
+    where = taken == 12
     if np.any(where):
         _guess_mirrored(s, f, phase, where, math)
         _place(s, f, phase, where, math)
@@ -1716,43 +1745,43 @@ def supervise(s, f, status, phase, reference, math):
         _begin_anew(s, f, phase, where, math)
         _go(s, CATCHING, where)
     # CATCHING: the filter is content, and its angle turns as its speed says.
-    where = taken == 12
+    where = taken == 13
     if np.any(where):
         _learn(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # CATCHING: the filter has not found the rotor.
-    where = taken == 13
+    where = taken == 14
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_CAUGHT, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: a current is too large.
-    where = taken == 14
+    where = taken == 15
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the filter is blind.
-    where = taken == 15
+    where = taken == 16
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the filter began anew.
-    where = taken == 16
+    where = taken == 17
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: neither filter is right.
-    where = taken == 17
+    where = taken == 18
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_STARTED, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the rival has expected the currents better for a while.
-    where = taken == 18
+    where = taken == 19
     if np.any(where):
         _exchange_filters(s, f, phase, where, math)
         _count_window(s, f, phase, where, math)
@@ -1760,13 +1789,13 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: the angle turned as stated in window after window.
-    where = taken == 19
+    where = taken == 20
     if np.any(where):
         _learn(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # STARTING: the angle turned as stated: half a turn from there nothing must be better.
-    where = taken == 20
+    where = taken == 21
     if np.any(where):
         _count_good(s, f, phase, where, math)
         _guess_half_turn(s, f, phase, where, math)
@@ -1777,7 +1806,7 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: the angle turned, not as stated: half a turn from there may be better.
-    where = taken == 21
+    where = taken == 22
     if np.any(where):
         _count_none(s, f, phase, where, math)
         _guess_half_turn(s, f, phase, where, math)
@@ -1788,7 +1817,7 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: nothing turned: a quarter of a turn from there may be better.
-    where = taken == 22
+    where = taken == 23
     if np.any(where):
         _count_none(s, f, phase, where, math)
         _guess_aside(s, f, phase, where, math)
@@ -1799,54 +1828,54 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # RUNNING: a current is too large.
-    where = taken == 23
+    where = taken == 24
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a phase is open: turn after turn goes by without a current in it.
-    where = taken == 24
+    where = taken == 25
     if np.any(where):
         s.reason = np.where(where, REASON_PHASE, s.reason)[()]
         _go(s, FAULT, where)
     # RUNNING: the filter is blind.
-    where = taken == 25
+    where = taken == 26
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: no motor turns as fast as is estimated.
-    where = taken == 26
+    where = taken == 27
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RUNAWAY, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: currents, voltages and motor do not fit.
-    where = taken == 27
+    where = taken == 28
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_DIVERGED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the filter began anew.
-    where = taken == 28
+    where = taken == 29
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the angle does not turn as the speed says: the filter may be half a turn off.
-    where = taken == 29
+    where = taken == 30
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_SLIPPED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a window is over, and the next one begins.
-    where = taken == 30
+    where = taken == 31
     if np.any(where):
         _count_steady(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # FAULT: the fault is acknowledged.
-    where = taken == 31
+    where = taken == 32
     if np.any(where):
         _forget(s, f, phase, where, math)
         _go(s, RESTING, where)
@@ -1903,7 +1932,7 @@ def drive_step(d, filter_step, phase, command, math):
         c.integrator = (zero, zero, zero, zero)
     if s.runs != 0:
         gain = c.gain
-        limit = np.where(s.torque != 0, gain[5], zero)[()]
+        limit = np.where(s.torque != 0, s.eased[0] * gain[5], zero)[()]
         if s.rivals != 0:
             filter_step(s.rival, c.v_acting, clarke(phase, math), math)
             limit = START_SHARE * gain[5]

@@ -11,6 +11,7 @@
 #pragma CODE_SECTION(smaller, ".TI.ramfunc")
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(wrap_angle, ".TI.ramfunc")
+#pragma CODE_SECTION(turn_guess, ".TI.ramfunc")
 #pragma CODE_SECTION(watch_turning, ".TI.ramfunc")
 #pragma CODE_SECTION(read_current, ".TI.ramfunc")
 #pragma CODE_SECTION(read_probe, ".TI.ramfunc")
@@ -48,6 +49,7 @@
 #pragma CODE_SECTION(smaller, "ramfuncs")
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(wrap_angle, "ramfuncs")
+#pragma CODE_SECTION(turn_guess, "ramfuncs")
 #pragma CODE_SECTION(watch_turning, "ramfuncs")
 #pragma CODE_SECTION(read_current, "ramfuncs")
 #pragma CODE_SECTION(read_probe, "ramfuncs")
@@ -99,6 +101,7 @@
 #define CATCH_SAMPLES 100 /* so long the filter may take to lock */
 #define LOCKED_SAMPLES 30 /* so long content, or a rival the better one; a window of RUNNING */
 #define STEADY_WINDOWS 33 /* of RUNNING, after which failures are forgotten */
+#define EASE 0.0033333334f /* of the largest current a sample: the torque of a rotor that was caught */
 #define MOST_SAMPLES 32000 /* an int of 16 bits counts no further */
 #define ZERO_SQUARED 0.25f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */
 #define PROBE_SQUARED 1.0f /* (0.1 of the largest current)^2, A^2: tells where the back-EMF points */
@@ -182,6 +185,20 @@ static float32 wrap_angle(float32 x)
     return larger(capped, -3.1415925f);
 }
 
+/* Where the rotor of the guess is a sample later */
+static void turn_guess(const float32 guess[4], float32 guess_out[4])
+{
+    const float32 z_alpha = guess[0];
+    const float32 z_beta = guess[1];
+    const float32 omega = guess[2];
+    const float32 theta = guess[3];
+
+    guess_out[0] = z_alpha;
+    guess_out[1] = z_beta;
+    guess_out[2] = omega;
+    guess_out[3] = wrap_angle(theta + TURN_PER_SAMPLE * omega);
+}
+
 /* How far the angle turned, and how far it should have by the speed */
 static void watch_turning(const float32 x[7], const float32 turning[5], float32 turning_out[5])
 {
@@ -253,11 +270,11 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
-    const float32 part_of_the_result = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M;
-    const float32 part_of_the_result_2 = L_Q * (cos_theta * i_beta - sin_theta * i_a);
+    const float32 psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M;
+    const float32 psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a);
 
-    guess_out[0] = cos_theta * part_of_the_result - sin_theta * part_of_the_result_2;
-    guess_out[1] = sin_theta * part_of_the_result + cos_theta * part_of_the_result_2;
+    guess_out[0] = cos_theta * psi_d - sin_theta * psi_q;
+    guess_out[1] = sin_theta * psi_d + cos_theta * psi_q;
     guess_out[2] = omega;
     guess_out[3] = theta;
 }
@@ -346,6 +363,7 @@ static void guess_from_probe(ipmsm_adaptive_ickf_supervisor_t *s)
     s->mirrored = 0;
     s->spread[0] = UNKNOWN_SPEED;
     s->spread[1] = UNKNOWN_ANGLE;
+    s->readings = 2;
 }
 
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
@@ -523,6 +541,21 @@ static void watch(ipmsm_adaptive_ickf_supervisor_t *s, const ipmsm_adaptive_ickf
         s->probe[1] = 0.0f;
     }
     s->gap += (s->gap < MOST_SAMPLES) ? 1 : 0;
+    if (s->mode == PMSM_WAITING) {
+        turn_guess(s->guess, s->guess);
+    }
+    if (s->mode == PMSM_CATCHING) {
+        s->eased[0] = EASE;
+    } else {
+        if (s->mode == PMSM_RUNNING) {
+            s->eased[0] = s->eased[0] + EASE;
+        } else {
+            s->eased[0] = 1.0f;
+        }
+        if (!(s->eased[0] <= 1.0f)) {
+            s->eased[0] = 1.0f;
+        }
+    }
     if (s->mode == PMSM_RESTING) {
         if ((phase[0] * phase[0] <= ZERO_SQUARED) && (phase[1] * phase[1] <= ZERO_SQUARED)) {
             s->quiet += (s->quiet < REST_SAMPLES) ? 1 : 0;
@@ -610,6 +643,7 @@ void ipmsm_adaptive_ickf_supervisor_init(ipmsm_adaptive_ickf_supervisor_t *s)
     s->silent[0] = 0.0f;
     s->silent[1] = 0.0f;
     s->silent[2] = 0.0f;
+    s->eased[0] = 0.0f;
     s->probe[0] = 0.0f;
     s->probe[1] = 0.0f;
     s->reading[0] = 0.0f;
@@ -676,11 +710,7 @@ int ipmsm_adaptive_ickf_supervise(
             /* the second current shows which way the rotor turns */
             take_reading(s, phase);
             guess_from_probe(s);
-            place(s, phase);
-            start_filter(s, f);
-            void_voltages(s);
-            begin_anew(s);
-            go(s, PMSM_CATCHING);
+            go(s, PMSM_WAITING);
             taken = 5;
         } else if (s->since >= PROBE_SAMPLES) {
             /* no current came: the rotor stands */
@@ -700,17 +730,26 @@ int ipmsm_adaptive_ickf_supervise(
             /* the drive stays */
         }
     } else if (s->mode == PMSM_WAITING) {
-        if ((s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+        if ((s->readings == 2) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
                 (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the current has died out */
-            go(s, PMSM_PROBING);
+            /* the second current has died out: the filter begins where the rotor is by now */
+            place(s, phase);
+            start_filter(s, f);
+            void_voltages(s);
+            begin_anew(s);
+            go(s, PMSM_CATCHING);
             taken = 7;
+        } else if (!(s->readings == 2) && (s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+                (phase[1] * phase[1] <= ZERO_SQUARED))) {
+            /* the first current has died out */
+            go(s, PMSM_PROBING);
+            taken = 8;
         } else if (s->since >= WAIT_SAMPLES) {
             /* the current does not die out */
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 8;
+            taken = 9;
         } else {
             /* the drive stays */
         }
@@ -720,11 +759,11 @@ int ipmsm_adaptive_ickf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 9;
+            taken = 10;
         } else if (s->since == SETTLE_SAMPLES) {
             /* the angle has jumped where it would */
             begin_window(s, f);
-            taken = 10;
+            taken = 11;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->mirrored == 0) &&
                 !(s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the angle turns the other way than the speed says: half a turn on there is the other guess */
@@ -733,20 +772,20 @@ int ipmsm_adaptive_ickf_supervise(
             start_filter(s, f);
             begin_anew(s);
             go(s, PMSM_CATCHING);
-            taken = 11;
+            taken = 12;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->content >= LOCKED_SAMPLES) &&
                 (s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the filter is content, and its angle turns as its speed says */
             learn(s, f);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 12;
+            taken = 13;
         } else if (s->since >= CATCH_SAMPLES) {
             /* the filter has not found the rotor */
             fail(s);
             s->reason = PMSM_REASON_NOT_CAUGHT;
             go(s, PMSM_RESTING);
-            taken = 13;
+            taken = 14;
         } else {
             /* the drive stays */
         }
@@ -756,48 +795,48 @@ int ipmsm_adaptive_ickf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 23;
+            taken = 24;
         } else if (s->open >= MAX_OPEN) {
             /* a phase is open: turn after turn goes by without a current in it */
             s->reason = PMSM_REASON_PHASE;
             go(s, PMSM_FAULT);
-            taken = 24;
+            taken = 25;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 25;
+            taken = 26;
         } else if (f->x[IPMSM_ADAPTIVE_ICKF_OMEGA] * f->x[IPMSM_ADAPTIVE_ICKF_OMEGA] > MOST_SPEED_SQUARED) {
             /* no motor turns as fast as is estimated */
             fail(s);
             s->reason = PMSM_REASON_RUNAWAY;
             go(s, PMSM_RESTING);
-            taken = 26;
+            taken = 27;
         } else if (s->diverged >= MAX_DIVERGED) {
             /* currents, voltages and motor do not fit */
             fail(s);
             s->reason = PMSM_REASON_DIVERGED;
             go(s, PMSM_RESTING);
-            taken = 27;
+            taken = 28;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 28;
+            taken = 29;
         } else if ((s->since >= LOCKED_SAMPLES) && !(s->turning[3] <= RUN_JOLT_SQUARED)) {
             /* the angle does not turn as the speed says: the filter may be half a turn off */
             fail(s);
             s->reason = PMSM_REASON_SLIPPED;
             go(s, PMSM_RESTING);
-            taken = 29;
+            taken = 30;
         } else if (s->since >= LOCKED_SAMPLES) {
             /* a window is over, and the next one begins */
             count_steady(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 30;
+            taken = 31;
         } else {
             /* the drive stays */
         }
@@ -806,7 +845,7 @@ int ipmsm_adaptive_ickf_supervise(
             /* the fault is acknowledged */
             forget(s);
             go(s, PMSM_RESTING);
-            taken = 31;
+            taken = 32;
         } else {
             /* the drive stays */
         }
@@ -816,25 +855,25 @@ int ipmsm_adaptive_ickf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 14;
+            taken = 15;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 15;
+            taken = 16;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 16;
+            taken = 17;
         } else if (s->windows >= MAX_WINDOWS) {
             /* neither filter is right */
             fail(s);
             s->reason = PMSM_REASON_NOT_STARTED;
             go(s, PMSM_RESTING);
-            taken = 17;
+            taken = 18;
         } else if ((s->since >= LOCKED_SAMPLES) && (s->rival.nis +
                 LOAD_PENALTY * (s->rival.x[IPMSM_ADAPTIVE_ICKF_LOAD_TORQUE] * s->rival.x[IPMSM_ADAPTIVE_ICKF_LOAD_TORQUE])
                 + PREFERENCE < f->nis +
@@ -846,7 +885,7 @@ int ipmsm_adaptive_ickf_supervise(
             begin_anew(s);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 18;
+            taken = 19;
         } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
                 (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f) &&
                 (s->good >= GOOD_WINDOWS)) {
@@ -854,7 +893,7 @@ int ipmsm_adaptive_ickf_supervise(
             learn(s, f);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 19;
+            taken = 20;
         } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
                 (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f)) {
             /* the angle turned as stated: half a turn from there nothing must be better */
@@ -866,7 +905,7 @@ int ipmsm_adaptive_ickf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 20;
+            taken = 21;
         } else if (s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) {
             /* the angle turned, not as stated: half a turn from there may be better */
             count_none(s);
@@ -877,7 +916,7 @@ int ipmsm_adaptive_ickf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 21;
+            taken = 22;
         } else if (s->since >= WINDOW_SAMPLES) {
             /* nothing turned: a quarter of a turn from there may be better */
             count_none(s);
@@ -888,7 +927,7 @@ int ipmsm_adaptive_ickf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 22;
+            taken = 23;
         } else {
             /* the drive stays */
         }

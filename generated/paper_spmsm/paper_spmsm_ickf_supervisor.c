@@ -10,6 +10,7 @@
 #pragma CODE_SECTION(smaller, ".TI.ramfunc")
 #pragma CODE_SECTION(larger, ".TI.ramfunc")
 #pragma CODE_SECTION(wrap_angle, ".TI.ramfunc")
+#pragma CODE_SECTION(turn_guess, ".TI.ramfunc")
 #pragma CODE_SECTION(watch_turning, ".TI.ramfunc")
 #pragma CODE_SECTION(read_current, ".TI.ramfunc")
 #pragma CODE_SECTION(read_probe, ".TI.ramfunc")
@@ -37,6 +38,7 @@
 #pragma CODE_SECTION(smaller, "ramfuncs")
 #pragma CODE_SECTION(larger, "ramfuncs")
 #pragma CODE_SECTION(wrap_angle, "ramfuncs")
+#pragma CODE_SECTION(turn_guess, "ramfuncs")
 #pragma CODE_SECTION(watch_turning, "ramfuncs")
 #pragma CODE_SECTION(read_current, "ramfuncs")
 #pragma CODE_SECTION(read_probe, "ramfuncs")
@@ -79,6 +81,7 @@
 #define CATCH_SAMPLES 500 /* so long the filter may take to lock */
 #define LOCKED_SAMPLES 150 /* so long content, or a rival the better one; a window of RUNNING */
 #define STEADY_WINDOWS 33 /* of RUNNING, after which failures are forgotten */
+#define EASE 0.002f /* of the largest current a sample: the torque of a rotor that was caught */
 #define MOST_SAMPLES 32000 /* an int of 16 bits counts no further */
 #define ZERO_SQUARED 1.0f /* (0.05 of the largest current)^2, A^2: reads as zero; above noise and offset of the sensors */
 #define PROBE_SQUARED 4.0f /* (0.1 of the largest current)^2, A^2: tells where the back-EMF points */
@@ -123,6 +126,20 @@ static float32 wrap_angle(float32 x)
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
     const float32 capped = smaller(r, BELOW_PI);
     return larger(capped, -3.1415925f);
+}
+
+/* Where the rotor of the guess is a sample later */
+static void turn_guess(const float32 guess[4], float32 guess_out[4])
+{
+    const float32 z_alpha = guess[0];
+    const float32 z_beta = guess[1];
+    const float32 omega = guess[2];
+    const float32 theta = guess[3];
+
+    guess_out[0] = z_alpha;
+    guess_out[1] = z_beta;
+    guess_out[2] = omega;
+    guess_out[3] = wrap_angle(theta + TURN_PER_SAMPLE * omega);
 }
 
 /* How far the angle turned, and how far it should have by the speed */
@@ -284,6 +301,7 @@ static void guess_from_probe(paper_spmsm_ickf_supervisor_t *s)
     s->mirrored = 0;
     s->spread[0] = UNKNOWN_SPEED;
     s->spread[1] = UNKNOWN_ANGLE;
+    s->readings = 2;
 }
 
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
@@ -375,6 +393,21 @@ static void watch(paper_spmsm_ickf_supervisor_t *s, const paper_spmsm_ickf_t *f,
         s->probe[1] = 0.0f;
     }
     s->gap += (s->gap < MOST_SAMPLES) ? 1 : 0;
+    if (s->mode == PMSM_WAITING) {
+        turn_guess(s->guess, s->guess);
+    }
+    if (s->mode == PMSM_CATCHING) {
+        s->eased[0] = EASE;
+    } else {
+        if (s->mode == PMSM_RUNNING) {
+            s->eased[0] = s->eased[0] + EASE;
+        } else {
+            s->eased[0] = 1.0f;
+        }
+        if (!(s->eased[0] <= 1.0f)) {
+            s->eased[0] = 1.0f;
+        }
+    }
     if (s->mode == PMSM_RESTING) {
         if ((phase[0] * phase[0] <= ZERO_SQUARED) && (phase[1] * phase[1] <= ZERO_SQUARED)) {
             s->quiet += (s->quiet < REST_SAMPLES) ? 1 : 0;
@@ -461,6 +494,7 @@ void paper_spmsm_ickf_supervisor_init(paper_spmsm_ickf_supervisor_t *s)
     s->silent[0] = 0.0f;
     s->silent[1] = 0.0f;
     s->silent[2] = 0.0f;
+    s->eased[0] = 0.0f;
     s->probe[0] = 0.0f;
     s->probe[1] = 0.0f;
     s->reading[0] = 0.0f;
@@ -523,11 +557,7 @@ int paper_spmsm_ickf_supervise(
             /* the second current shows which way the rotor turns */
             take_reading(s, phase);
             guess_from_probe(s);
-            place(s, phase);
-            start_filter(s, f);
-            void_voltages(s);
-            begin_anew(s);
-            go(s, PMSM_CATCHING);
+            go(s, PMSM_WAITING);
             taken = 5;
         } else if (s->since >= PROBE_SAMPLES) {
             /* no current came: the rotor stands, and starts as the drive file says */
@@ -541,17 +571,26 @@ int paper_spmsm_ickf_supervise(
             /* the drive stays */
         }
     } else if (s->mode == PMSM_WAITING) {
-        if ((s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+        if ((s->readings == 2) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
                 (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the current has died out */
-            go(s, PMSM_PROBING);
+            /* the second current has died out: the filter begins where the rotor is by now */
+            place(s, phase);
+            start_filter(s, f);
+            void_voltages(s);
+            begin_anew(s);
+            go(s, PMSM_CATCHING);
             taken = 7;
+        } else if (!(s->readings == 2) && (s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+                (phase[1] * phase[1] <= ZERO_SQUARED))) {
+            /* the first current has died out */
+            go(s, PMSM_PROBING);
+            taken = 8;
         } else if (s->since >= WAIT_SAMPLES) {
             /* the current does not die out */
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 8;
+            taken = 9;
         } else {
             /* the drive stays */
         }
@@ -561,11 +600,11 @@ int paper_spmsm_ickf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 9;
+            taken = 10;
         } else if (s->since == SETTLE_SAMPLES) {
             /* the angle has jumped where it would */
             begin_window(s, f);
-            taken = 10;
+            taken = 11;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->mirrored == 0) &&
                 !(s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the angle turns the other way than the speed says: half a turn on there is the other guess */
@@ -574,20 +613,20 @@ int paper_spmsm_ickf_supervise(
             start_filter(s, f);
             begin_anew(s);
             go(s, PMSM_CATCHING);
-            taken = 11;
+            taken = 12;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->content >= LOCKED_SAMPLES) &&
                 (s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the filter is content, and its angle turns as its speed says */
             learn(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 12;
+            taken = 13;
         } else if (s->since >= CATCH_SAMPLES) {
             /* the filter has not found the rotor */
             fail(s);
             s->reason = PMSM_REASON_NOT_CAUGHT;
             go(s, PMSM_RESTING);
-            taken = 13;
+            taken = 14;
         } else {
             /* the drive stays */
         }
@@ -597,48 +636,48 @@ int paper_spmsm_ickf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 14;
+            taken = 15;
         } else if (s->open >= MAX_OPEN) {
             /* a phase is open: turn after turn goes by without a current in it */
             s->reason = PMSM_REASON_PHASE;
             go(s, PMSM_FAULT);
-            taken = 15;
+            taken = 16;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 16;
+            taken = 17;
         } else if (f->x[PAPER_SPMSM_ICKF_OMEGA] * f->x[PAPER_SPMSM_ICKF_OMEGA] > MOST_SPEED_SQUARED) {
             /* no motor turns as fast as is estimated */
             fail(s);
             s->reason = PMSM_REASON_RUNAWAY;
             go(s, PMSM_RESTING);
-            taken = 17;
+            taken = 18;
         } else if (s->diverged >= MAX_DIVERGED) {
             /* currents, voltages and motor do not fit */
             fail(s);
             s->reason = PMSM_REASON_DIVERGED;
             go(s, PMSM_RESTING);
-            taken = 18;
+            taken = 19;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 19;
+            taken = 20;
         } else if ((s->since >= LOCKED_SAMPLES) && !(s->turning[3] <= RUN_JOLT_SQUARED)) {
             /* the angle does not turn as the speed says: the filter may be half a turn off */
             fail(s);
             s->reason = PMSM_REASON_SLIPPED;
             go(s, PMSM_RESTING);
-            taken = 20;
+            taken = 21;
         } else if (s->since >= LOCKED_SAMPLES) {
             /* a window is over, and the next one begins */
             count_steady(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 21;
+            taken = 22;
         } else {
             /* the drive stays */
         }
@@ -647,7 +686,7 @@ int paper_spmsm_ickf_supervise(
             /* the fault is acknowledged */
             forget(s);
             go(s, PMSM_RESTING);
-            taken = 22;
+            taken = 23;
         } else {
             /* the drive stays */
         }

@@ -180,7 +180,7 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
 /* One sample: duty cycles, and whether the gates may be on with them. */
 static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
-    float32 share = (supervisor.torque != 0) ? 1.0f : 0.0f; /* of the current that may be asked for */
+    float32 share = (supervisor.torque != 0) ? supervisor.eased[0] : 0.0f; /* of the current that may be asked for */
     float32 command[2];
     float32 i[2];
     float32 v[2] = {0.0f, 0.0f};

@@ -125,7 +125,7 @@ typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) 
 
 #define PMSM_RESTING 0 /* inverter off, until the currents read zero */
 #define PMSM_PROBING 1 /* zero voltage, until a current shows where the back-EMF points */
-#define PMSM_WAITING 2 /* inverter off, between two readings of a rotor that turns */
+#define PMSM_WAITING 2 /* inverter off, until the current of a reading has died out */
 #define PMSM_CATCHING 3 /* zero torque, until the filter has found the rotor that turns */
 #define PMSM_RUNNING 4 /* speed and torque as commanded */
 #define PMSM_FAULT 5 /* inverter off, until the fault is acknowledged */

@@ -8,14 +8,15 @@
  *       if (s.fresh != 0) { voltages that are under way: 0 }
  *       if (s.anew != 0) { your integrators: 0 }
  *       if (s.rivals != 0) { spmsm_load_torque_ickf_step(&s.rival, u, y); and a current limited to SPMSM_LOAD_TORQUE_ICKF_START_SHARE }
- *       status = spmsm_load_torque_ickf_step(&f, u, y);      then your controller, its current limited to 0 unless s.torque
+ *       status = spmsm_load_torque_ickf_step(&f, u, y);      then your controller, its current limited to 0 unless s.torque,
+ *                                                 and then to s.eased[0] of the largest
  *   } else { status = 0; zero voltage: all duty cycles 0.5 }
  *   spmsm_load_torque_ickf_supervise(&s, &f, status, phase, reference);
  *   gates: enabled where s.inverter is 1, else off
  *
  *   RESTING   inverter off, until the currents read zero
  *   PROBING   zero voltage, until a current shows where the back-EMF points
- *   WAITING   inverter off, between two readings of a rotor that turns
+ *   WAITING   inverter off, until the current of a reading has died out
  *   CATCHING  zero torque, until the filter has found the rotor that turns
  *   RUNNING   speed and torque as commanded
  *   FAULT     inverter off, until the fault is acknowledged
@@ -45,8 +46,8 @@ typedef struct {
     int acknowledged; /* set it to 1 to leave FAULT */
     int since; /* interrupts in this mode, or in a window of it */
     int quiet; /* samples in a row, RESTING: both currents read zero */
-    int readings; /* 1: a current from zero voltage was read */
-    int gap; /* samples since then */
+    int readings; /* currents from zero voltage that were read: 1, then 2 */
+    int gap; /* samples since the first */
     int rejected; /* inputs rejected in a row */
     int diverged; /* steps in a row */
     int excess; /* samples in a row beyond the trip current */
@@ -57,6 +58,7 @@ typedef struct {
     int steady; /* windows of RUNNING in a row */
     float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
     float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
+    float32 eased[1]; /* share of the largest current that RUNNING allows */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
     float32 reading[4]; /* cosine and sine of the current's angle; its size, A; sine of the angle since the first one */
     float32 first[2]; /* cosine and sine of the first current's angle */

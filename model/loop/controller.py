@@ -263,6 +263,7 @@ def _lost_share(
 
 def _commanded(b: BlockBuilder, duty: list[Any], v_link: Any) -> Pair:
     """The voltage that duty cycles command."""
+    record(b, "", dict(zip(("duty_a", "duty_b", "duty_c"), duty, strict=True)))
     v_alpha, v_beta = clarke(duty)
     v = v_link * v_alpha, v_link * v_beta
     record(b, "the voltage commanded", {"v_alpha_commanded": v[0], "v_beta_commanded": v[1]})

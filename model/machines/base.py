@@ -195,6 +195,18 @@ class Machine(ABC):
             Sine and cosine of the electrical angle.
         """
 
+    def named_state(self, i: Pair, rotor: Rotor) -> tuple[Pair, Named]:
+        """The same, with what is named on the way to it.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
+        return self.electrical_state(i, rotor), {}
+
     def lacking(self, z: Pair, omega_e: Any, rotor: Rotor) -> dict[str, tuple[Pair, Any]]:
         """What a sample lacks where a datum of :meth:`currents` is wrong: of the states, and of the torque.
 

@@ -100,8 +100,21 @@ class SalientFluxPMSM(Machine):
         rotor : Rotor
             Sine and cosine of the electrical angle.
         """
+        return self.named_state(i, rotor)[0]
+
+    def named_state(self, i: Pair, rotor: Rotor) -> tuple[Pair, Named]:
+        """The same; psi_d and psi_q are named.
+
+        Parameters
+        ----------
+        i : Pair
+            Stator currents i_alpha, i_beta, A.
+        rotor : Rotor
+            Sine and cosine of the electrical angle.
+        """
         i_d, i_q = rotor.to_rotor(i)
-        return rotor.to_stator((self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q))
+        psi_d, psi_q = self.par.L_d * i_d + self.par.psi_m, self.par.L_q * i_q
+        return rotor.to_stator((psi_d, psi_q)), {"psi_d": psi_d, "psi_q": psi_q}
 
     def lacking(self, z: Pair, omega_e: Any, rotor: Rotor) -> dict[str, tuple[Pair, Any]]:
         """The voltage and the torque of flux linkages that wrong inductances and a wrong magnet have wrong.

@@ -21,7 +21,7 @@ from model.filters.conditions import (
 from model.filters.program import Call, Count, If, Node, Restart, Set
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
-from model.supervisor.blocks import place_block, probe_block, reading_block, turning_block
+from model.supervisor.blocks import onward_block, place_block, probe_block, reading_block, turning_block
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
 
@@ -45,6 +45,8 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
             (Set(probe[1], Number(0.0)),),
         ),
         Count("gap", "MOST_SAMPLES"),
+        If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),
+        _eased(),
         If(
             is_label("mode", "RESTING"),
             (_in_a_row("quiet", within("phase", "ZERO_SQUARED"), "REST_SAMPLES"),),
@@ -65,6 +67,20 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
                 ),
                 _in_a_row("open", Either(tuple(_half_turn(k) for k in range(3))), "MAX_OPEN"),
             ),
+        ),
+    )
+
+
+def _eased() -> If:
+    """A rotor that was caught gets its torque little by little, from the first step on; any other all of it."""
+    eased = Entry("eased", 0)
+    more = Set(eased, Operation("+", eased, Name("EASE")))
+    return If(
+        is_label("mode", "CATCHING"),
+        (Set(eased, Name("EASE")),),
+        (
+            If(is_label("mode", "RUNNING"), (more,), (Set(eased, Number(1.0)),)),
+            If(Not(Compare("<=", eased, Number(1.0))), (Set(eased, Number(1.0)),)),
         ),
     )
 
@@ -172,6 +188,7 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
                 If(Compare("<", towards[1], Number(0.0)), (Set(guess[3], _minus(guess[3])),)),
                 _clear("mirrored"),
                 *_spread("UNKNOWN_SPEED", "UNKNOWN_ANGLE"),
+                Set(Entry("readings"), Whole(2)),
             ),
         ),
     )

@@ -119,6 +119,19 @@ def probe_block(drive: Drive) -> Block:
     return b.build()
 
 
+def onward_block(drive: Drive) -> Block:
+    """Where the rotor of the guess is a sample later: it turns on while the inverter is off.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    b = BlockBuilder("turn_guess", "Where the rotor of the guess is a sample later")
+    z_alpha, z_beta, omega, theta = b.input("guess", ["z_alpha", "z_beta", "omega", "theta"])
+    b.output("guess", [z_alpha, z_beta, omega, ca.remainder(theta + _turn_per_sample(drive) * omega, 2 * math.pi)])
+    return b.build()
+
+
 def place_block(drive: Drive) -> Block:
     """The electrical states that carry the measured currents with the rotor at the guessed angle.
 
@@ -132,6 +145,8 @@ def place_block(drive: Drive) -> Block:
     i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
     b.stage("i_beta", "", "", [i_beta], ["i_beta"], scale="none")
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
-    z = machine.electrical_state((i_a, i_beta), Rotor.at(theta))
+    z, named = machine.named_state((i_a, i_beta), Rotor.at(theta))
+    if named:
+        b.stage(next(iter(named)), "", "", list(named.values()), list(named), scale="none")
     b.output("guess", [z[0], z[1], omega, theta])
     return b.build()

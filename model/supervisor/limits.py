@@ -19,6 +19,9 @@ OPEN_TIME = 100e-3
 #: are forgotten after STEADY of running.
 REST_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3
 LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
+#: s, and time constants of the d axis: in the longer of these the torque comes of a rotor that was caught. So long the
+#: current regulators take to make up for what inductances off by tolerance leave of omega_e L i.
+EASE_TIME, EASE_WINDINGS = 10e-3, 3.0
 #: s, rad electrical at the operating box's speed: two readings are so far apart, at most. Less than half a turn, so
 #: that the way that the current turned is the rotor's.
 GAP_TIME, GAP_TURN = 0.5e-3, 1.2
@@ -143,6 +146,8 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
     def samples(name: str, time: float, meaning: str, times: int = 1) -> Limit:
         return _samples(drive, name, time, meaning, times)
 
+    windings = drive.motor.inductance_d / drive.motor.stator_resistance
+    ease = samples("EASE", max(EASE_TIME, EASE_WINDINGS * windings), "")
     return (
         samples("MAX_REJECTED", BLIND_TIME, "inputs rejected in a row: no estimate is left"),
         samples("MAX_DIVERGED", DIVERGED_TIME, "steps in a row with PMSM_DIVERGED: less is ridden through"),
@@ -160,6 +165,7 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
         samples("CATCH_SAMPLES", CATCH_TIME, "so long the filter may take to lock"),
         samples("LOCKED_SAMPLES", LOCKED_TIME, "so long content, or a rival the better one; a window of RUNNING"),
         Limit("STEADY_WINDOWS", round(STEADY_TIME / LOCKED_TIME), "of RUNNING, after which failures are forgotten"),
+        Limit("EASE", 1.0 / ease.value, "of the largest current a sample: the torque of a rotor that was caught"),
         Limit("MOST_SAMPLES", MOST_SAMPLES, "an int of 16 bits counts no further"),
     )
 

@@ -2,10 +2,11 @@
 
 RESTING, inverter off, until the currents read zero; PROBING, zero voltage: a rotor that turns makes a current, which is
 read, and read again after WAITING, inverter off: so it shows where the back-EMF points, and which way it turns.
-CATCHING, the filter runs from there without torque until it has found the rotor. Where no current comes the rotor
-stands, or nearly: STARTING, torque is on, and a rival filter half a turn away runs beside the filter; whichever expects
-the currents better is followed. RUNNING; and FAULT, inverter off, after too many attempts in a row. Read
-:func:`transitions` as a table: from a mode, where a guard holds, to a mode.
+CATCHING, once that current has died out, too: the filter runs without torque until it has found the rotor. Where no
+current comes the rotor stands, or nearly: STARTING, torque is on, and a rival filter half a turn away runs beside the
+filter; whichever expects the currents better is followed. RUNNING, in which a rotor that was caught gets its torque
+little by little: braking from beyond the rated speed, field weakening has to come first. And FAULT, inverter off, after
+too many attempts in a row. Read :func:`transitions` as a table: from a mode, where a guard holds, to a mode.
 
 Once an interrupt, after filter and controller where they ran. ``PMSM_NOT_CONVERGED`` is no reason to stop: the last
 iterate is kept and the next step goes on from it. ``PMSM_DIVERGED`` says that currents, voltages and motor do not fit
@@ -56,7 +57,7 @@ from model.supervisor.words import (
 MODES = (
     Mode("RESTING", "inverter off, until the currents read zero", lasting=True),
     Mode("PROBING", "zero voltage, until a current shows where the back-EMF points", inverter=True),
-    Mode("WAITING", "inverter off, between two readings of a rotor that turns"),
+    Mode("WAITING", "inverter off, until the current of a reading has died out"),
     Mode("CATCHING", "zero torque, until the filter has found the rotor that turns", inverter=True, runs=True),
     Mode("RUNNING", "speed and torque as commanded", inverter=True, runs=True, torque=True, lasting=True),
     Mode("FAULT", "inverter off, until the fault is acknowledged", lasting=True),
@@ -96,8 +97,8 @@ FIELDS = (
     Field("acknowledged", "set it to 1 to leave FAULT"),
     Field("since", "interrupts in this mode, or in a window of it"),
     Field("quiet", "samples in a row, RESTING: both currents read zero"),
-    Field("readings", "1: a current from zero voltage was read"),
-    Field("gap", "samples since then"),
+    Field("readings", "currents from zero voltage that were read: 1, then 2"),
+    Field("gap", "samples since the first"),
     Field("rejected", "inputs rejected in a row"),
     Field("diverged", "steps in a row"),
     Field("excess", "samples in a row beyond the trip current"),
@@ -108,6 +109,7 @@ FIELDS = (
     Field("steady", "windows of RUNNING in a row"),
     Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),
     Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
+    Field("eased", "share of the largest current that RUNNING allows", 1),
     Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),
     Field("reading", "cosine and sine of the current's angle; its size, A; sine of the angle since the first one", 4),
     Field("first", "cosine and sine of the first current's angle", 2),
@@ -198,10 +200,10 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         ),
         Transition(
             "PROBING",
-            "CATCHING",
+            "WAITING",
             seen,
             "the second current shows which way the rotor turns",
-            ("take_reading", "guess_from_probe", "place", "start_filter", "void_voltages", "begin_anew"),
+            ("take_reading", "guess_from_probe"),
         ),
         Transition(
             "PROBING",
@@ -212,9 +214,16 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         ),
         Transition(
             "WAITING",
+            "CATCHING",
+            All((equals("readings", 2), within("phase", "ZERO_SQUARED"))),
+            "the second current has died out: the filter begins where the rotor is by now",
+            ("place", "start_filter", "void_voltages", "begin_anew"),
+        ),
+        Transition(
+            "WAITING",
             "PROBING",
-            All((at_least("gap", "GAP_SAMPLES"), within("phase", "ZERO_SQUARED"))),
-            "the current has died out",
+            All((Not(equals("readings", 2)), at_least("gap", "GAP_SAMPLES"), within("phase", "ZERO_SQUARED"))),
+            "the first current has died out",
         ),
         _lost("WAITING", at_least("since", "WAIT_SAMPLES"), "the current does not die out", "CURRENT"),
     )

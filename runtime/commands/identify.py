@@ -93,9 +93,11 @@ def _keep(
 ) -> None:
     """Everything that is written."""
     from runtime.identify.tables import identified_facts
-    from runtime.identify.write import written_text
+    from runtime.identify.write import Findings, written_text
 
-    text = written_text(found, write) if write is not None else ""
+    subject = found.problem.subject
+    findings = Findings(subject.name, subject.facts, found.facts, found.result.estimates)
+    text = written_text(findings, write) if write is not None else ""
     if json is not None:
         write_text(json, json_module.dumps(identified_facts(found, compared), indent=2, allow_nan=False) + "\n")
     if plots is not None:

@@ -30,6 +30,7 @@ class RunByDefault(TyperGroup):
 
 
 app = typer.Typer(
+    name="study",
     cls=RunByDefault,
     no_args_is_help=False,
     help="Monte Carlo: thousands of closed loops, drawn at random. 'study DRIVE...' runs them ('study run --help' "

@@ -10,6 +10,7 @@ from runtime.estimator.c_backend import declarations
 from runtime.estimator.compiler import open_library
 
 SIMULATOR = Path(__file__).with_name("simulator.c")
+POWERED_MOTOR = Path(__file__).with_name("powered_motor.h")
 
 
 def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -> str:
@@ -28,9 +29,20 @@ def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -
     return filter_part + foc_part.split(";", 1)[1]
 
 
+def simulator_sources(name: str = "simulator.c") -> dict[str, str]:
+    """The simulator's texts by file name.
+
+    Parameters
+    ----------
+    name : str
+        Of the loop; as a header it is included instead of compiled.
+    """
+    return {name: SIMULATOR.read_text(encoding="utf-8"), POWERED_MOTOR.name: POWERED_MOTOR.read_text(encoding="utf-8")}
+
+
 def simulator_struct() -> str:
     """The simulator's struct as cffi wants it, from its own source."""
-    source = SIMULATOR.read_text(encoding="utf-8")
+    source = POWERED_MOTOR.read_text(encoding="utf-8")
     struct = source[source.index("typedef struct") : source.index("} simulator;") + len("} simulator;")]
     return "\n".join(line.partition("/*")[0] for line in struct.splitlines())
 

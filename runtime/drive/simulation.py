@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.rating import sensor_noise
-from runtime.drive.interface import SIMULATOR, open_simulator
+from runtime.drive.interface import open_simulator, simulator_sources
 from runtime.drive.motor import inverter_of, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
 from runtime.estimator.c_backend import c_sources
@@ -190,7 +190,7 @@ class Simulator:
             sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
         parts = {"PLANT": plant, "FOC": foc, "DRIVE": drive}
         defines = parts | {f"HEADER_{part}": f'"{name}.h"' for part, name in parts.items()}
-        library = build_library({**sources, "simulator.c": SIMULATOR.read_text(encoding="utf-8")}, defines, ("-O2",))
+        library = build_library({**sources, **simulator_sources()}, defines, ("-O2",))
         self._foc = foc
         self._ffi, self._library = open_simulator(library, sources, self._prefix, foc)
 

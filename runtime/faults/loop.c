@@ -1,6 +1,6 @@
 /* loop.c: the generated example interrupt in the closed loop, with faults. Hand-written.
  *
- * simulator.h is simulator.c: inverter, motor and sensors. example_isr.h is the example of the generated folder, as an
+ * simulator.h is simulator.c, with inverter, motor and sensors. example_isr.h is the example of the generated folder, as an
  * application would have it; its hardware functions are the simulated ones below. A fault is a row of numbers a sample;
  * samples without one take none of its branches. */
 #include "simulator.h"

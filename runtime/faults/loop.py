@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.rating import sensor_noise
-from runtime.drive.interface import SIMULATOR, controller_declarations, simulator_struct
+from runtime.drive.interface import controller_declarations, simulator_sources, simulator_struct
 from runtime.drive.motor import inverter_of, longest_step, true_motor
 from runtime.drive.scenario import Scenario
 from runtime.estimator.c_backend import c_sources
@@ -100,7 +100,7 @@ class FaultyLoop:
         for name, place in (*((name, "") for name in own), (plant, "host/")):
             sources |= {f"{name}{end}": folder.text(f"{place}{name}{end}") for end in (".h", ".c")}
         defines = {"PLANT": plant, "FOC": foc, "HEADER_PLANT": f'"{plant}.h"', "HEADER_FOC": f'"{foc}.h"'}
-        handwritten = {"loop.c": LOOP.read_text(encoding="utf-8"), "simulator.h": SIMULATOR.read_text(encoding="utf-8")}
+        handwritten = {"loop.c": LOOP.read_text(encoding="utf-8"), **simulator_sources("simulator.h")}
         handwritten |= {"example_isr.h": example_for(folder, kind)}
         library = build_library({**sources, **handwritten}, defines, ("-O2",))
         self._ffi, self._library = _open(library, controller_declarations(sources, prefix, foc), folder.drive)

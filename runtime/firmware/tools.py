@@ -8,15 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from runtime.system.errors import UserError
+from runtime.system.needs import PROGRAMS
 
 #: Program -> the Debian package it comes in.
-PACKAGES = {
-    "avr-gcc": "gcc-avr",
-    "simavr": "simavr",
-    "arm-none-eabi-gcc": "gcc-arm-none-eabi",
-    "qemu-system-arm": "qemu-system-arm",
-    "clang": "clang",
-}
+PACKAGES = {program.name: program.debian[0] for program in PROGRAMS}
 
 #: Program -> the package of the C library without which it links nothing, and a file of that library.
 LIBRARIES = {

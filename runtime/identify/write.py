@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from model.schema import DriveError
 from runtime.design.facts import Facts, parse_facts
 from runtime.design.known import stated
 from runtime.design.write import NOW, facts_text
-from runtime.identify.identify import Identified
 from runtime.identify.intervals import Estimate
 from runtime.identify.subject import is_facts
 from runtime.recorded.units import RPM
@@ -24,6 +24,16 @@ LEAST_TOLERANCE = 0.01
 #: The tolerance keys of the data.
 TOLERANCE = {"R": "stator_resistance", "L": "inductance", "L_d": "inductance", "L_q": "inductance"}
 TOLERANCE |= {"psi_m": "magnet_flux", "J": "inertia"}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is to be written: the subject's name, its facts as stated and as found, and every estimate."""
+
+    name: str
+    stated: Facts
+    facts: Facts
+    estimates: Sequence[Estimate]
 
 
 def check_write(path: Path) -> None:
@@ -46,12 +56,12 @@ def check_write(path: Path) -> None:
         _document(path)
 
 
-def written_text(found: Identified, path: Path) -> str:
+def written_text(found: Findings, path: Path) -> str:
     """The text of the file: a new facts file, or the existing facts or drive file edited.
 
     Parameters
     ----------
-    found : Identified
+    found : Findings
     path : Path
 
     Raises
@@ -62,9 +72,9 @@ def written_text(found: Identified, path: Path) -> str:
     if not path.exists():
         return facts_text(facts_tables(found.facts))
     document = _document(path)
-    own = found.problem.subject.name
+    own = found.name
     if document.get("name") != own:
-        raise UserError(f"'{path}' is of '{document.get('name')}', the recordings of '{own}'. Choose another --write.")
+        raise UserError(f"'{path}' is of '{document.get('name')}', what was found of '{own}'. Choose another --write.")
     if is_facts(path):
         _edit_facts(document, found)
     else:
@@ -125,8 +135,8 @@ def _tolerance(width: float) -> float:
     return float(f"{min(max(width, LEAST_TOLERANCE), 0.9):.2g}")
 
 
-def _told(found: Identified) -> dict[str, Estimate]:
-    return {e.datum.word: e for e in found.result.estimates if e.told}
+def _told(found: Findings) -> dict[str, Estimate]:
+    return {e.datum.word: e for e in found.estimates if e.told}
 
 
 def _set(table: Any, key: str, value: float, estimate: Estimate) -> None:
@@ -151,9 +161,9 @@ def _edit_widths(document: Any, told: Mapping[str, Estimate], keys: Mapping[str,
             table[key] = _tolerance(width)
 
 
-def _edit_facts(document: Any, found: Identified) -> None:
+def _edit_facts(document: Any, found: Findings) -> None:
     """Each datum in the way in which the file states it."""
-    told, motor, pairs = _told(found), document["motor"], found.problem.subject.facts.p
+    told, motor, pairs = _told(found), document["motor"], found.stated.p
     if "R" in told:
         e = told["R"]
         key, factor = ("line_resistance", 2) if "line_resistance" in motor else ("stator_resistance", 1)
@@ -176,7 +186,7 @@ def _edit_facts(document: Any, found: Identified) -> None:
         if word in told:
             _set(motor, key, told[word].value, told[word])
     if "V_dead" in told:
-        _set_dead_time(document["inverter"], told["V_dead"], found, 1 / found.problem.subject.facts.T)
+        _set_dead_time(document["inverter"], told["V_dead"], found, 1 / found.stated.T)
     _edit_widths(document, told, TOLERANCE)
 
 
@@ -193,9 +203,9 @@ def _edit_inductances(motor: Any, told: Mapping[str, Estimate], facts: Facts) ->
             motor[key] = value
 
 
-def _set_dead_time(table: Any, e: Estimate, found: Identified, switching: float) -> None:
+def _set_dead_time(table: Any, e: Estimate, found: Findings, switching: float) -> None:
     """The dead time that takes as much at a switching frequency; what switches drop is in it, or was taken off."""
-    f = found.problem.subject.facts
+    f = found.stated
     per_volt = 1 / (f.dc_link * switching)
     if e.high <= 0 or (e.low <= 0 and "dead_time" not in table):
         return
@@ -203,7 +213,7 @@ def _set_dead_time(table: Any, e: Estimate, found: Identified, switching: float)
     _set(table, "dead_time", min(value, 0.2 * f.T), Estimate(e.datum, e.guess, value, low, high, True))
 
 
-def _edit_drive(document: Any, found: Identified) -> None:
+def _edit_drive(document: Any, found: Findings) -> None:
     import tomlkit
 
     told, motor = _told(found), document["motor"]
@@ -221,5 +231,5 @@ def _edit_drive(document: Any, found: Identified) -> None:
         if "inverter" in document or e.low > 0:
             table = document.setdefault("inverter", tomlkit.table())
             rest = Estimate(e.datum, e.guess, e.value - drop, e.low - drop, e.high - drop, True)
-            _set_dead_time(table, rest, found, found.problem.subject.drive.switching_frequency)
+            _set_dead_time(table, rest, found, float(table.get("switching_frequency", 1 / found.stated.T)))
     _edit_widths(document, told, {word: key for word, key in TOLERANCE.items() if word != "J"})

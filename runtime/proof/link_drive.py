@@ -151,7 +151,7 @@ def _interrupt(
         if mode == "STARTING":
             i = clarke(np.array(phase))
             step(s.rival, c.v_acting, (np.float64(i.real), np.float64(i.imag)), math)
-        allowed = most / hand.most * hand.allowed_current(mode)
+        allowed = most / hand.most * hand.allowed_current(mode, s.eased[0])
         allowed *= hand.allowed_by_link(command[1], command[0], c.filter.x[2])
         c.gain = tuple(allowed if k == MOST else value for k, value in enumerate(c.gain))
         duty, d.status = module.foc_step(c, step, phase, command, math)

@@ -278,7 +278,7 @@ class Judge:
 
     def _state(self, name: str, wanted: list[Any], found: list[float], i: tuple[float, float], event: str) -> None:
         """State or guess: what carries the currents is judged by the currents, an arc tangent by its own bound."""
-        read = event == "PROBING: turns this way" and wanted[0] is CARRIES
+        read = event == "PROBING: turns this way" and name == "guess"
         if wanted[0] is CARRIES:
             h = self.motor.h(np.array([*found[:4], *self.slow]))
             known, scale = bool(np.isfinite(i).all()), max(self.hand.most, abs(i[0]), abs(i[1]))
@@ -287,6 +287,8 @@ class Judge:
                     self.found.see(f"{name}'s currents", float(own), value, scale)
             wanted = [*found[:2], *wanted[2:]]
         for k, (value, own) in enumerate(zip(wanted, found, strict=True)):
+            if k == 3 and value != value:  # of a speed that is no number: wrapped it is any
+                continue
             if k == 3 and read:
                 turn = (own - value + np.pi) % (2 * np.pi) - np.pi
                 self.found.see(f"{name}'s angle, as read", turn, 0.0)
@@ -310,9 +312,9 @@ class Judge:
             yield found.row(name, "interrupts that differ", 0.0)
         for name in sorted(name for name in found.compared if name.endswith(", s")):
             yield found.row(name, "on the number's scale", ALLOWED)
+        yield found.row("guess's angle, as read", "rad", ANGLE_ALLOWED)
         for name in ("guess", "x"):
             yield found.row(f"{name}, where it begins", "on the number's scale", ALLOWED)
-            yield found.row(f"{name}'s angle, as read", "rad", ANGLE_ALLOWED)
             yield found.row(f"{name}'s currents", "of the largest", CURRENT_ALLOWED)
         yield found.row("covariance", "on the number's scale", ALLOWED)
         yield found.row("tuning, score and what a reset clears", "interrupts that differ", 0.0)

@@ -15,6 +15,8 @@ from runtime.proof.control import best_currents, of_current, torque_of
 #: is content, a rival the better one, or a window lasts; blind; beside the motor's data; steady.
 REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
 BLIND, ADRIFT, STEADY = 2e-3, 100e-3, 100e-3
+#: The torque of a rotor that was caught comes in within the longer of: s, and of L_d / R.
+EASE, EASE_WINDINGS = 10e-3, 3.0
 #: Shares of the largest current: reads as zero, shows a rotor that turns, is too much.
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: Samples beyond the trip; attempts, and those of a drive that finds its angle by nothing else; windows of a start, and
@@ -114,6 +116,11 @@ class Numbers:
         """Samples of a window of STARTING: a rotor without load, pushed from rest, turns by a radian electrical."""
         angular = self.p * self.torque / self.motor["inertia"]  # rad/s^2 electrical
         return self.samples(max(WINDOW, math.sqrt(2.0 / angular)))
+
+    @property
+    def ease(self) -> int:
+        """Samples in which the torque of a rotor that was caught comes in."""
+        return self.samples(max(EASE, EASE_WINDINGS * self.motor["inductance_d"] / self.motor["stator_resistance"]))
 
     @property
     def gap(self) -> int:

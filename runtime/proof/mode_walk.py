@@ -193,7 +193,8 @@ class Walk:
             "failures": n.attempts,
             "steady": round(numbers.STEADY / numbers.LOCKED),
             "windows": numbers.WINDOWS,
-            **dict.fromkeys(("good", "side", "mirrored", "readings", "fresh", "anew"), 1),
+            "readings": 2,
+            **dict.fromkeys(("good", "side", "mirrored", "fresh", "anew"), 1),
         }
         return {name: limit for name, limit in ends.items() if hasattr(self.s, name)}
 
@@ -245,6 +246,8 @@ class Walk:
         self._set(self.s, "first", np.array([np.cos(angles), np.sin(angles)]), share=0.9)
         self._set(self.s, "reading", np.array([np.cos(now), np.sin(now), sine, angles]))
         self._set(self.s, "probe", np.array([np.sign(sine), rng.integers(0, 60, lanes)]))
+        last = 1.0 - 1.0 / self.known.ease
+        self._set(self.s, "eased", rng.choice([0.0, 0.5, last, 0.999 * last, 1.0], (1, lanes)))
 
     def _set_estimates(self) -> None:
         """State, covariance and score of either filter; the rival's score about the one that makes it better."""

@@ -55,7 +55,7 @@ RUNNING, TORQUE = ("CATCHING", "STARTING", "RUNNING"), ("STARTING", "RUNNING")
 EVENTS = {
     "RESTING": ("gave up", "no current"),
     "PROBING": ("lost, CURRENT", "turns", "turns this way", "stands"),
-    "WAITING": ("died out", "lost, CURRENT"),
+    "WAITING": ("begins there", "died out", "lost, CURRENT"),
     "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
     "STARTING": (
         *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
@@ -102,14 +102,16 @@ class Modes(Numbers):
         m.whole["inverter"] = int(m.mode not in OFF)
         return f"{where}: {event}" if event else ""
 
-    def allowed_current(self, mode: str) -> float:
+    def allowed_current(self, mode: str, eased: float) -> float:
         """The largest current that the controller may ask for, A.
 
         Parameters
         ----------
         mode : str
+        eased : float
+            Share of it that is there again after a rotor was caught.
         """
-        return {"RUNNING": self.most, "STARTING": self.share * self.most}.get(mode, 0.0)
+        return {"RUNNING": eased * self.most, "STARTING": self.share * self.most}.get(mode, 0.0)
 
     def _inside(self, phase: Sequence[float], share: float) -> bool:
         """Both currents are numbers within a share of the largest."""
@@ -126,6 +128,12 @@ class Modes(Numbers):
         n["since"], n["gap"] = (n[name] + 1 if n[name] < MOST else n[name] for name in ("since", "gap"))
         zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
         m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
+        if m.mode == "WAITING":  # the rotor turns on
+            omega, theta = m.arrays["guess"][2:]
+            m.arrays["guess"][3] = math.remainder(theta + self.p * omega * self.T, 2 * math.pi)
+        share = 1.0 / self.ease
+        eased = {"CATCHING": share, "RUNNING": m.arrays["eased"][0] + share}.get(m.mode, 1.0)
+        m.arrays["eased"] = [eased if eased <= 1.0 else 1.0]
         self._row(m, "quiet", m.mode == "RESTING" and self._inside(phase, ZERO), self.samples(REST))
         if m.mode != "FAULT":
             n["acknowledged"] = 0
@@ -214,11 +222,10 @@ class Modes(Numbers):
         seconds = max(m.arrays["probe"][1], 1.0) * self.T
         e = abs(i) * self.motor["inductance_q"] / seconds  # V
         m.arrays["probe"][0] = direction
-        m.whole["mirrored"], m.whole["fresh"] = 0, 1
-        rotor = direction * e / (self.motor["magnet_flux"] * self.p), theta
-        self._begin(m, f, rotor, ((READ_SPEED * self.speed) ** 2, READ_ANGLE))
-        self._regulators_anew(m)
-        self._go(m, "CATCHING")
+        m.whole["mirrored"], m.whole["readings"] = 0, 2
+        m.arrays["guess"][2:] = direction * e / (self.motor["magnet_flux"] * self.p), theta
+        m.arrays["spread"] = [(READ_SPEED * self.speed) ** 2, READ_ANGLE]
+        self._go(m, "WAITING")
         return "turns this way"
 
     def _stands(self, m: Memory, f: Filter) -> None:
@@ -246,7 +253,15 @@ class Modes(Numbers):
         m.arrays["guess"], m.arrays["spread"] = [CARRIES, CARRIES, *rotor], list(spread)
 
     def _waiting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
-        if self._inside(phase, ZERO) and m.whole["gap"] >= self.gap:
+        none, n = self._inside(phase, ZERO), m.whole
+        if none and n["readings"] == 2:
+            speed, angle = m.arrays["spread"]
+            self._begin(m, f, tuple(m.arrays["guess"][2:]), (speed, angle))
+            n["fresh"] = 1
+            self._regulators_anew(m)
+            self._go(m, "CATCHING")
+            return "begins there"
+        if none and n["gap"] >= self.gap and n["readings"] != 2:
             self._go(m, "PROBING")
             return "died out"
         return self._lost(m, "CURRENT") if m.whole["since"] >= self.samples(WAIT) else ""

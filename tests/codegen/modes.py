@@ -97,21 +97,35 @@ def gap(board: Board) -> int:
     return max(1, board.interrupts(min(GAP, GAP_TURN / most)))
 
 
-def caught(board: Board, theta: float = 0.3, count: int = 3, sense: int = 1, turned: float = 0.5) -> float:
-    """On until the rotor is caught; the speed it turns with. The next interrupt makes the first step.
+def ease(board: Board) -> int:
+    """Samples in which the torque of a rotor that was caught comes in."""
+    m = board.drive.motor
+    return board.interrupts(max(10e-3, 3.0 * m.inductance_d / m.stator_resistance))
 
-    Two readings of the current after ``count`` intervals of zero voltage: one ``turned`` before ``theta``, one there.
+
+def caught(board: Board, theta: float = 0.3, count: int = 3, sense: int = 1, turned: float = 0.5) -> float:
+    """On until the rotor is caught, at ``theta``; the speed it turns with. The next interrupt makes the first step.
+
+    Two readings of the current after ``count`` intervals of zero voltage, ``turned`` apart, the second one a sample
+    before: so soon its current has died out.
     """
     probing(board)
     omega = sense * half_of_the_maximum(board, count)
-    reading(board, omega, theta - sense * turned, count)
+    last = theta - a_sample(board, omega)
+    reading(board, omega, last - sense * turned, count)
     assert board.mode == "WAITING"
     assert "s" not in board.interrupt(gap(board), phase=(0.0, 0.0))
     assert board.mode == "PROBING"
-    reading(board, omega, theta, count)
+    reading(board, omega, last, count)
+    assert board.mode == "WAITING"
+    assert "s" not in board.interrupt(phase=(0.0, 0.0))
     assert board.mode == "CATCHING"
-    board.now.phase[:] = 0.0, 0.0
     return omega
+
+
+def a_sample(board: Board, omega: float) -> float:
+    """How far the rotor turns in a sample, rad electrical."""
+    return board.drive.motor.pole_pairs * board.T * omega
 
 
 def reading(board: Board, omega: float, theta: float, count: int) -> str:

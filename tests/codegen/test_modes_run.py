@@ -37,6 +37,7 @@ from tests.codegen.modes import (
     attempts,
     begun,
     caught,
+    ease,
     fails,
     gap,
     probing,
@@ -218,6 +219,8 @@ def test_a_maximum_current_that_was_tuned_stays(board: Board) -> None:
     assert board.largest_current[0] == pytest.approx(tuned)
     board.largest_current[0] = other
     assert until_torque(board, 10_000, omega)
+    assert board.now.gain_max == pytest.approx(other / ease(board))
+    spin(board, ease(board), omega)
     assert board.now.gain_max == pytest.approx(other)
     assert stops(board, 1, status=RESTARTED) == 1
     begun(board)
@@ -243,8 +246,23 @@ def test_torque_comes_back_after_catches_that_failed(board: Board) -> None:
         assert spin(board, 10_000, omega, status=DIVERGED, stop="0")
         omega = caught(board)
     assert until_torque(board, 10_000, omega) == board.interrupts(LOCKED) + 1
-    if board.variant:
-        assert board.now.gain_max == pytest.approx(board.drive.control.max_current)
+
+
+def test_torque_of_a_caught_rotor_comes_in_step_by_step(board: Board) -> None:
+    """In 10 ms, or thrice the time constant of the d axis where that is longer; and anew after the next catch."""
+    count = ease(board)
+    for _ in range(2):
+        omega = caught(board)
+        assert until_torque(board, 10_000, omega)
+        assert board.share == pytest.approx(1 / count, rel=1e-5)
+        spin(board, count // 2 - 1, omega)
+        assert board.share == pytest.approx(count // 2 / count, rel=1e-4)
+        spin(board, count - count // 2 - 1, omega)
+        assert board.share == pytest.approx(1 - 1 / count, rel=1e-4)
+        spin(board, 3, omega)
+        assert board.share == 1.0
+        spin(board, 1, omega, status=RESTARTED)
+        board.interrupt(status=0, moves=0)
 
 
 def test_the_limits_themselves_are_within(board: Board) -> None:
@@ -259,6 +277,8 @@ def test_the_limits_themselves_are_within(board: Board) -> None:
     board.interrupt(gap(board), phase=(zero, -zero))
     assert board.mode == "PROBING"
     board.interrupt(phase=(trip, 0.0))
+    assert board.mode == "WAITING"
+    board.interrupt(phase=(zero, -zero))
     assert board.gates
     assert "s" in board.interrupt(phase=(trip, -trip))
     assert stops(board, 2 * board.interrupts(SETTLE), phase=(trip, -trip)) == 0

@@ -87,6 +87,11 @@ def nameless(source: str) -> set[float]:
     return {number for number in found if not is_round(number)}
 
 
+@pytest.mark.parametrize("path", AROUND, ids=lambda path: path.stem)
+def test_around_the_filter_nothing_is_called_by_what_it_is_part_of(path: Path) -> None:
+    assert not re.search(r"part_of_", path.read_text())
+
+
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem + path.suffix)
 def test_every_literal_has_a_name(path: Path) -> None:
     assert nameless(path.read_text()) == set()

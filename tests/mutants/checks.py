@@ -386,9 +386,11 @@ def overlaid(folder: Any, name: str, text: str) -> Any:
 
 
 def forms_of(file: str) -> tuple[str, ...]:
-    """Of link text's forms those that a file of a generated folder is part of; of the module, the scalar ones."""
+    """Of link text's forms those that a file of a generated folder is part of; of the module the scalar ones."""
     if file.endswith(".py"):
-        return ("C", "controller")
+        return ("C", "controller", "drive", "supervisor")
+    if file.endswith(("_drive.c", "_supervisor.c")):
+        return (file.rpartition("_")[2].removesuffix(".c"),)
     scalar, lanes = ("controller", "controller's lanes") if "_foc" in file else ("C", "lanes")
     return (lanes if "_lanes" in file else scalar,)
 

@@ -76,7 +76,8 @@ ASIDE = ("_init", "_reset", "_load", "new_filter", "new_controller", "unpack")
 
 def files(drive: str, kind: str) -> Iterator[str]:
     stem = f"{drive}_{kind}"
-    yield from (f"{stem}.c", f"{stem}_foc.c", f"host/{stem}_lanes.c", f"host/{stem}_foc_lanes.c", f"{drive}.py")
+    yield from (f"{stem}{end}.c" for end in ("", "_foc", "_supervisor", "_drive"))
+    yield from (f"host/{stem}_lanes.c", f"host/{stem}_foc_lanes.c", f"{drive}.py")
 
 
 def flow_mutants(places: int = 1, seed: int = SEED) -> list[Mutant]:

@@ -150,8 +150,9 @@ class StepJudge:
         from runtime.proof.link_text import link_text
 
         file, kind = mutant.file.split("/", 1)[1], mutant.checks[0].split()[2]
-        link = link_text(overlaid(self.folder, file, mutant.text), kind, "as shipped", forms_of(file))
-        return None if link.passed else verdict(link)
+        folder = overlaid(self.folder, file, mutant.text)
+        links = (link_text(folder, kind, "as shipped", (form,)) for form in forms_of(file))
+        return next((verdict(link) for link in links if not link.passed), None)
 
 
 class TextJudge:

@@ -19,7 +19,8 @@ PAPER = (DRIVES / "paper_spmsm.toml").read_text(encoding="utf-8").replace('["ckf
 def start(*arguments: str, cwd: Path, **more: object) -> subprocess.Popen[str]:
     """A command in a process of its own, in a group of its own as a shell would start it."""
     extra: dict[str, str] = more.pop("environment", {})  # type: ignore[assignment]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", **extra}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    environment |= {"PMSM_ICKF_LOG_EVERY": "0", **extra}  # every line of progress: some tests wait for one
     return subprocess.Popen(
         [sys.executable, *arguments], cwd=cwd, env=environment, text=True, encoding="utf-8",
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0, **more,  # type: ignore[call-overload]

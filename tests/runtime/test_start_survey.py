@@ -51,6 +51,17 @@ def test_starts_from_rest_at_any_angle(name: str, runs: int) -> None:
 def test_catches_a_rotor_that_turns(name: str, runs: int) -> None:
     for item in outcome(name, TURNING, runs):
         assert item.locked, [k for k, run in enumerate(item.runs, start=1) if not run.locked]
+        assert all(run.current < 1.1 for run in item.runs), "the largest, and what regulators overshoot"
+
+
+@pytest.mark.parametrize("name", ["servo_24v", "traction_70kw"])
+def test_the_fastest_rotor_is_caught_within_the_largest_current(name: str) -> None:
+    """At 1.49 times the rated speed zero voltage lets half of it flow in a sample; and braking takes all voltage."""
+    loop, most = FaultyLoop(find_folder(name), "ckf"), load_drive(name).control.max_current
+    _, run = run_attempt(loop, TURNING, 20)
+    caught = run.mode == loop.module.CATCHING
+    assert 0.2 < np.max(run.current[caught]) / most < 1.0
+    assert np.max(run.current) / most < 1.07
 
 
 @pytest.mark.parametrize("name", EVERY_DRIVE)

@@ -276,22 +276,20 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 v_highest = larger(v_alpha, larger(v_b, v_c));
         const float32 v_lowest = smaller(v_alpha, smaller(v_b, v_c));
         const float32 v_common = 0.5f * (v_highest + v_lowest);
+        const float32 duty_a = smaller(larger(0.5f + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0f),
+            1.0f);
+        const float32 duty_b = smaller(larger(0.5f + (v_b - v_common) / v_link + lost_share * sign_i_b, 0.0f),
+            1.0f);
+        const float32 duty_c = smaller(larger(0.5f + (v_c - v_common) / v_link + lost_share * sign_i_c, 0.0f),
+            1.0f);
 
         /* --- the voltage commanded */
-        const float32 part_of_v_alpha_commanded = smaller(larger(0.5f + (v_b - v_common) / v_link +
-            lost_share * sign_i_b, 0.0f), 1.0f);
-        const float32 part_of_v_alpha_commanded_2 = smaller(larger(0.5f + (v_c - v_common) / v_link +
-            lost_share * sign_i_c, 0.0f), 1.0f);
-        const float32 v_alpha_commanded = v_link * (TWO_THIRDS * (smaller(larger(0.5f +
-            (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0f), 1.0f) -
-            0.5f * (part_of_v_alpha_commanded + part_of_v_alpha_commanded_2)));
-        const float32 v_beta_commanded =
-            v_link * (ONE_BY_SQRT_3 * (part_of_v_alpha_commanded - part_of_v_alpha_commanded_2));
+        const float32 v_alpha_commanded = v_link * (TWO_THIRDS * (duty_a - 0.5f * (duty_b + duty_c)));
+        const float32 v_beta_commanded = v_link * (ONE_BY_SQRT_3 * (duty_b - duty_c));
 
-        duty_out[0].of[lane] = smaller(larger(0.5f + (v_alpha - v_common) / v_link + lost_share * sign_i_a, 0.0f),
-            1.0f);
-        duty_out[1].of[lane] = part_of_v_alpha_commanded;
-        duty_out[2].of[lane] = part_of_v_alpha_commanded_2;
+        duty_out[0].of[lane] = duty_a;
+        duty_out[1].of[lane] = duty_b;
+        duty_out[2].of[lane] = duty_c;
         v_out[0].of[lane] = v_alpha_commanded;
         v_out[1].of[lane] = v_beta_commanded;
         integrator_out[0].of[lane] = integral_speed_next;

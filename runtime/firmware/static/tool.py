@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.firmware.static.check import Check
+from runtime.system.needs import PROGRAMS
 
 #: Debian package of each tool.
-PACKAGES = {"gcc": "gcc", "clang": "clang", "cppcheck": "cppcheck", "frama-c": "frama-c-base"}
+PACKAGES = {"gcc": "gcc"} | {program.name: program.debian[0] for program in PROGRAMS}
 
 #: Seconds after which a tool is taken to hang; each needs a few.
 PATIENCE = 300

@@ -32,7 +32,7 @@ _EXAMPLE: tuple[Row, ...] = (
     ("queued voltage left", "    v_queued[0] = 0.0f;\n", "", ALONE),
     ("voltages never forgotten", "    if (supervisor.fresh != 0) {", "    if (supervisor.fresh > 1) {", ALONE),
     ("voltage of one interrupt ago", "    v_acting[0] = v_queued[0];", "    v_acting[0] = v[0];", ALONE),
-    ("torque in every mode", "(supervisor.torque != 0) ? 1.0f : 0.0f", "1.0f", ALONE),
+    ("torque in every mode", "(supervisor.torque != 0) ? supervisor.eased[0] : 0.0f", "supervisor.eased[0]", ALONE),
     ("torque of any DC link", "        share = share * {{ p }}_link_share(command, filter.x[OMEGA]); /* less where the DC link is low, or high */\n", "", LINKED),
     ("modulated by the reference", "your_svgen(v, command[1], duty);", "your_svgen(v, command[0], duty);", ALONE),
     ("regulators go on from where they were", "share, supervisor.anew, v);", "share, 0, v);", ALONE),

@@ -1,0 +1,1 @@
+"""A motor turned on its bench by the board, within limits, and its data from what was seen (``commission``)."""

@@ -1,0 +1,1 @@
+"""Packages: a generated filter with build files and a first program, to drop into a build system."""
