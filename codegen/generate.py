@@ -11,7 +11,6 @@ name; ``files`` and ``bodies`` are texts by path relative to the folder.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -293,15 +292,7 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
     plant = f"host/{name}_plant"
     files[f"{plant}.h"], files[f"{plant}.c"] = render_plant(about)
     files[f"{plant}_lanes.h"], files[f"{plant}_lanes.c"] = render_plant_lanes(about)
-    return {path: _with_field_ints(about, path, text) for path, text in files.items()}
-
-
-def _with_field_ints(about: Description, path: str, text: str) -> str:
-    """Headers of the firmware with the target's type of whole numbers in structs."""
-    whole = about.target.compiler.field_int
-    if whole == "int" or not path.endswith(".h") or "/" in path:
-        return text
-    return re.sub(r"^    int (?=\w+(?:\[\w+\])?;)", f"    {whole} ", text, flags=re.MULTILINE)
+    return files
 
 
 def with_heads(

@@ -88,8 +88,6 @@ class Compiler:
         Types and names that this header defines under the guard, where the width does not tell them.
     keyword : str
         Keyword of an interrupt function; empty: it is a plain function.
-    field_int : str
-        Type of whole numbers in structs: another than int where two processors of one chip share them.
     builtin_sqrt : bool
         Where it says that it is GNU's, it knows ``__builtin_sqrtf``; else its ``math.h`` declares sqrtf in C89, too.
     """
@@ -101,7 +99,6 @@ class Compiler:
     device_header: str = ""
     types: tuple[tuple[str, str], ...] = ()
     keyword: str = ""
-    field_int: str = "int"
     builtin_sqrt: bool = True
 
 

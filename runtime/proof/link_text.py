@@ -15,6 +15,8 @@ from functools import cached_property
 from typing import Any
 
 from codegen.evidence.emitted import parse_emitted
+from codegen.targets.find import find_target
+from model.schema import DEFAULT_TARGET
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.result import Link, Row
 from runtime.proof.text.c_steps import CText
@@ -116,7 +118,9 @@ class _Texts:
         headers = ["pmsm_port.h", *(f"{own.removesuffix('.c')}.h" for own in self.files.values())]
         files = {header.rpartition("/")[2]: self.folder.text(header) for header in headers}
         files[name] = code
-        return parse_emitted(files, name)[0]
+        # The macros of a target's instructions are C's own operators on the host, whose text this is.
+        target = find_target(self.folder.manifest.get("target", DEFAULT_TARGET))
+        return parse_emitted(files, name, target.data.macros if target.native else target.macros)[0]
 
     # --- blocks
 

@@ -14,7 +14,7 @@ DATA = DataModel(
     sizes={"char": 1, "short": 1, "int": 2, "long": 2, "float": 2, "double": 2, "long long": 2, "long double": 2},
     pointer=1,
     alignment=2,
-    source="float32 and int32 2, 32-bit fields on even addresses",
+    source="float32 and int 2, 32-bit fields on even addresses",
 )
 
 NATIVE = NativeMath(
@@ -61,7 +61,6 @@ TARGET = replace(
             ("unsigned short", "Uint16"),
             ("unsigned long", "Uint32"),
         ),
-        field_int="int32",
     ),
     numbers=replace(FLOAT32, divide="PMSM_DIV"),
     native=NATIVE,
@@ -72,7 +71,7 @@ TARGET = replace(
     not_shown=(
         "Nothing was run on a CLA or read by its compiler; cycles are not known, as nobody published what prices "
         "compiled C there. `pmsm-ickf firmware` holds the text of filter, controller, supervisor and drive against the "
-        "rules of the CLA's C subset. Self-tests and example belong to the C28x beside it. Whole numbers of the "
-        "structs are int32, because int has 16 bits there and 32 here; define the structs in the C28x's C, as TI asks."
+        "rules of the CLA's C subset. Self-tests and example belong to the C28x beside it. An int "
+        "has 32 bits here and 16 there: the structs are the CLA's own, hand numbers over by float32 alone."
     ),
 )

@@ -126,11 +126,6 @@ def _types(tree: c_ast.FileAST, target: Target) -> Iterator[str]:
             words = " ".join(word for word in node.names if word not in {"signed", "unsigned", "int"}) or "int"
             if words in LONG:
                 yield f"the type {words}"
-    for node in _every(tree):
-        if isinstance(node, c_ast.Struct):
-            for field in node.decls or ():
-                if "int" in getattr(getattr(field.type, "type", None), "names", ()):
-                    yield f"field '{field.name}' is an int, which has another size on the C28x"
 
 
 def _whole_numbers(tree: c_ast.FileAST, target: Target) -> Iterator[str]:
