@@ -103,7 +103,7 @@ CASES = (
     Case("STARTING", given=_turned(DIFFER)),
     Case("STARTING", ends={"since": "WINDOW_SAMPLES"}),
     *_lost("RUNNING"),
-    Case("RUNNING", given={"eased[0]": 0.5}),
+    Case("RUNNING", given={"eased": 0.5}),
     Case("RUNNING", ends={"open": "MAX_OPEN"}, given={"silent[1]": 4.0}),
     Case("RUNNING", tuned={"x_0[2]": BEYOND, "R[0]": NOISE, "R[1]": NOISE}),
     Case("RUNNING", ends={"diverged": "MAX_DIVERGED"}, tuned={"nis_max": -1.0}),

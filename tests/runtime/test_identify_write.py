@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,7 +14,7 @@ from model.inverter import lost_voltage
 from runtime.identify.intervals import Estimate
 from runtime.identify.subject import read_subject
 from runtime.identify.unknowns import DATA
-from runtime.identify.write import written_text
+from runtime.identify.write import Findings, written_text
 from runtime.system.errors import UserError
 
 #: Of what the file says: what was found, and the interval's half-width.
@@ -29,7 +29,7 @@ def found_of(path: Path, volts: float, **untold: bool) -> Any:
         value = volts if datum.word == "V_dead" else FACTOR[datum.word] * subject.guess(datum)
         told = not untold.get(datum.word, False)
         estimates.append(Estimate(datum, subject.guess(datum), value, value * (1 - HALF), value * (1 + HALF), told))
-    return SimpleNamespace(problem=SimpleNamespace(subject=subject), result=SimpleNamespace(estimates=estimates))
+    return Findings(subject.name, subject.facts, subject.facts, estimates)
 
 
 def comments(text: str) -> list[str]:
@@ -86,7 +86,7 @@ def test_what_would_be_refused_is_not_written(tmp_path: Path) -> None:
     path.write_text((DRIVES / "ipmsm.toml").read_text(encoding="utf-8"), encoding="utf-8")
     found = found_of(path, 5.0)
     huge = Estimate(DATA["L_q"], 0.05, 5.0, 4.9, 5.1, True)
-    found.result.estimates = [huge]
+    found = replace(found, estimates=[huge])
     with pytest.raises(UserError, match="inductance_q"):
         written_text(found, path)
     other = tmp_path / "other.toml"

@@ -4,7 +4,6 @@
 
 #define PI 3.14159265f
 #define TURN 6.28318531f
-#define ROOT_3 1.73205081f
 #define ONE_OVER_ROOT_3 0.577350269f
 #define HALF_ROOT_3 0.866025404f
 #define USABLE 0.95f          /* share of the largest sinusoidal voltage that is used */

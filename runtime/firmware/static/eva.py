@@ -39,7 +39,7 @@ OPTIONS = [
     "-machdep=x86_16",
     "-warn-special-float=non-finite",
     "-eva-subdivide-non-linear=16",
-    "-eva-slevel=500",
+    "-eva-slevel=3000",
     "-main=proof",
 ]
 PREPROCESSOR = "-msse2 -mfpmath=sse -U__GNUC__"
