@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from model.machines.state_space import StateSpaceModel
-from model.rating import mtpa_torque
+from model.rating import allowed_torque
 from model.schema import Drive
 from model.supervisor.words import Limit
 
@@ -14,10 +14,11 @@ from model.supervisor.words import Limit
 BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
 #: s: so long a phase is silent before it is open; as long as what is ridden through, which a stuck sensor may be.
 OPEN_TIME = 100e-3
-#: s. Currents must read zero for REST; zero voltage is tried for PROBE; the current of a first reading has WAIT to die
-#: out; the filter has CATCH to lock, of which its angle may jump for SETTLE, and must be content for LOCKED. Attempts
-#: are forgotten after STEADY of running.
-REST_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3
+#: s. Currents must read zero for REST, and do so before RESTLESS is over: windings are without current long before, and
+#: a rotor that its load drives so fast that diodes conduct does not slow down by itself; zero voltage is tried for
+#: PROBE; the current of a first reading has WAIT to die out; the filter has CATCH to lock, of which its angle may jump
+#: for SETTLE, and must be content for LOCKED. Attempts are forgotten after STEADY of running.
+REST_TIME, RESTLESS_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 0.5, 2e-3, 2e-3, 10e-3, 1e-3
 LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
 #: s, and time constants of the d axis: in the longer of these the torque comes of a rotor that was caught. So long the
 #: current regulators take to make up for what inductances off by tolerance leave of omega_e L i.
@@ -93,7 +94,7 @@ def window_time(drive: Drive) -> float:
     ----------
     drive : Drive
     """
-    torque = mtpa_torque(drive, start_share(drive) * drive.control.max_current)
+    torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     return max(WINDOW_TIME, math.sqrt(2.0 * drive.motor.inertia / (drive.motor.pole_pairs * torque)))
 
 
@@ -157,6 +158,7 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
             "MAX_FAILURES", MAX_FAILURES if rivals else MAX_FAILURES_ALONE, "attempts in a row that fail end in FAULT"
         ),
         samples("REST_SAMPLES", REST_TIME, "so long both currents must read zero before the inverter is enabled"),
+        samples("RESTLESS_SAMPLES", RESTLESS_TIME, "and if they do not for so long, something is wrong"),
         samples("PROBE_SAMPLES", PROBE_TIME, "without a current from zero voltage for so long the rotor stands"),
         samples("GAP_SAMPLES", gap, "at least, from one reading to the next: the rotor turns less than half a turn"),
         samples("WAIT_SAMPLES", WAIT_TIME, "so long the current of a reading may take to die out"),
@@ -192,7 +194,7 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
 
 
 def _starts(drive: Drive, load: bool) -> tuple[Limit, ...]:
-    torque = mtpa_torque(drive, start_share(drive) * drive.control.max_current)
+    torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     penalty = Limit("LOAD_PENALTY", LOAD_PENALTY / torque**2, "1/(N m)^2: what a load adds to a filter's score")
     return (
         _samples(drive, "WINDOW_SAMPLES", window_time(drive), "of STARTING at most: the rotor's time for a radian"),

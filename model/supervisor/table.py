@@ -6,7 +6,8 @@ CATCHING, once that current has died out, too: the filter runs without torque un
 current comes the rotor stands, or nearly: STARTING, torque is on, and a rival filter half a turn away runs beside the
 filter; whichever expects the currents better is followed. RUNNING, in which a rotor that was caught gets its torque
 little by little: braking from beyond the rated speed, field weakening has to come first. And FAULT, inverter off, after
-too many attempts in a row. Read :func:`transitions` as a table: from a mode, where a guard holds, to a mode.
+too many attempts in a row, or where the currents never read zero. Read :func:`transitions` as a table: from a mode,
+where a guard holds, to a mode.
 
 Once an interrupt, after filter and controller where they ran. ``PMSM_NOT_CONVERGED`` is no reason to stop: the last
 iterate is kept and the next step goes on from it. ``PMSM_DIVERGED`` says that currents, voltages and motor do not fit
@@ -55,7 +56,7 @@ from model.supervisor.words import (
 
 #: A mode's place is its number in C: the one that not every drive has is the last.
 MODES = (
-    Mode("RESTING", "inverter off, until the currents read zero", lasting=True),
+    Mode("RESTING", "inverter off, until the currents read zero"),
     Mode("PROBING", "zero voltage, until a current shows where the back-EMF points", inverter=True),
     Mode("WAITING", "inverter off, until the current of a reading has died out"),
     Mode("CATCHING", "zero torque, until the filter has found the rotor that turns", inverter=True, runs=True),
@@ -189,6 +190,14 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),
         Transition(
             "RESTING", "PROBING", at_least("quiet", "REST_SAMPLES"), "the currents read zero", ("await_reading",)
+        ),
+        Transition(
+            "RESTING",
+            "FAULT",
+            at_least("since", "RESTLESS_SAMPLES"),
+            "the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct",
+            (),
+            "CURRENT",
         ),
         _lost("PROBING", Not(within("phase", "TRIP_SQUARED")), "a current is too large, or no number", "CURRENT"),
         Transition(

@@ -82,6 +82,7 @@ def _lost(mode: str) -> tuple[Case, ...]:
 CASES = (
     Case("RESTING", ends={"failures": "MAX_FAILURES"}),
     Case("RESTING", ends={"quiet": "REST_SAMPLES"}),
+    Case("RESTING", TELLS, {"since": "RESTLESS_SAMPLES"}),
     Case("RESTING", TELLS, {"since": "MOST_SAMPLES", "gap": "MOST_SAMPLES"}),
     Case("PROBING", TRIPS),
     Case("PROBING", TELLS),

@@ -20,7 +20,7 @@ from runtime.proof.result import Link, Row
 #: Where no gate may be on, whatever else is declared.
 OFF = ("RESTING", "WAITING", "FAULT")
 #: Reasons that no further attempt can mend.
-AT_ONCE = ("PHASE",)
+AT_ONCE = ("PHASE", "CURRENT")
 #: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
 #: and the one that ends it.
 ENOUGH = 2
@@ -280,7 +280,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     yield _row("only success or an acknowledgement forgets", "interrupts that do else", forgotten, count)
     missed += entered == 0
     yield _row(
-        "so many failures in a row, or an open phase, and nothing else, end in FAULT",
+        "so many failures in a row, an open phase, or currents that never rest, and nothing else, end in FAULT",
         "interrupts that do else",
         missed,
         entered,
@@ -290,6 +290,7 @@ def _failures(found: Explored) -> Iterator[Row]:
 def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int]) -> Iterator[Row]:
     """Every mode that must end ends in time; and the attempt as a whole."""
     must_end = tuple(mode.name for mode in machine.modes if not mode.lasting)
+    attempt = tuple(mode for mode in must_end if mode != "RESTING")
     for mode in must_end:
         stay = longest_stay(machine, (mode,))
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
@@ -297,6 +298,7 @@ def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int])
     first = "PROBING"
     if first in must_end:
         twice = promised[first] + promised.get("WAITING", 0)  # a turning rotor is read twice, and its current dies out
-        stay, allowed = longest_stay(machine, (first, *must_end)), sum(promised.values()) + twice
+        stay = longest_stay(machine, (first, *attempt))
+        allowed = sum(promised[mode] for mode in attempt) + twice
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
         yield Row("-", f"from {first} to RUNNING or RESTING: {took}", "samples", stay, float(allowed), 1)

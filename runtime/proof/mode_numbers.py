@@ -13,7 +13,7 @@ from runtime.proof.control import best_currents, of_current, torque_of
 
 #: s: currents must read zero; zero voltage is tried; a first current dies out; the filter locks; its angle settles; it
 #: is content, a rival the better one, or a window lasts; blind; beside the motor's data; steady.
-REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
+REST, RESTLESS, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 0.5, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
 BLIND, ADRIFT, STEADY = 2e-3, 100e-3, 100e-3
 #: The torque of a rotor that was caught comes in within the longer of: s, and of L_d / R.
 EASE, EASE_WINDINGS = 10e-3, 3.0
@@ -68,7 +68,9 @@ class Numbers:
         ratio = abs(self.motor["inductance_q"] - self.motor["inductance_d"])
         #: Share of the largest current: where reluctance could take all of the magnet's torque it may take half.
         self.share = min(SHARE, self.motor["magnet_flux"] / ratio / self.most) if ratio else SHARE
-        self.torque = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
+        by_current = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
+        stated = parameters["control"].get("max_torque")
+        self.torque = by_current if stated is None or stated > by_current else stated
 
     def samples(self, seconds: float, times: int = 1) -> int:
         """Seconds as samples, the nearest number, one at least; ``times`` as many.
@@ -133,8 +135,9 @@ class Numbers:
 
         The rotor may be looked for twice, at either guess; a start has its windows, and gives up a sample later.
         """
+        rest = {"RESTING": self.samples(RESTLESS)}
         twice = {"PROBING": self.samples(PROBE), "WAITING": self.samples(WAIT), "CATCHING": 2 * self.samples(CATCH)}
-        return twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
+        return rest | twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
 
     @property
     def unseen(self) -> float:

@@ -172,6 +172,7 @@ class Walk:
     def _times(self, mode: str) -> list[int]:
         n = self.known
         ends = {
+            "RESTING": [n.samples(numbers.RESTLESS)],
             "PROBING": [n.samples(numbers.PROBE)],
             "WAITING": [n.samples(numbers.WAIT)],
             "CATCHING": [n.samples(numbers.CATCH), n.samples(numbers.SETTLE), n.samples(numbers.SETTLE, 2)],

@@ -32,6 +32,7 @@ from runtime.proof.mode_numbers import (
     READ_ANGLE,
     READ_SPEED,
     REST,
+    RESTLESS,
     RUN_JOLT,
     RUNAWAY_SPEED,
     SETTLE,
@@ -53,7 +54,7 @@ OFF = ("RESTING", "WAITING", "FAULT")
 RUNNING, TORQUE = ("CATCHING", "STARTING", "RUNNING"), ("STARTING", "RUNNING")
 #: What may happen in each mode.
 EVENTS = {
-    "RESTING": ("gave up", "no current"),
+    "RESTING": ("gave up", "no current", "restless"),
     "PROBING": ("lost, CURRENT", "turns", "turns this way", "stands"),
     "WAITING": ("begins there", "died out", "lost, CURRENT"),
     "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
@@ -192,7 +193,11 @@ class Modes(Numbers):
             self._go(m, "FAULT")
             return "gave up"
         if m.whole["quiet"] < self.samples(REST):
-            return ""
+            if m.whole["since"] < self.samples(RESTLESS):
+                return ""
+            m.reason = "CURRENT"
+            self._go(m, "FAULT")
+            return "restless"
         m.whole["readings"] = 0
         self._go(m, "PROBING")
         return "no current"

@@ -16,7 +16,7 @@ Rows = tuple[tuple[str, str, str, tuple[str, ...]], ...]
 _TABLE: Rows = (
     ("probing with the inverter off", '"zero voltage, until a current shows where the back-EMF points", inverter=True', '"zero voltage, until a current shows where the back-EMF points"', LOADED),
     ("waiting with the inverter on", '"inverter off, until the current of a reading has died out")', '"inverter off, until the current of a reading has died out", inverter=True)', LOADED),
-    ("resting with the inverter on", '"inverter off, until the currents read zero", lasting=True', '"inverter off, until the currents read zero", lasting=True, inverter=True', LOADED),
+    ("resting with the inverter on", '"inverter off, until the currents read zero")', '"inverter off, until the currents read zero", inverter=True)', LOADED),
     ("fault with the inverter on", '"inverter off, until the fault is acknowledged", lasting=True', '"inverter off, until the fault is acknowledged", lasting=True, inverter=True', LOADED),
     ("torque while the rotor is looked for", '"zero torque, until the filter has found the rotor that turns", inverter=True, runs=True', '"zero torque, until the filter has found the rotor that turns", inverter=True, runs=True, torque=True', LOADED),
     ("no torque in RUNNING", "inverter=True, runs=True, torque=True, lasting=True", "inverter=True, runs=True, lasting=True", LOADED),
@@ -24,6 +24,9 @@ _TABLE: Rows = (
     ("failures go on for ever", 'at_least("failures", "MAX_FAILURES"), "attempts', 'at_least("failures", "MOST_SAMPLES"), "attempts', LOADED),
     ("FAULT after quiet, not before", '        Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),\n        Transition(\n            "RESTING", "PROBING", at_least("quiet", "REST_SAMPLES"), "the currents read zero", ("await_reading",)\n        ),', '        Transition(\n            "RESTING", "PROBING", at_least("quiet", "REST_SAMPLES"), "the currents read zero", ("await_reading",)\n        ),\n        Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),', LOADED),
     ("failures end in RESTING", 'Transition("RESTING", "FAULT",', 'Transition("RESTING", "RESTING",', LOADED),
+    ("restless: for ever", 'at_least("since", "RESTLESS_SAMPLES")', 'at_least("since", "MOST_SAMPLES")', LOADED),
+    ("restless: without a reason", '"the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct",\n            (),\n            "CURRENT",', '"the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct",\n            (),', LOADED),
+    ("restless: tried again", '            "RESTING",\n            "FAULT",\n            at_least("since", "RESTLESS_SAMPLES")', '            "RESTING",\n            "RESTING",\n            at_least("since", "RESTLESS_SAMPLES")', LOADED),
     ("a reading of the last attempt is kept", '"the currents read zero", ("await_reading",)', '"the currents read zero", ()', LOADED),
     ("probes at once", 'at_least("quiet", "REST_SAMPLES"), "the', 'at_least("quiet", "MAX_EXCESS"), "the', LOADED),
     ("probing: NaN is no trip", '_lost("PROBING", Not(within("phase", "TRIP_SQUARED"))', '_lost("PROBING", at_least("excess", "MAX_EXCESS")', LOADED),
