@@ -26,8 +26,9 @@ EASE_TIME, EASE_WINDINGS = 10e-3, 3.0
 #: s, rad electrical at the operating box's speed: two readings are so far apart, at most. Less than half a turn, so
 #: that the way that the current turned is the rotor's.
 GAP_TIME, GAP_TURN = 0.5e-3, 1.2
-#: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise.
-LEAST_SINE = 0.1
+#: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise; and so many are
+#: taken at most. Rotors that turn just fast enough to be read turn so far by the fifth.
+LEAST_SINE, MAX_READINGS = 0.1, 8
 #: Samples in a row beyond the trip current; attempts in a row that failed, and such of a drive without a rival: it
 #: finds its angle by attempts.
 MAX_EXCESS, MAX_FAILURES, MAX_FAILURES_ALONE = 3, 10, 20
@@ -161,6 +162,7 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
         samples("RESTLESS_SAMPLES", RESTLESS_TIME, "and if they do not for so long, something is wrong"),
         samples("PROBE_SAMPLES", PROBE_TIME, "without a current from zero voltage for so long the rotor stands"),
         samples("GAP_SAMPLES", gap, "at least, from one reading to the next: the rotor turns less than half a turn"),
+        Limit("MAX_READINGS", MAX_READINGS, "of a current: then the reference says which way the rotor turns"),
         samples("WAIT_SAMPLES", WAIT_TIME, "so long the current of a reading may take to die out"),
         samples("SETTLE_SAMPLES", SETTLE_TIME, "so long the angle may jump; then it must turn as the speed says"),
         samples("TWICE_SETTLE_SAMPLES", SETTLE_TIME, "or the guess is turned round", times=2),

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from model.filters.conditions import Compare, Entry, Name
 from model.supervisor.words import Supervisor
 from runtime.proof.abstract import Machine, State, Taken, liveness, relevant
+from runtime.proof.mode_numbers import READINGS
 from runtime.proof.result import Link, Row
 
 #: Where no gate may be on, whatever else is declared.
@@ -24,6 +25,8 @@ AT_ONCE = ("PHASE", "CURRENT")
 #: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
 #: and the one that ends it.
 ENOUGH = 2
+#: So many readings of a current: none, the first, one that does not tell which way the rotor turns, and enough.
+ENOUGH_READINGS = 3
 #: Where every count ends, beyond all limits.
 LAST = "MOST_SAMPLES"
 #: States after which the search gives up: the machine has some thousands.
@@ -98,6 +101,7 @@ def small_limits(machine: Supervisor) -> dict[str, float]:
     times = sorted({limits[name] for name in timed})
     small = {name: min(value, ENOUGH) for name, value in limits.items() if isinstance(value, int)}
     small |= {name: 1 + times.index(limits[name]) for name in timed}
+    small["MAX_READINGS"] = ENOUGH_READINGS
     return limits | small | {LAST: len(times) + ENOUGH}
 
 
@@ -297,8 +301,8 @@ def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int])
         yield Row("-", f"{mode} ends: {took}", "samples beside the promise", abs(stay - promised.get(mode, 0)), 0.0, 1)
     first = "PROBING"
     if first in must_end:
-        twice = promised[first] + promised.get("WAITING", 0)  # a turning rotor is read twice, and its current dies out
+        again = (READINGS - 1) * (promised[first] + promised.get("WAITING", 0))  # each reading's current dies out
         stay = longest_stay(machine, (first, *attempt))
-        allowed = sum(promised[mode] for mode in attempt) + twice
+        allowed = sum(promised[mode] for mode in attempt) + again
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
         yield Row("-", f"from {first} to RUNNING or RESTING: {took}", "samples", stay, float(allowed), 1)

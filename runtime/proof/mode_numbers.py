@@ -22,8 +22,9 @@ ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: Samples beyond the trip; attempts, and those of a drive that finds its angle by nothing else; windows of a start, and
 #: those that must have been good before the last.
 EXCESS, ATTEMPTS, ATTEMPTS_ALONE, WINDOWS, GOOD = 3, 10, 20, 20, 1
-#: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction.
-GAP, GAP_TURN, TELLS = 0.5e-3, 1.2, 0.1
+#: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction; readings
+#: at most, after which the reference tells it.
+GAP, GAP_TURN, TELLS, READINGS = 0.5e-3, 1.2, 0.1, 8
 #: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.

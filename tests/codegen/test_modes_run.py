@@ -277,7 +277,7 @@ def test_the_limits_themselves_are_within(board: Board) -> None:
     assert board.mode == "WAITING"
     board.interrupt(gap(board), phase=(zero, -zero))
     assert board.mode == "PROBING"
-    board.interrupt(phase=(trip, 0.0))
+    board.interrupt(phase=(0.0, trip))
     assert board.mode == "WAITING"
     board.interrupt(phase=(zero, -zero))
     assert board.gates

@@ -11,7 +11,7 @@ Row = tuple[str, str, str, tuple[str, ...]]
 
 # --- the example interrupt
 
-_TESTS = "tests/codegen/test_example.py tests/codegen/test_modes_start.py -k"
+_TESTS = "tests/codegen/test_example.py tests/codegen/test_modes_start.py tests/codegen/test_modes_read.py -k"
 WHOLE = (f"example paper_spmsm {_TESTS} paper_spmsm-1",)
 ALONE = (f"example paper_spmsm {_TESTS} paper_spmsm-0",)
 LINKED = ("example paper_spmsm tests/codegen/test_modes_run.py -k 'dc_link and paper_spmsm-0'",)
