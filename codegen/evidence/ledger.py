@@ -17,7 +17,7 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
-from codegen.evidence.units import Kind, Unit, constant
+from codegen.evidence.units import Kind, Unit, constant, walk
 from codegen.targets.description import Prices, Target
 from codegen.targets.find import default_target
 
@@ -146,7 +146,7 @@ class Program:
         unit : Unit
         definition : FuncDef
         """
-        for name in sorted({node.name.name for node in _walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
+        for name in sorted({node.name.name for node in walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
             if name not in self.library:
                 yield self.find(name, unit)
 
@@ -163,12 +163,7 @@ class _Counting:
         """Count a function's body; ``constants``: parameters whose whole value the call fixes."""
         key = (unit.name, definition.decl.name, tuple(sorted(constants.items())))
         if key not in self.known:
-            kinds = {
-                node.name: unit.kind(node.type)
-                for node in _walk(definition)
-                if isinstance(node, c_ast.Decl) and not isinstance(node.type, c_ast.FuncDecl)
-            }
-            self.known[key] = _Body(self, unit, kinds, constants).count(definition.body)
+            self.known[key] = _Body(self, unit, unit.kinds_in(definition), constants).count(definition.body)
         return self.known[key]
 
 
@@ -343,12 +338,6 @@ def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
     if value is None or other is None or condition.op not in {"==", "!="}:
         return None
     return (value == other) is (condition.op == "==")
-
-
-def _walk(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _walk(child)
 
 
 def _folded(node: Any) -> bool:
