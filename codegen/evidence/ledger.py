@@ -27,6 +27,8 @@ OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")
 COPIED = "copied"
 SIN_COS = "sin_cos"
 N_MAX = "max_iterations"
+#: Nodes that stand for themselves: most of a tree, and nothing in them computes.
+_LEAVES = (c_ast.ID, c_ast.Constant)
 
 _LIBRARY = {"sqrtf": "sqrt"}
 #: Instructions for sine and cosine, where a target has them.
@@ -175,19 +177,22 @@ class _Body:
 
     def count(self, node: Any) -> Count:
         """Operations of a node; one small method per node that computes, the others pass on their children's."""
-        if node is None:
+        if node is None or isinstance(node, _LEAVES):
             return Counter()
         method = getattr(self, f"_count_{type(node).__name__}", None)
         if method is not None:
-            return Counter(method(node))
+            found: Count = method(node)
+            return found
         if isinstance(node, c_ast.Switch | c_ast.Goto | c_ast.Label):
             raise self._error(node, f"{type(node).__name__.lower()} is not counted")
         return self._children(node)
 
     def _children(self, node: Any) -> Count:
+        """The sum over a node's children; ``update``, for ``+`` looks each time for what is not above 0."""
         total: Count = Counter()
         for _, child in node.children():
-            total += self.count(child)
+            if not isinstance(child, _LEAVES):
+                total.update(self.count(child))
         return total
 
     # --- expressions
