@@ -6,12 +6,12 @@ import math
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jinja2
 from jinja2.bccache import Bucket
@@ -33,6 +33,8 @@ from model.machines.own import kept_as, read_word, title
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.table import MODES, REASONS
+
+Made = TypeVar("Made")
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _SYNTAX: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
@@ -90,6 +92,21 @@ class Description:
     drive: Drive
     model: StateSpaceModel
     initial_state: tuple[float, ...]
+    _made: dict[str, Any] = field(init=False, default_factory=dict, repr=False, compare=False)
+
+    def once(self, what: str, make: Callable[[], Made]) -> Made:
+        """What the texts of several kinds and languages are made of, and no one of them changes: made for the first.
+
+        Parameters
+        ----------
+        what : str
+            One word a thing.
+        make : callable
+        """
+        if what not in self._made:
+            self._made[what] = make()
+        made: Made = self._made[what]
+        return made
 
     @cached_property
     def target(self) -> Target:
