@@ -127,22 +127,25 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[P
     total, met = dict[Pair, int](), dict[Pair, int]()
     queue: list[tuple[int, float, float, int, Pair]] = []  # the best first; what no longer holds is passed over
 
-    def counted(pair: Pair, times: int) -> None:
-        now = total[pair] = total.get(pair, 0) + times
-        if now > 1:
+    def wanted(pair: Pair) -> None:
+        if total[pair] > 1:
             a, b = pair
-            heappush(queue, (-now, rank[b], rank[a], met[pair], pair))
+            heappush(queue, (-total[pair], rank[b], rank[a], met[pair], pair))
 
-    def count(top: int, changed: Collection[Factor]) -> None:
+    def counted(top: int, among: Collection[Factor]) -> list[Pair]:
         held = factors[top]
-        for pair in _pairs(held, rank, changed):
+        found = _pairs(held, rank, among)
+        for pair in found:
             times = _times(held, pair)
             holders.setdefault(pair, {})[top] = times
             met.setdefault(pair, len(met))
-            counted(pair, times)
+            total[pair] = total.get(pair, 0) + times
+        return found
 
     for top, held in factors.items():
-        count(top, held)
+        counted(top, held)
+    for pair in total:
+        wanted(pair)
     while queue:
         times, *_, best = heappop(queue)
         if -times != total[best]:
@@ -154,14 +157,16 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[P
         for top, times in sorted(holders[best].items()):
             held = factors[top]
             for pair in _pairs(held, rank, changed):
-                counted(pair, -holders[pair].pop(top))
+                total[pair] -= holders[pair].pop(top)
+                wanted(pair)
             for factor in best:
                 held[factor] -= times
             held[made] += times
             for factor in best:
                 if not held.get(factor, 1):
                     del held[factor]
-            count(top, changed)
+            for pair in counted(top, changed):
+                wanted(pair)
     return pairs
 
 
