@@ -17,7 +17,7 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
-from codegen.evidence.units import Kind, Unit, constant
+from codegen.evidence.units import Kind, Unit, constant, walk
 from codegen.targets.description import Target
 from codegen.targets.find import default_target
 
@@ -32,6 +32,8 @@ COPIED = "copied"
 SIN_COS = "sin_cos"
 TOLD = (*OPERATIONS, SINCOS)
 N_MAX = "max_iterations"
+#: Nodes that stand for themselves: most of a tree, and nothing in them computes.
+_LEAVES = (c_ast.ID, c_ast.Constant)
 
 _LIBRARY = {"sqrtf": "sqrt"}
 #: Instructions for sine and cosine, where a target has them.
@@ -140,7 +142,7 @@ class Program:
         unit : Unit
         definition : FuncDef
         """
-        for name in sorted({node.name.name for node in _walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
+        for name in sorted({node.name.name for node in walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
             if name not in self.library:
                 yield self.find(name, unit)
 
@@ -156,12 +158,7 @@ class _Counting:
         """Count a function's body; ``constants``: parameters whose whole value the call fixes."""
         key = (unit.name, definition.decl.name, tuple(sorted(constants.items())))
         if key not in self.known:
-            kinds = {
-                node.name: unit.kind(node.type)
-                for node in _walk(definition)
-                if isinstance(node, c_ast.Decl) and not isinstance(node.type, c_ast.FuncDecl)
-            }
-            self.known[key] = _Body(self, unit, kinds, constants).count(definition.body)
+            self.known[key] = _Body(self, unit, unit.kinds_in(definition), constants).count(definition.body)
         return self.known[key]
 
 
@@ -173,19 +170,22 @@ class _Body:
 
     def count(self, node: Any) -> Count:
         """Operations of a node; one small method per node that computes, the others pass on their children's."""
-        if node is None:
+        if node is None or isinstance(node, _LEAVES):
             return Counter()
         method = getattr(self, f"_count_{type(node).__name__}", None)
         if method is not None:
-            return Counter(method(node))
+            found: Count = method(node)
+            return found
         if isinstance(node, c_ast.Switch | c_ast.Goto | c_ast.Label):
             raise self._error(node, f"{type(node).__name__.lower()} is not counted")
         return self._children(node)
 
     def _children(self, node: Any) -> Count:
+        """The sum over a node's children; ``update``, for ``+`` looks each time for what is not above 0."""
         total: Count = Counter()
         for _, child in node.children():
-            total += self.count(child)
+            if not isinstance(child, _LEAVES):
+                total.update(self.count(child))
         return total
 
     # --- expressions
@@ -341,12 +341,6 @@ def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
     if value is None or other is None or condition.op not in {"==", "!="}:
         return None
     return (value == other) is (condition.op == "==")
-
-
-def _walk(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _walk(child)
 
 
 def _folded(node: Any) -> bool:

@@ -39,10 +39,14 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     ----------
     about : Description
     """
-    constants = Constants(named=True)
-    block = control_block(about.drive, constants)
-    found = list(constants.items.values())
-    return lay_out(block, [*found, *_transform(about)]), found
+
+    def made() -> tuple[Listing, list[Constant]]:
+        constants = Constants(named=True)
+        block = control_block(about.drive, constants)
+        found = list(constants.items.values())
+        return lay_out(block, [*found, *_transform(about)]), found
+
+    return about.once("controller", made)
 
 
 def _transform(about: Description) -> tuple[Constant, ...]:
@@ -72,7 +76,7 @@ def believed_listing(about: Description) -> Listing:
     ----------
     about : Description
     """
-    return lay_out(believed_block(about.model), about.model.constants)
+    return about.once("believed", lambda: lay_out(believed_block(about.model), about.model.constants))
 
 
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
@@ -254,7 +258,7 @@ def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
     printer : CPrinter
         Of the scalar or the lane form.
     """
-    listings = plant_listings(about.drive)
+    listings = about.once("plant", lambda: plant_listings(about.drive))
     return {
         "drive": about.drive.name,
         "sha": about.drive.sha256,

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jinja2
+from jinja2.bccache import Bucket
 
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
@@ -31,12 +34,35 @@ from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.table import MODES, REASONS
 
+Made = TypeVar("Made")
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_SYNTAX: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+
+
+class _TemplateBytecode(jinja2.FileSystemBytecodeCache):
+    """Compiled templates, kept beside them as Python keeps its modules': compiling took a tenth of a small drive.
+
+    Their names hold all that compiling depends on but the template's text, which Jinja compares.
+    """
+
+    def __init__(self) -> None:
+        syntax = "".join(f"{value:d}" for value in _SYNTAX.values())
+        super().__init__(f"{_TEMPLATES / '__pycache__'}", f"%s.jinja-{jinja2.__version__}-{syntax}.bytecode")
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Write a template's bytecode, where Python would write a module's; a folder that cannot be written is left."""
+        if not sys.dont_write_bytecode:
+            with suppress(OSError):
+                Path(self.directory).mkdir(exist_ok=True)
+                super().dump_bytecode(bucket)
+
+
 _ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
+    loader=jinja2.FileSystemLoader(_TEMPLATES),
     undefined=jinja2.StrictUndefined,
+    bytecode_cache=_TemplateBytecode(),
+    **_SYNTAX,
 )
 
 #: The state that lives on a circle.
@@ -66,6 +92,21 @@ class Description:
     drive: Drive
     model: StateSpaceModel
     initial_state: tuple[float, ...]
+    _made: dict[str, Any] = field(init=False, default_factory=dict, repr=False, compare=False)
+
+    def once(self, what: str, make: Callable[[], Made]) -> Made:
+        """What the texts of several kinds and languages are made of, and no one of them changes: made for the first.
+
+        Parameters
+        ----------
+        what : str
+            One word a thing.
+        make : callable
+        """
+        if what not in self._made:
+            self._made[what] = make()
+        made: Made = self._made[what]
+        return made
 
     @cached_property
     def target(self) -> Target:

@@ -37,7 +37,8 @@ def machine_of(about: Description, step: FilterStep) -> Supervisor:
     step : FilterStep
         The filter's: the literal form does not tell how well it expects the currents.
     """
-    return supervisor(about.drive, about.model, step.has(Restart))
+    guarded = step.has(Restart)
+    return about.once(f"machine {guarded}", lambda: supervisor(about.drive, about.model, guarded))
 
 
 def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:
