@@ -872,6 +872,7 @@ REST_SAMPLES = 100  # so long both currents must read zero before the inverter i
 RESTLESS_SAMPLES = 25000  # and if they do not for so long, something is wrong
 PROBE_SAMPLES = 100  # without a current from zero voltage for so long the rotor stands
 GAP_SAMPLES = 25  # at least, from one reading to the next: the rotor turns less than half a turn
+MAX_READINGS = 8  # of a current: then the reference says which way the rotor turns
 WAIT_SAMPLES = 100  # so long the current of a reading may take to die out
 SETTLE_SAMPLES = 50  # so long the angle may jump; then it must turn as the speed says
 TWICE_SETTLE_SAMPLES = 100  # or the guess is turned round
@@ -907,7 +908,6 @@ def new_supervisor(dtype=np.float32):
         since=np.int64(0),
         quiet=np.int64(0),
         readings=np.int64(0),
-        gap=np.int64(0),
         rejected=np.int64(0),
         diverged=np.int64(0),
         excess=np.int64(0),
@@ -1048,24 +1048,26 @@ def _take_reading(s, f, phase, where, math):
 
 
 def _keep_reading(s, f, phase, where, math):
-    """The first reading, from which the second one's time and angle count."""
+    """The first reading, from which the later ones' angle counts."""
     first = list(s.first)
     first[0] = np.where(where, s.reading[0], first[0])[()]
     first[1] = np.where(where, s.reading[1], first[1])[()]
     s.readings = np.where(where, 1, s.readings)[()]
-    s.gap = np.where(where, 0, s.gap)[()]
     s.first = tuple(first)
 
 
 def _guess_from_probe(s, f, phase, where, math):
-    """The rotor turns as the current turned, if that was far enough; else as the reference says."""
+    """The rotor turns as the current turned, if that was far enough; in the end as the reference says."""
     probe = list(s.probe)
     guess = list(s.guess)
     spread = list(s.spread)
+    s.readings = np.where(where & (s.readings < MAX_READINGS), s.readings + 1, s.readings)[()]
     hit_1 = where & (s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_1, 1.0, probe[0])[()]
+    s.readings = np.where(hit_1, MAX_READINGS, s.readings)[()]
     hit_2 = where & (0.0 - s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_2, -1.0, probe[0])[()]
+    s.readings = np.where(hit_2, MAX_READINGS, s.readings)[()]
     towards = read_probe(s.reading, probe, math)
     guess[2] = np.where(where, towards[2], guess[2])[()]
     guess[3] = np.where(where, towards[3], guess[3])[()]
@@ -1076,7 +1078,6 @@ def _guess_from_probe(s, f, phase, where, math):
     s.mirrored = np.where(where, 0, s.mirrored)[()]
     spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
     spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
-    s.readings = np.where(where, 2, s.readings)[()]
     s.probe = tuple(probe)
     s.guess = tuple(guess)
     s.spread = tuple(spread)
@@ -1171,7 +1172,6 @@ def _watch(s, f, status, phase, reference, math):
     miss_2 = np.logical_not(s.mode == PROBING)
     probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
     probe[1] = np.where(miss_2, 0.0, probe[1])[()]
-    s.gap = np.where((s.gap < MOST_SAMPLES), s.gap + 1, s.gap)[()]
     hit_3 = s.mode == WAITING
     guess_new = turn_guess(guess, math)
     guess = list(_select(hit_3, guess_new, guess))
@@ -1270,9 +1270,9 @@ def supervise(s, f, status, phase, reference, math):
     taken = np.where(s.mode == CATCHING, found, taken)[()]
     found = 0
     found = np.where(s.since >= WAIT_SAMPLES, 10, found)
-    found = (np.where(np.logical_not(s.readings == 2) & (s.gap >= GAP_SAMPLES) &
+    found = (np.where(np.logical_not(s.readings >= MAX_READINGS) & (s.since >= GAP_SAMPLES) &
         ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED)), 9, found))
-    found = (np.where((s.readings == 2) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
+    found = (np.where((s.readings >= MAX_READINGS) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
         (phase[1] * phase[1] <= ZERO_SQUARED)), 8, found))
     taken = np.where(s.mode == WAITING, found, taken)[()]
     found = 0
@@ -1317,7 +1317,7 @@ def supervise(s, f, status, phase, reference, math):
         _take_reading(s, f, phase, where, math)
         _keep_reading(s, f, phase, where, math)
         _go(s, WAITING, where)
-    # PROBING: the second current shows which way the rotor turns.
+    # PROBING: a later current shows which way the rotor turns, or not yet.
     where = taken == 6
     if np.any(where):
         _take_reading(s, f, phase, where, math)
@@ -1331,7 +1331,7 @@ def supervise(s, f, status, phase, reference, math):
         _begin_anew(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
-    # WAITING: the second current has died out: the filter begins where the rotor is by now.
+    # WAITING: the last current has died out: the filter begins where the rotor is by now.
     where = taken == 8
     if np.any(where):
         _place(s, f, phase, where, math)
@@ -1339,7 +1339,7 @@ def supervise(s, f, status, phase, reference, math):
         _void_voltages(s, f, phase, where, math)
         _begin_anew(s, f, phase, where, math)
         _go(s, CATCHING, where)
-    # WAITING: the first current has died out.
+    # WAITING: the current has died out: it is read again.
     where = taken == 9
     if np.any(where):
         _go(s, PROBING, where)

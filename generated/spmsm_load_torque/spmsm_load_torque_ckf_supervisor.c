@@ -94,6 +94,7 @@
 #define RESTLESS_SAMPLES 5000 /* and if they do not for so long, something is wrong */
 #define PROBE_SAMPLES 20 /* without a current from zero voltage for so long the rotor stands */
 #define GAP_SAMPLES 5 /* at least, from one reading to the next: the rotor turns less than half a turn */
+#define MAX_READINGS 8 /* of a current: then the reference says which way the rotor turns */
 #define WAIT_SAMPLES 20 /* so long the current of a reading may take to die out */
 #define SETTLE_SAMPLES 10 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 20 /* or the guess is turned round */
@@ -300,24 +301,26 @@ static void take_reading(spmsm_load_torque_ckf_supervisor_t *s, const float32 ph
     read_current(phase, s->first, s->reading);
 }
 
-/* The first reading, from which the second one's time and angle count. */
+/* The first reading, from which the later ones' angle counts. */
 static void keep_reading(spmsm_load_torque_ckf_supervisor_t *s)
 {
     s->first[0] = s->reading[0];
     s->first[1] = s->reading[1];
     s->readings = 1;
-    s->gap = 0;
 }
 
-/* The rotor turns as the current turned, if that was far enough; else as the reference says. */
+/* The rotor turns as the current turned, if that was far enough; in the end as the reference says. */
 static void guess_from_probe(spmsm_load_torque_ckf_supervisor_t *s)
 {
     float32 towards[4];
+    s->readings += (s->readings < MAX_READINGS) ? 1 : 0;
     if (s->reading[3] > LEAST_SINE) {
         s->probe[0] = 1.0f;
+        s->readings = MAX_READINGS;
     }
     if (0.0f - s->reading[3] > LEAST_SINE) {
         s->probe[0] = -1.0f;
+        s->readings = MAX_READINGS;
     }
     read_probe(s->reading, s->probe, towards);
     s->guess[2] = towards[2];
@@ -331,7 +334,6 @@ static void guess_from_probe(spmsm_load_torque_ckf_supervisor_t *s)
     s->mirrored = 0;
     s->spread[0] = UNKNOWN_SPEED;
     s->spread[1] = UNKNOWN_ANGLE;
-    s->readings = 2;
 }
 
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
@@ -502,7 +504,6 @@ static void watch(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque
     } else {
         s->probe[1] = 0.0f;
     }
-    s->gap += (s->gap < MOST_SAMPLES) ? 1 : 0;
     if (s->mode == PMSM_WAITING) {
         turn_guess(s->guess, s->guess);
     }
@@ -588,7 +589,6 @@ void spmsm_load_torque_ckf_supervisor_init(spmsm_load_torque_ckf_supervisor_t *s
     s->since = 0;
     s->quiet = 0;
     s->readings = 0;
-    s->gap = 0;
     s->rejected = 0;
     s->diverged = 0;
     s->excess = 0;
@@ -674,7 +674,7 @@ int spmsm_load_torque_ckf_supervise(
             go(s, PMSM_WAITING);
             taken = 5;
         } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED))) {
-            /* the second current shows which way the rotor turns */
+            /* a later current shows which way the rotor turns, or not yet */
             take_reading(s, phase);
             guess_from_probe(s);
             go(s, PMSM_WAITING);
@@ -697,18 +697,18 @@ int spmsm_load_torque_ckf_supervise(
             /* the drive stays */
         }
     } else if (s->mode == PMSM_WAITING) {
-        if ((s->readings == 2) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+        if ((s->readings >= MAX_READINGS) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
                 (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the second current has died out: the filter begins where the rotor is by now */
+            /* the last current has died out: the filter begins where the rotor is by now */
             place(s, phase);
             start_filter(s, f);
             void_voltages(s);
             begin_anew(s);
             go(s, PMSM_CATCHING);
             taken = 8;
-        } else if (!(s->readings == 2) && (s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
-                (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the first current has died out */
+        } else if (!(s->readings >= MAX_READINGS) && (s->since >= GAP_SAMPLES) &&
+                ((phase[0] * phase[0] <= ZERO_SQUARED) && (phase[1] * phase[1] <= ZERO_SQUARED))) {
+            /* the current has died out: it is read again */
             go(s, PMSM_PROBING);
             taken = 9;
         } else if (s->since >= WAIT_SAMPLES) {
