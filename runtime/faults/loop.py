@@ -153,8 +153,6 @@ class FaultyLoop:
         self._play(motor, given, found, first, reacting)
         truth = dict(zip(("omega", "theta", "torque", "current", "told"), found.pop("out").T, strict=True))
         after = first + len(rows)
-        powered = np.ones(steps, dtype=bool)
-        powered[first:after] = (rows["what"] & POWER_OFF) == 0
         gave_up = found["mode"][-1] == self.module.FAULT
         return FaultyRun(
             self.kind,
@@ -165,7 +163,7 @@ class FaultyLoop:
             **truth,
             **found,
             running=found["mode"] == self.module.RUNNING,
-            powered=powered,
+            powered=_powered(steps, first, rows),
             band=scenario.least_band,
             gave_up=self.module.REASONS[found["reason"][-1]] if gave_up else "",
             diodes=_diode_speed(self.folder.manifest["parameters"]),
@@ -236,6 +234,13 @@ def _open(library: Path, controller: str, drive: str) -> tuple[Any, Any]:
         """
     )
     return ffi, open_library(ffi, library)
+
+
+def _powered(steps: int, first: int, rows: Array) -> Array:
+    """Whether the processor is on, sample by sample."""
+    powered = np.ones(steps, dtype=bool)
+    powered[first : first + len(rows)] = (rows["what"] & POWER_OFF) == 0
+    return powered
 
 
 def _diode_speed(parameters: Mapping[str, Any]) -> float:

@@ -21,7 +21,7 @@ from runtime.proof.result import Link, Row
 #: Where no gate may be on, whatever else is declared.
 OFF = ("RESTING", "WAITING", "FAULT")
 #: Reasons that no further attempt can mend.
-AT_ONCE = ("PHASE", "CURRENT")
+AT_ONCE = (("RUNNING", "PHASE"), ("RESTING", "CURRENT"))
 #: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
 #: and the one that ends it.
 ENOUGH = 2
@@ -263,7 +263,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     What no attempt can mend ends there at once.
     """
     rows = enumerate(found.machine.machine.transitions, start=1)
-    at_once = {number for number, row in rows if row.target == "FAULT" and row.reason in AT_ONCE}
+    at_once = {number for number, row in rows if row.target == "FAULT" and (row.source, row.reason) in AT_ONCE}
     most = found.machine.limits["MAX_FAILURES"]
     uncounted = forgotten = missed = entered = 0
     for state, edges in found.edges.items():
