@@ -274,6 +274,7 @@ _EVIDENCE = {
         ("copies not counted", "own[COPIED] += self.unit.words", "own[COPIED] += 0 * self.unit.words", (LEDGER,)),
         ("cheaper side of a branch", "return self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))\n\n    def _count_DoWhile", "return self.count(node.cond) + (self.count(node.iftrue) & self.count(node.iffalse))\n\n    def _count_DoWhile", (LEDGER,)),
         ("a loop once", "bound * number for name, number in once", "number for name, number in once", (LEDGER,)),
+        ("leaves and their neighbours", "_LEAVES = (c_ast.ID, c_ast.Constant)", "_LEAVES = (c_ast.ID, c_ast.Constant, c_ast.UnaryOp)", (LEDGER,)),
         ("minus not counted", '"-": "add", "*": "mul"', '"*": "mul"', (LEDGER,)),
     ),
     "codegen/evidence/fpu32.py": (
