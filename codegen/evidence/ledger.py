@@ -32,14 +32,14 @@ COPIED = "copied"
 SIN_COS = "sin_cos"
 TOLD = (*OPERATIONS, SINCOS)
 N_MAX = "max_iterations"
-#: Nodes that stand for themselves: most of a tree, and nothing in them computes.
-_LEAVES = (c_ast.ID, c_ast.Constant)
 
 _LIBRARY = {"sqrtf": "sqrt"}
 #: Instructions for sine and cosine, where a target has them.
 SINE = "sine"
 _ARITHMETIC = {"+": "add", "-": "add", "*": "mul", "/": "div"}
 _COMPARISONS = frozenset({"<", ">", "<=", ">=", "==", "!="})
+#: Nodes that stand for themselves: most of a tree, and nothing in them computes.
+_LEAVES = (c_ast.ID, c_ast.Constant)
 
 Count = Counter[str]
 

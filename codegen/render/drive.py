@@ -9,7 +9,8 @@ from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
-from codegen.render.filter import ANGLE, Description, named_constants, render, with_sections
+from codegen.render.fill import render
+from codegen.render.filter import ANGLE, Description, named_constants, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.supervisor import machine_of

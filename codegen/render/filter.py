@@ -1,27 +1,21 @@
-"""Templates filled in: one C pair a filter and target, and what all templates share."""
+"""Templates filled in: one C pair a filter and target, and what all of a drive share."""
 
 from __future__ import annotations
 
 import math
 import re
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
-
-import jinja2
-from jinja2.bccache import Bucket
 
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
 from codegen.ir.trig import wrap_listing
-from codegen.output.version import __version__
+from codegen.render.fill import render
 from codegen.render.printers.c import STRUCT_FIELDS, CPrinter
 from codegen.render.trig import sin_cos_text, trig_note
 from codegen.targets.description import Sections, Target
@@ -35,35 +29,6 @@ from model.schema import Drive
 from model.supervisor.table import MODES, REASONS
 
 Made = TypeVar("Made")
-
-_TEMPLATES = Path(__file__).parent / "templates"
-_SYNTAX: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
-
-
-class _TemplateBytecode(jinja2.FileSystemBytecodeCache):
-    """Compiled templates, kept beside them as Python keeps its modules': compiling took a tenth of a small drive.
-
-    Their names hold all that compiling depends on but the template's text, which Jinja compares.
-    """
-
-    def __init__(self) -> None:
-        syntax = "".join(f"{value:d}" for value in _SYNTAX.values())
-        super().__init__(f"{_TEMPLATES / '__pycache__'}", f"%s.jinja-{jinja2.__version__}-{syntax}.bytecode")
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Write a template's bytecode, where Python would write a module's; a folder that cannot be written is left."""
-        if not sys.dont_write_bytecode:
-            with suppress(OSError):
-                Path(self.directory).mkdir(exist_ok=True)
-                super().dump_bytecode(bucket)
-
-
-_ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(_TEMPLATES),
-    undefined=jinja2.StrictUndefined,
-    bytecode_cache=_TemplateBytecode(),
-    **_SYNTAX,
-)
 
 #: The state that lives on a circle.
 ANGLE = "theta"
@@ -143,11 +108,6 @@ class Description:
             Filter kind, such as "ickf".
         """
         return f"{FILTER_TITLES[kind]}, {self.machine}, {len(self.model.states)} states, {self.sample_time}"
-
-
-def render(template: str, **context: Any) -> str:
-    """Fill a template of this package; an unknown name in it is an error."""
-    return _ENVIRONMENT.get_template(template).render(version=__version__, **context)
 
 
 def render_port(target: Target) -> str:

@@ -9,7 +9,8 @@ from codegen.evidence.certificate import Figures
 from codegen.evidence.ledger import TOLD, Ledger
 from codegen.evidence.measure import Record
 from codegen.ir.trig import sin_cos_bound
-from codegen.render.filter import FILTER_TITLES, Description, render
+from codegen.render.fill import render
+from codegen.render.filter import FILTER_TITLES, Description
 from codegen.render.selftest import SelfTest
 from codegen.render.supervisor import machine_of
 from codegen.render.transitions import modes_context

@@ -285,6 +285,7 @@ _EVIDENCE = {
         ("&& for nothing", 'return Counter({"branch": 1}) + self._children(node)', "return self._children(node)", (LEDGER, COUNTED)),
         ("calls not counted", 'total += Counter({"call": 1} |', 'total += Counter({"call": 0} |', (LEDGER, COUNTED)),
         ("whole numbers chosen for nothing", '"float" else "branch": 1})', '"float" else "branch": 0})', (LEDGER, COUNTED)),
+        ("leaves and their neighbours", "_LEAVES = (c_ast.ID, c_ast.Constant)", "_LEAVES = (c_ast.ID, c_ast.Constant, c_ast.UnaryOp)", (LEDGER,)),
     ),
     "codegen/evidence/fpu32.py": (
         ("one Newton step", "    y = seed = reciprocal_seed(b)\n    for _ in range(2):", "    y = seed = reciprocal_seed(b)\n    for _ in range(1):", (FPU,)),
