@@ -157,8 +157,8 @@ _ACTIONS: Rows = (
 )  # fmt: skip
 
 _LIMITS: Rows = (
-    ("probes for 3 ms", "CATCH_TIME, SETTLE_TIME = 2e-3, 2e-3,", "CATCH_TIME, SETTLE_TIME = 2e-3, 3e-3,", LOADED),
-    ("waits half as long", "SETTLE_TIME = 2e-3, 2e-3, 2e-3, 10e-3", "SETTLE_TIME = 2e-3, 2e-3, 1e-3, 10e-3", LOADED),
+    ("probes for 3 ms", "SETTLE_TIME = 2e-3, 0.5, 2e-3, 2e-3", "SETTLE_TIME = 2e-3, 0.5, 3e-3, 2e-3", LOADED),
+    ("waits half as long", "SETTLE_TIME = 2e-3, 0.5, 2e-3, 2e-3, 10e-3", "SETTLE_TIME = 2e-3, 0.5, 2e-3, 1e-3, 10e-3", LOADED),
     ("blind for 3 ms", "BLIND_TIME, DIVERGED_TIME = 2e-3", "BLIND_TIME, DIVERGED_TIME = 3e-3", LOADED),
     ("diverged for 99 ms", "DIVERGED_TIME = 2e-3, 100e-3", "DIVERGED_TIME = 2e-3, 99e-3", LOADED),
     ("steady for 97 ms", "LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3", "LOCKED_TIME, STEADY_TIME = 3e-3, 97e-3", LOADED),
