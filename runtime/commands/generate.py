@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from codegen.targets.find import target_names
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import say, working
 from runtime.commands.words import Drives, caution, show_written
 from runtime.folders.generate import generate_drives
@@ -17,9 +18,8 @@ def generate(
     drives: Drives = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files.",
+        writes_folder(
+            "Write DIR/<drive>. Default: the project's generated/ for shipped drives, else ./generated.",
         ),
     ] = None,
     check: Annotated[
