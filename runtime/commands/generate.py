@@ -8,18 +8,19 @@ from typing import Annotated
 import typer
 
 from codegen.targets.find import target_names
-from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import say, working
 from runtime.commands.words import Drives, caution, show_written
 from runtime.folders.generate import generate_drives
+from runtime.system.values import output_folder
 
 
 def generate(
     drives: Drives = None,
     out: Annotated[
         Path | None,
-        writes_folder(
-            "Write DIR/<drive>. Default: the project's generated/ for shipped drives, else ./generated.",
+        typer.Option(
+            metavar="DIR",
+            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, else ./generated.",
         ),
     ] = None,
     check: Annotated[
@@ -35,6 +36,8 @@ def generate(
     ] = None,
 ) -> None:
     """Generate C for the drive's target, host C and Python from drive files."""
+    if out is not None and not check:
+        output_folder(out, "--out")
     caution(drives)
     with working() as progress:
         written = generate_drives(drives or [], out, check, force, form, progress, target)

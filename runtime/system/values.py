@@ -168,7 +168,7 @@ def output_file(path: Path, what: str, endings: Iterable[str] = ()) -> Path:
         raise UserError(f"{what} '{path}' cannot be written: its name is too long.")
     kernels = _is_kernels(path) and (path.is_file() or not path.exists())  # not so /dev/stdout, a pipe behind it
     if kernels or not may_be_written:
-        raise UserError(f"{what} '{path}' cannot be written: no right to.")
+        raise UserError(f"{what} '{path}' cannot be written: {_reason(path.parent)}.")
     return path
 
 
@@ -199,13 +199,17 @@ def output_folder(path: Path, what: str) -> Path:
     if any(len(os.fsencode(part)) > longest for part in path.parts):
         raise UserError(f"{what} '{path}' cannot be written to: its name is too long.")
     if not may_be_written:
-        raise UserError(f"{what} '{path}' cannot be written to: no right to.")
+        raise UserError(f"{what} '{path}' cannot be written to: {_reason(there)}.")
     return path
 
 
 def _check_path(path: Path, what: str) -> None:
     if "\0" in str(path):
         raise UserError(f"{what} {str(path)!r} holds a NUL, which no path does.")
+
+
+def _reason(folder: Path) -> str:
+    return "a read-only file system" if os.statvfs(folder).f_flag & os.ST_RDONLY else "no right to"
 
 
 def _is_kernels(path: Path) -> bool:
