@@ -10,6 +10,7 @@ from pydantic import (
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
+    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
@@ -53,18 +54,40 @@ Samples = Annotated[float, Field(ge=0.5, le=1000.0)]
 Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
 
 
-class _Section(BaseModel):
+class Stated(BaseModel):
+    """Base of what a file states: unknown keys, numbers in quotes and truth values in a number's place are refused."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _numbers_are_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        """Pydantic takes "2.875" for a number, and true for 1: in a file that is a slip."""
+        key = info.field_name or ""
+        if cls.model_fields[key].annotation is not str:
+            for entry in value if isinstance(value, list) else [value]:
+                if isinstance(entry, bool) or (isinstance(entry, str) and _reads_as_number(entry)):
+                    shown = str(entry).lower() if isinstance(entry, bool) else repr(entry)
+                    raise ValueError(f"{key} = {shown} is no number: write it without quotes, as 0.5 or 1e-3.")
+        return value
 
-class _OnlyStated(_Section):
+
+def _reads_as_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+class _OnlyStated(Stated):
     @model_serializer(mode="wrap")
     def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """What may be left out, and is, does not show."""
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
-class Motor(_Section):
+class Motor(Stated):
     """Motor data, SI, amplitude-invariant, d axis on the magnet flux."""
 
     stator_resistance: Resistance
@@ -76,7 +99,7 @@ class Motor(_Section):
     friction: Friction
 
 
-class Model(_Section):
+class Model(Stated):
     """Which equations, and how they are sampled.
 
     ``machine``: a shipped word, or ``FILE.py:CLASS`` (:mod:`model.machines.own`).
@@ -104,7 +127,7 @@ class Model(_Section):
         return words
 
 
-class Filter(_Section):
+class Filter(Stated):
     """Kinds to generate and their tuning; every number here stays data in the generated struct.
 
     ``root_order``: the states in the order in which P is factored (eq. 13, 18); by default that of the state.
@@ -121,7 +144,7 @@ class Filter(_Section):
     root_order: list[str] | None = None
 
 
-class OperatingBox(_Section):
+class OperatingBox(Stated):
     """Declared range: the certificate holds inside it, inputs beyond it are rejected by the step.
 
     Speed is mechanical. A drive that declares no box gets a wide one.
@@ -133,14 +156,14 @@ class OperatingBox(_Section):
     load_torque: Torque = 20.0
 
 
-class Rated(_Section):
+class Rated(Stated):
     """The task a drive is made for: mechanical speed and torque that scenarios and trajectories take."""
 
     speed: Speed
     torque: Torque
 
 
-class Start(_Section):
+class Start(Stated):
     """What is known of the rotor that stands: its angle is the initial state's, within ``angle`` degrees, or unknown.
 
     Where it is unknown the supervisor lets a second filter run beside the first one until the rotor has turned;
@@ -151,7 +174,7 @@ class Start(_Section):
     filters: Literal[1, 2] | None = None
 
 
-class Tolerance(_Section):
+class Tolerance(Stated):
     """How far motor data may be off: half the width of the range each lies in, relative to the datum itself.
 
     The filter takes a datum's error for noise that stays alike for ``correlation_time``, see
@@ -183,7 +206,7 @@ class Control(_OnlyStated):
     speed_bandwidth: Bandwidth = 60.0
 
 
-class Inverter(_Section):
+class Inverter(Stated):
     """What the inverter takes from the voltage that is commanded (:mod:`model.inverter`).
 
     ``switching_frequency``: by default one period a sample. ``switch_drop``: of a switch or diode that conducts.
@@ -203,7 +226,7 @@ class Inverter(_Section):
         return {key: value for key, value in dump(self).items() if value is not None or not key.endswith("_current")}
 
 
-class Budget(_Section):
+class Budget(Stated):
     """Limits of a step's cost; ``generate`` fails beyond. Cycles are computed from published ones (150 MHz C28x).
 
     ``cycles``: the dearest filter alone; ``controller_cycles``: with the controller around it, the whole interrupt;
@@ -221,7 +244,7 @@ class Budget(_Section):
 DEFAULT_TARGET = "f28335"
 
 
-class TargetChoice(_Section):
+class TargetChoice(Stated):
     """The processor that C is generated for: ``name`` is a file of ``codegen/targets/chips``."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = DEFAULT_TARGET

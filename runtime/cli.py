@@ -110,37 +110,58 @@ def _commands() -> Any:
 LONGEST = 600
 
 
+#: What the command line is called, however it was started: in its help, its errors, and for completion.
+PROGRAM = "pmsm-ickf"
+#: The base of what Typer, and Click in older ones, raises for a command line that it does not understand.
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: what the user can mend becomes one line on stderr and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name that the terminal cannot show
     try:
-        _commands()(arguments)
+        code = _commands().main(arguments, prog_name=PROGRAM, standalone_mode=False)
     except KeyboardInterrupt:
         end_interrupted()
-    except SystemExit as end:
-        if end.code == 130 or was_interrupted():
-            end_interrupted()
-        raise
     except Exception as error:
-        from codegen.evidence.budget import BudgetError
-        from codegen.ir.graph import UnsupportedOperationError
-        from codegen.output.folder import FolderError
-        from model.schema import DriveError
-
         if was_interrupted():  # a library has made another error of the KeyboardInterrupt, CasADi a SystemError
             end_interrupted()
-        if isinstance(error, OSError):  # a disk, a right, a limit
-            _say(f"{error.filename}: {error.strerror}" if error.filename else error)
-            sys.exit(2)
-        if isinstance(error, BudgetError):
-            _say(error)
-            sys.exit(1)
-        if isinstance(error, UserError | DriveError | FolderError | UnsupportedOperationError):
-            _say(error)
-            sys.exit(2)
-        raise
+        code = _explained(error)
+    if code == 130 or was_interrupted():
+        end_interrupted()
+    sys.exit(code or 0)
+
+
+def _explained(error: Exception) -> int:
+    """Say in a line what the user can mend, and return the exit code; what is no user's fault is raised again."""
+    from codegen.evidence.budget import BudgetError
+    from codegen.ir.graph import UnsupportedOperationError
+    from codegen.output.folder import FolderError
+    from model.schema import DriveError
+
+    if isinstance(error, OSError):  # a disk, a right, a limit
+        _say(f"{error.filename}: {error.strerror}" if error.filename else error)
+    elif isinstance(error, BudgetError):
+        _say(error)
+        return 1
+    elif isinstance(error, UserError | DriveError | FolderError | UnsupportedOperationError):
+        _say(error)
+    elif isinstance(error, _UsageError):
+        _say(_usage(error))
+    elif isinstance(error, typer.Abort):
+        _say("the answer is missing.")
+    else:
+        raise error
+    return 2
+
+
+def _usage(error: Any) -> str:
+    """What is wrong with the command line, and whose help says what is right."""
+    words = " ".join(str(error.format_message()).split()) or "Say which command."
+    command = error.ctx.command_path if getattr(error, "ctx", None) else PROGRAM
+    return f"{words}{'' if words[-1] in '.?' else '.'} See {command} --help."
 
 
 def _say(error: object) -> None:

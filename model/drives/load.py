@@ -339,6 +339,11 @@ def explain(problem: Any, sections: Mapping[str, type[BaseModel]] = _SECTIONS, t
         return f"{key} = {value} is not positive: {what}."
     if kind == "greater_than_equal":  # an entry of a list
         return f"{key} = {value!r} is below {limits['ge']:g}."
+    if kind == "string_pattern_mismatch":
+        return (
+            f"{key} = {value!r} is no name. Names stand in the C: a small letter, then small letters, digits and _, "
+            "at most 40 of them."
+        )
     if kind == "literal_error":
         return f"{key} = {value!r} is none of {limits.get('expected', '')}."
     return f"{key} = {value!r}: {problem['msg'].lower()}{allowed}."

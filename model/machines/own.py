@@ -156,7 +156,7 @@ def running(word: Word, doing: str, function: Callable[..., Any], *arguments: An
     """
     try:
         return function(*arguments)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise MachineError(f"machine file {_blame(word.file, error, doing)}") from None
 
 

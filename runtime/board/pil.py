@@ -19,6 +19,7 @@ from runtime.board.link import Counts, NoAnswerError, RefusedError, UnpluggedErr
 from runtime.board.twin import Twin, word_names
 from runtime.estimator.folder import GeneratedFolder
 from runtime.system.errors import UserError, take_interrupt
+from runtime.system.values import read_word
 
 Array = NDArray[Any]
 Progress = Callable[[int], None]
@@ -230,11 +231,9 @@ def check_settings(mode: str | None, tolerance: str) -> str:
     UserError
         On unknown words, or a free run judged by a certificate of single steps.
     """
-    if tolerance not in TOLERANCES:
-        raise UserError(f"tolerance '{tolerance}' is not one of: {', '.join(TOLERANCES)}.")
+    read_word(tolerance, "tolerance", TOLERANCES)
     mode = mode or ("free" if tolerance == "bits" else "single")
-    if mode not in MODES:
-        raise UserError(f"mode '{mode}' is not one of: {', '.join(MODES)}.")
+    read_word(mode, "mode", MODES)
     if tolerance == "certificate" and mode == "free":
         raise UserError("the certificate is of one step: use --mode single with --tolerance certificate.")
     return mode

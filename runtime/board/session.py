@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from runtime.folders.stated import stated_drive
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.recorded.data import Array, read_recorded
 from runtime.system.errors import UserError
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 
 DEFAULT_DRIVE = "paper_spmsm"
 
@@ -156,7 +155,7 @@ def pil(
 
 def write_json(result: PilResult, ticks_hz: float | None, path: Path) -> None:
     """Every figure of a run."""
-    write_text(path, json.dumps(result.to_json(ticks_hz), indent=2) + "\n")
+    write_facts(path, result.to_json(ticks_hz))
 
 
 def record_data(

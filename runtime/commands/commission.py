@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,11 +11,12 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn, TextColumn
 
 from runtime.commands.numbers import within
+from runtime.commands.paths import writes_file
 from runtime.commands.serial import Baud, Port
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import Json
 from runtime.system.errors import UserError
-from runtime.system.files import write_text
+from runtime.system.files import write_facts, write_text
 
 if TYPE_CHECKING:
     from runtime.commission.commission import Commissioned
@@ -28,13 +28,14 @@ if TYPE_CHECKING:
 FactsFile = Annotated[
     Path, typer.Option("--facts", metavar="F", help="Facts file: what is known, each half to one and a half times.")
 ]
-OutFile = Annotated[Path, typer.Option(metavar="F", help="Recorded data of all runs: .npz.")]
+OutFile = Annotated[Path, writes_file("Recorded data of all runs: .npz.")]
 DriveFile = Annotated[
-    Path | None, typer.Option(metavar="F", help="Write a new drive file for what was found, by the rules of design.")
+    Path | None,
+    writes_file("Write a new drive file for what was found, by the rules of design."),
 ]
 WriteTo = Annotated[
     Path | None,
-    typer.Option(metavar="F", help="A new facts file, or an existing facts or drive file, edited; comments stay."),
+    writes_file("A new facts file, or an existing facts or drive file, edited; comments stay.", endings=(".toml",)),
 ]
 Motor = Annotated[
     Path | None,
@@ -163,7 +164,7 @@ def _keep(found: Commissioned, drive: Path | None, write: Path | None, json: Pat
     from runtime.identify.write import written_text
 
     if json is not None:
-        write_text(json, json_module.dumps(commissioned_facts(found), indent=2, allow_nan=False) + "\n")
+        write_facts(json, commissioned_facts(found))
     if write is not None:
         write_text(write, written_text(findings(found), write))
         say(f"Written: {write}")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, say, working
 from runtime.commands.words import DRIVE, Json
 from runtime.system.verdicts import all_hold
@@ -17,7 +18,7 @@ def compare(
         list[str],
         typer.Argument(metavar="DRIVE DRIVE...", help=DRIVE),
     ],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write index.html and its figures (svg).")] = None,
+    out: Annotated[Path | None, writes_folder("Write index.html and its figures (svg).")] = None,
     json: Json = None,
 ) -> None:
     """Put drives side by side: files, equations, structure of F and H, cost, certificate, accuracy in the loop.

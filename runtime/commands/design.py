@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
+from runtime.commands.paths import writes_file
 from runtime.commands.terminal import console, counting, say, working
 from runtime.commands.words import Json
 from runtime.system.errors import UserError
-from runtime.system.files import write_text
+from runtime.system.files import write_facts, write_text
 
 if TYPE_CHECKING:
     from runtime.design.facts import Facts
@@ -23,9 +23,10 @@ Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn."
 
 def design(
     facts: Annotated[Path, typer.Argument(metavar="FACTS", help="A facts file (TOML): what you know of the drive.")],
-    out: Annotated[Path | None, typer.Option(metavar="F", help="Write the drive file here.")] = None,
+    out: Annotated[Path | None, writes_file("Write the drive file here.", endings=(".toml",))] = None,
     write: Annotated[
-        Path | None, typer.Option(metavar="F", help="Edit this drive file; its comments and other keys stay.")
+        Path | None,
+        writes_file("Edit this drive file; its comments and other keys stay.", endings=(".toml",)),
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Only the rules and the trial; write nothing.")] = False,
     draws: Draws = 128,
@@ -62,8 +63,10 @@ def carry_out(
     from runtime.design.rules import design as make
     from runtime.design.tables import trial_facts, trial_table
     from runtime.design.trial import blame, package, try_out
-    from runtime.design.write import drive_text, edit_drive
+    from runtime.design.write import drive_text, edit_drive, read_document
 
+    if write:
+        read_document(write, known.name)  # what cannot be edited is said before the work
     with working() as progress:
         progress(f"{known.name}: rules")
         drafted = make(known)
@@ -84,7 +87,7 @@ def carry_out(
     if write and edited is not None:
         write_text(write, edited)
     if json is not None:
-        write_text(json, json_module.dumps(trial_facts(trial, chosen), indent=2) + "\n")
+        write_facts(json, trial_facts(trial, chosen))
     for path in (out, write):
         if path is not None:
             say(f"Drive file: {path}")

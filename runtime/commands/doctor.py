@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import platform
 import sys
 from typing import Any
@@ -14,8 +13,8 @@ from runtime.commands.terminal import console, say
 from runtime.commands.words import Json
 from runtime.style.tables import columns_table
 from runtime.system.errors import UserError
-from runtime.system.files import write_text
-from runtime.system.needs import EXTRAS, PROGRAMS, extra_lacks, program_found
+from runtime.system.files import write_facts
+from runtime.system.needs import EXTRAS, PROGRAMS, extra_lacks, packaged_compiler, program_found
 
 
 def doctor(json: Json = None) -> None:
@@ -26,6 +25,8 @@ def doctor(json: Json = None) -> None:
     problems = _compiles()
     programs = {program.name: program_found(program) for program in PROGRAMS}
     lacking = {extra: extra_lacks(extra) for extra in EXTRAS}
+    if programs["cc"]:
+        lacking["compiler"] = []  # one is enough
     _show(programs, lacking)
     say(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}")
     if platform.system() != "Linux":
@@ -35,7 +36,7 @@ def doctor(json: Json = None) -> None:
     if json is not None:
         facts: dict[str, Any] = {"python": platform.python_version(), "system": platform.system()}
         facts |= {"programs": programs, "extras_lack": lacking, "problems": problems}
-        write_text(json, json_module.dumps(facts, indent=2) + "\n")
+        write_facts(json, facts)
     if problems:
         raise typer.Exit(1)
 
@@ -61,7 +62,8 @@ def _show(programs: dict[str, str | None], lacking: dict[str, list[str]]) -> Non
         found = programs[program.name]
         table.add_row(escape(program.name), escape(found) if found else "[yellow]missing[/yellow]", escape(program.use))
     for extra, use in EXTRAS.items():
-        state = f"[yellow]missing: {escape(', '.join(lacking[extra]))}[/yellow]" if lacking[extra] else "installed"
+        missing, unneeded = ", ".join(lacking[extra]), extra == "compiler" and packaged_compiler() is None
+        state = f"[yellow]missing: {escape(missing)}[/yellow]" if missing else "not needed" if unneeded else "installed"
         table.add_row(f"extra {extra}", state, escape(use))
     console.print(table)
 

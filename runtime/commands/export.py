@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runtime.commands.paths import writes_file
 from runtime.commands.terminal import say
 from runtime.commands.words import DRIVE
 from runtime.system.files import whole_file, write_text
@@ -38,7 +39,7 @@ class DataModel(StrEnum):
 
 
 Word = Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)]
-Out = Annotated[Path, typer.Option(metavar="F", help="The file to write.", show_default=False)]
+Out = Annotated[Path, writes_file("The file to write.", show_default=False)]
 Filter = Annotated[str | None, typer.Option("--filter", metavar="KIND", help="Default: ickf where there is one.")]
 WhichPart = Annotated[
     Part,

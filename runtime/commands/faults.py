@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from runtime.commands.numbers import ANY
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, say, working
-from runtime.commands.words import Drives
+from runtime.commands.words import Drives, Json
 from runtime.system.verdicts import all_hold
 
 
@@ -19,13 +20,15 @@ def faults(
         str | None, typer.Option(metavar="KINDS", help="Comma-separated, such as ckf,ickf. Default: the drive's own.")
     ] = None,
     only: Annotated[str | None, typer.Option(metavar="NAMES", help="Comma-separated: some of the faults.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each fault: noise, instant, garbage.")] = 20,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=1_000_000, metavar="N", help="Runs of each fault: noise, instant, garbage.")
+    ] = 20,
     load: Annotated[float | None, typer.Option(metavar="NM", callback=ANY, help="Load torque; default: rated.")] = None,
     speed: Annotated[
         float | None, typer.Option(metavar="RPM", callback=ANY, help="Speed reference; default: rated.")
     ] = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every run's figures.")] = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write a figure a drive (svg).")] = None,
+    json: Json = None,
+    out: Annotated[Path | None, writes_folder("Write a figure a drive (svg).")] = None,
 ) -> None:
     """Inject faults at speed under load: sensors, converter, DC link, power: whether and how fast the drive recovers.
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from runtime.commands.terminal import console, working
-from runtime.commands.words import KEPT, Drives, Fresh, show_remarks
+from runtime.commands.words import KEPT, Drives, Fresh, Json, show_remarks
 from runtime.system.verdicts import all_hold
 
 
 def firmware(
     drives: Drives = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every check to this file.")] = None,
+    json: Json = None,
     allow_missing: Annotated[
         bool, typer.Option("--allow-missing", help="Exit 0 although something could not be run here.")
     ] = False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated
 
@@ -10,20 +9,26 @@ import typer
 from rich.markup import escape
 
 from model.drives.load import shipped_drives
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, work_bar
 from runtime.commands.words import Drives, Json
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 
 
 def fuzz(
     drives: Drives = None,
     executions: Annotated[
-        int, typer.Option(min=1, help="Of each filter; with its lane form beside it, and its controller, get a tenth.")
+        int,
+        typer.Option(
+            min=1, max=10**12, help="Of each filter; with its lane form beside it, and its controller, get a tenth."
+        ),
     ] = 10_000_000,
     corpus: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Begin with the inputs kept there, and keep those that show something new."),
+        writes_folder(
+            "Begin with the inputs kept there, and keep those that show something new.",
+        ),
     ] = None,
     json: Json = None,
 ) -> None:
@@ -45,6 +50,6 @@ def fuzz(
     for line in finding_lines(campaigns):
         console.print(f"[red]{escape(line)}[/red]", highlight=False, soft_wrap=True)
     if json is not None:
-        write_text(json, json_module.dumps(campaign_facts(campaigns), indent=2) + "\n")
+        write_facts(json, campaign_facts(campaigns))
     if not all_hold(campaign.good for campaign in campaigns):
         raise typer.Exit(1)

@@ -11,6 +11,7 @@ from codegen.targets.find import target_names
 from runtime.commands.terminal import say, working
 from runtime.commands.words import Drives, caution, show_written
 from runtime.folders.generate import generate_drives
+from runtime.system.values import output_folder
 
 
 def generate(
@@ -19,7 +20,7 @@ def generate(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, ./generated for TOML files.",
+            help="Write DIR/<drive>. Default: the project's generated/ for shipped drives, else ./generated.",
         ),
     ] = None,
     check: Annotated[
@@ -35,6 +36,8 @@ def generate(
     ] = None,
 ) -> None:
     """Generate C for the drive's target, host C and Python from drive files."""
+    if out is not None and not check:
+        output_folder(out, "--out")
     caution(drives)
     with working() as progress:
         written = generate_drives(drives or [], out, check, force, form, progress, target)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,10 +9,11 @@ import typer
 from rich.markup import escape
 from rich.progress import TaskProgressColumn, TextColumn
 
+from runtime.commands.paths import writes_file, writes_folder
 from runtime.commands.recordings import Begins, DcLink, Offset, Rename, Resample, Scale, Wiring, read
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import Json
-from runtime.system.files import write_text
+from runtime.system.files import write_facts, write_text
 
 if TYPE_CHECKING:
     from runtime.identify.identify import Identified
@@ -33,7 +33,7 @@ Free = Annotated[
 ]
 WriteTo = Annotated[
     Path | None,
-    typer.Option(metavar="F", help="A new facts file, or an existing facts or drive file, edited; comments stay."),
+    writes_file("A new facts file, or an existing facts or drive file, edited; comments stay.", endings=(".toml",)),
 ]
 
 
@@ -49,7 +49,7 @@ def identify(
     dc_link: DcLink = None,
     resample: Resample = False,
     write: WriteTo = None,
-    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write innovations.svg and likelihood.svg.")] = None,
+    plots: Annotated[Path | None, writes_folder("Write innovations.svg and likelihood.svg.")] = None,
     json: Json = None,
 ) -> None:
     """Find motor data, dead time and noise from recordings, with 95 % intervals, and say what they cannot show.
@@ -99,7 +99,7 @@ def _keep(
     findings = Findings(subject.name, subject.facts, found.facts, found.result.estimates)
     text = written_text(findings, write) if write is not None else ""
     if json is not None:
-        write_text(json, json_module.dumps(identified_facts(found, compared), indent=2, allow_nan=False) + "\n")
+        write_facts(json, identified_facts(found, compared))
     if plots is not None:
         from runtime.identify.figures import write_figures
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from runtime.commands.design import Draws, Seed, carry_out
+from runtime.commands.paths import writes_file
 from runtime.commands.terminal import console, say
 from runtime.commands.words import Json
 from runtime.system.errors import UserError, take_interrupt
@@ -26,10 +27,12 @@ INTRODUCTION = (
 def new(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Of the drive; asked for without it.")] = None,
     facts_out: Annotated[
-        Path | None, typer.Option(metavar="F", help="Write the facts file here. Default: NAME_facts.toml.")
+        Path | None,
+        writes_file("Write the facts file here. Default: NAME_facts.toml.", endings=(".toml",)),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="F", help="Write the drive file here. Default: NAME.toml.")
+        Path | None,
+        writes_file("Write the drive file here. Default: NAME.toml.", endings=(".toml",)),
     ] = None,
     draws: Draws = 128,
     seed: Seed = 1,

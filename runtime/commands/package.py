@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import say
 from runtime.commands.words import DRIVE
 
@@ -25,7 +26,7 @@ class System(StrEnum):
 def package(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
     system: Annotated[System, typer.Option("--for", help="Build system.", show_default=False)],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="The folder to write.", show_default=False)],
+    out: Annotated[Path, writes_folder("The folder to write.", show_default=False)],
     filter_kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: ickf where there is one.")
     ] = None,

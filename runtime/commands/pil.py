@@ -37,7 +37,7 @@ def pil(
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Refuse a board that runs another filter.")
     ] = None,
-    steps: Annotated[int, typer.Option(min=1, help="How many steps, at most.")] = 2000,
+    steps: Annotated[int, typer.Option(min=1, max=10**9, help="How many steps, at most.")] = 2000,
     data: Annotated[
         Path | None, typer.Option(metavar="F", help="Recorded data (npz, csv) as input. Default: a start under load.")
     ] = None,
@@ -59,7 +59,7 @@ def pil(
     backend: Annotated[str, typer.Option(metavar="NAME", help="The host's side: numpy or c.")] = "numpy",
     ticks_hz: TicksHz = None,
     timeout: Timeout = None,
-    attempts: Annotated[int, typer.Option(min=1, help="How often a step is sent before it is lost.")] = 20,
+    attempts: Annotated[int, typer.Option(min=1, max=10**6, help="How often a step is sent before it is lost.")] = 20,
     json: Json = None,
 ) -> None:
     """Link G: step the filter on your board over a serial line, compare each step with the host, measure its time.

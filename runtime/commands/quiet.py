@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from runtime.commands.paths import check_apart, check_stated
 from runtime.commands.terminal import be_quiet
 
 _Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress: results and errors alone.")]
@@ -28,6 +29,8 @@ def with_quiet(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def called(*args: Any, quiet: bool = False, **keys: Any) -> Any:
         be_quiet(quiet)
+        check_stated(keys, own)
+        check_apart(keys, own)
         return command(*args, **keys)
 
     called.__signature__ = own.replace(parameters=[*own.parameters.values(), quiet])  # type: ignore[attr-defined]

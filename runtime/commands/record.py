@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from runtime.commands.numbers import within
+from runtime.commands.paths import writes_file
 from runtime.commands.serial import Baud, Port
 from runtime.commands.terminal import console, say
 from runtime.system.errors import UserError
@@ -19,7 +20,7 @@ def record(
         str | None, typer.Argument(metavar="DRIVE", help="Of a simulated board; a real one is not asked.")
     ] = None,
     baud: Baud = 115200,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Recorded data: .npz or .csv.")] = Path("recorded.npz"),
+    out: Annotated[Path, writes_file("Recorded data: .npz or .csv.", metavar="FILE")] = Path("recorded.npz"),
     seconds: Annotated[
         float | None, typer.Option(metavar="S", callback=within(0.1, 1e6), help="How long. Default: until Ctrl-C.")
     ] = None,

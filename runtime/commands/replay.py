@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.progress import TaskProgressColumn
 
 from runtime.commands.numbers import ANGLE
+from runtime.commands.paths import writes_file, writes_folder
 from runtime.commands.recordings import Begins, DcLink, Offset, Rename, Resample, Scale, Wiring, read
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Json
@@ -44,8 +45,8 @@ def replay(
     resample: Resample = False,
     x0: Annotated[str | None, typer.Option(metavar="A,B,...", help="Start from this state, in state order.")] = None,
     theta0: Theta0 = None,
-    out: Annotated[Path | None, typer.Option(metavar="F.npz", help="Write t, x, P, status.")] = None,
-    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write estimate.svg and innovations.svg.")] = None,
+    out: Annotated[Path | None, writes_file("Write t, x, P, status.", metavar="F.npz")] = None,
+    plots: Annotated[Path | None, writes_folder("Write estimate.svg and innovations.svg.")] = None,
     json: Json = None,
 ) -> None:
     """Run recorded data through a generated filter and judge whether it is right about them.

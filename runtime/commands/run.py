@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, working
 from runtime.commands.words import Fresh, show_remarks, show_summary, show_written
 from runtime.report.run import MAIN, Ran
@@ -24,7 +25,7 @@ def run(
         typer.Argument(metavar="DRIVE", help=f"With each, everything about it. Default: the main result, {MAIN}."),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help=f"Everything: {SECOND}.")] = False,
-    build: Annotated[Path, typer.Option("--build", metavar="DIR", help="Where the report page goes.")] = Path("build"),
+    build: Annotated[Path, writes_folder("Where the report page goes.", "--build")] = Path("build"),
     fresh: Fresh = False,
 ) -> None:
     """The main result in a minute: the paper's drive generated, proved, simulated, and build/report/index.html."""

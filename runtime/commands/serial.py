@@ -10,4 +10,6 @@ Port = Annotated[
     str,
     typer.Option("--port", metavar="PORT", help="/dev/ttyUSB0, COM3, ...; 'simulated': a board made of this machine."),
 ]
-Baud = Annotated[int, typer.Option("--baud", min=300, help="Bits a second, as the board's firmware sets them.")]
+Baud = Annotated[
+    int, typer.Option("--baud", min=300, max=100_000_000, help="Bits a second, as the board's firmware sets them.")
+]

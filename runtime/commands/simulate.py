@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from runtime.commands.numbers import ANGLE, ANY, POSITIVE, SECONDS, within
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, working
 from runtime.commands.words import DRIVE, Json, caution
 from runtime.drive.simulate import simulate_drive
+from runtime.system.values import read_words
 from runtime.system.verdicts import all_hold
 
 Theta = Annotated[
@@ -44,7 +46,7 @@ Factors = Annotated[
     str, typer.Option(metavar="R=1.1,...", help="True motor's R, L, L_d, L_q, psi_m, J over the filter's.")
 ]
 SensorOffset = Annotated[float, typer.Option(metavar="A", callback=ANY, help="Offset of phase a's current sensor.")]
-MinPulse = Annotated[float, typer.Option(metavar="S", callback=POSITIVE, help="Shortest pulse in s (pwm).")]
+MinPulse = Annotated[float, typer.Option(metavar="S", callback=within(0.0, 1e-3), help="Shortest pulse in s (pwm).")]
 
 
 def simulate(
@@ -66,15 +68,14 @@ def simulate(
     load: Load = None,
     ramp: Ramp = None,
     factors: Factors = "",
-    seed: Annotated[int, typer.Option(min=0, help="Of the sensor noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**63, help="Of the sensor noise.")] = 1,
     controller: Annotated[str, typer.Option(metavar="NAME", help="c (the generated C) or numpy (its twin).")] = "c",
     sweep: Annotated[bool, typer.Option("--sweep", help="Also sweep the sample time, Euler and exact.")] = False,
     json: Json = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write recorded data (npz) and figures (svg).")
-    ] = None,
+    out: Annotated[Path | None, writes_folder("Write recorded data (npz) and figures (svg).")] = None,
 ) -> None:
     """Close the loop: the generated controller drives the motor, sensorless from standstill."""
+    from runtime.drive.experiment import KINDS
     from runtime.drive.motor import parse_factors
     from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_table, task_line
 
@@ -82,7 +83,7 @@ def simulate(
     conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse}
     others = {"offset": (offset, 0.0), "sensored": sensored, "theta": theta, "seed": seed, "supervised": supervised}
     setting = {**conditions, **others, "factors": parse_factors(factors)}
-    task, kinds = {"speed": speed, "load": load, "ramp": ramp}, filters.split(",")
+    task, kinds = {"speed": speed, "load": load, "ramp": ramp}, read_words(filters, "filter", KINDS)
     caution([drive])
     with working() as progress:
         result = simulate_drive(drive, scenario, kinds, setting, controller, sweep, json, out, progress, task)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated
 
@@ -10,21 +9,22 @@ import typer
 from rich.markup import escape
 
 from model.drives.load import shipped_drives
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, say, work_bar
 from runtime.commands.words import Drives, Json
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 
 
 def soak(
     drives: Drives = None,
     steps: Annotated[
-        int, typer.Option(min=1, help="Of the first drive; the others make a tenth of them.")
+        int, typer.Option(min=1, max=10**12, help="Of the first drive; the others make a tenth of them.")
     ] = 1_000_000_000,
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive's ickf, else its first.")
     ] = None,
-    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Write soak.svg: deviations over steps.")] = None,
+    plots: Annotated[Path | None, writes_folder("Write soak.svg: deviations over steps.")] = None,
     json: Json = None,
 ) -> None:
     """Hours of drive time: the firmware's float32 filter beside float64, through reversals, standstill, weak field.
@@ -53,6 +53,6 @@ def soak(
     if plots is not None:
         say(f"Figure: {write_soak_figure(soaks, plots)}")
     if json is not None:
-        write_text(json, json_module.dumps(soak_facts(soaks), indent=2) + "\n")
+        write_facts(json, soak_facts(soaks))
     if not all_hold(not result.failures() for result in soaks):
         raise typer.Exit(1)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from runtime.commands.terminal import console, working
-from runtime.commands.words import Drives
+from runtime.commands.words import Drives, Json
 from runtime.system.verdicts import all_hold
 
 
@@ -18,14 +17,14 @@ def starts(
         str | None, typer.Option(metavar="KINDS", help="Comma-separated, such as ckf,ickf. Default: the drive's own.")
     ] = None,
     runs: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Of each: motor, angle, load and noise are drawn.")
+        int, typer.Option(min=1, max=1_000_000, metavar="N", help="Of each: motor, angle, load and noise are drawn.")
     ] = 100,
     turning: Annotated[bool, typer.Option("--turning", help="Also rotors that turn at power-up.")] = False,
     reverse: Annotated[bool, typer.Option("--reverse", help="Also reversals through zero speed under load.")] = False,
     still: Annotated[
         bool, typer.Option("--still", help="Also standstill under load: held, or what is promised of a round rotor.")
     ] = False,
-    json: Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")] = None,
+    json: Json = None,
 ) -> None:
     """Start drives from rest at an unknown angle, in either direction, under load: whether and how fast they lock.
 

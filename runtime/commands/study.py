@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,10 +12,13 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from model.drives.load import shipped_drives
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Drives, Json
 from runtime.study.statement import USUAL, VARIABLES
-from runtime.system.files import write_text
+from runtime.system.errors import UserError
+from runtime.system.files import write_facts
+from runtime.system.values import nearest
 
 
 class RunByDefault(TyperGroup):
@@ -25,6 +27,9 @@ class RunByDefault(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words of the command line; where none names a subcommand, ``run`` is meant."""
         if not args or args[0] not in (*self.commands, "-h", "--help"):
+            for word in args[:1]:
+                if word not in shipped_drives() and not Path(word).exists() and (hint := nearest(word, self.commands)):
+                    raise UserError(f"study: '{word}' is no drive, and none of {', '.join(self.commands)}.{hint}")
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
@@ -49,7 +54,7 @@ Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn: 
 @app.command("run")
 def run(
     drives: Drives = None,
-    runs: Annotated[int, typer.Option(min=1, help="Of each drive with each filter.")] = 1000,
+    runs: Annotated[int, typer.Option(min=1, max=10**8, help="Of each drive with each filter.")] = 1000,
     filters: Annotated[str, typer.Option(metavar="KINDS", help="Comma-separated: ckf,ickf,ekf,ukf.")] = "ckf,ickf",
     vary: Annotated[
         list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: {' '.join(USUAL)}.")
@@ -58,7 +63,9 @@ def run(
     seed: Seed = 1,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Runs, figures (svg). Default: build/study/ and a name of the study's own."),
+        writes_folder(
+            "Runs, figures (svg). Default: build/study/ and a name of the study's own.",
+        ),
     ] = None,
     json: Json = None,
     scheduler: Annotated[
@@ -90,7 +97,7 @@ def run(
         paths = write_figures(study)
         say(f"Figures: {', '.join(path.name for path in paths)}")
     if json is not None:
-        json.write_text(json_module.dumps(study_facts(study), indent=2) + "\n")
+        write_facts(json, study_facts(study))
     if study.interrupted:
         done = sum(len(group.index) for group in study.groups)
         console.print(
@@ -106,7 +113,7 @@ def run(
 @app.command("tune")
 def tune(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
-    trials: Annotated[int, typer.Option(min=1, help="Altogether, those of earlier calls included.")] = 200,
+    trials: Annotated[int, typer.Option(min=1, max=10**6, help="Altogether, those of earlier calls included.")] = 200,
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
     ] = None,
@@ -116,7 +123,8 @@ def tune(
     p0: Annotated[bool, typer.Option("--p0", help="Tune the initial covariance too.")] = False,
     seed: Seed = 1,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Trials and figures. Default: build/tune/<drive>_<filter>.")
+        Path | None,
+        writes_folder("Trials and figures. Default: build/tune/<drive>_<filter>."),
     ] = None,
     json: Json = None,
 ) -> None:
@@ -146,7 +154,7 @@ def tune(
     paths = write_front(tuned, tuned.folder)
     say(f"\nTrials and {paths[0].name}: {tuned.folder}")
     if json is not None:
-        json.write_text(json_module.dumps(tuned_facts(tuned), indent=2) + "\n")
+        write_facts(json, tuned_facts(tuned))
     if tuned.interrupted:
         console.print(
             f"interrupted after {len(tuned.points)} of {trials} trials; the same command goes on.", highlight=False
@@ -160,11 +168,9 @@ def draw_map(
     kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
     ] = None,
-    runs: Annotated[int, typer.Option(min=1, help="Of each cell.")] = 8,
+    runs: Annotated[int, typer.Option(min=1, max=10**6, help="Of each cell.")] = 8,
     seed: Seed = 1,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Page and figure. Default: build/map/<drive>.")
-    ] = None,
+    out: Annotated[Path | None, writes_folder("Page and figure. Default: build/map/<drive>.")] = None,
     json: Json = None,
 ) -> None:
     """Where a drive holds: success and angle error over speed x load x wrong R and psi_m, the worst corner first."""
@@ -186,7 +192,7 @@ def draw_map(
     page = write_map(found, out or Path("build") / "map" / found.drive)
     say(f"Page: {page}")
     if json is not None:
-        write_text(json, json_module.dumps(map_facts(found), indent=2) + "\n")
+        write_facts(json, map_facts(found))
 
 
 @contextmanager

@@ -11,6 +11,7 @@ import typer
 from rich.markup import escape
 
 from model.drives.load import cautions
+from runtime.commands.paths import writes_file
 from runtime.commands.terminal import console
 from runtime.firmware.static.check import Check
 from runtime.folders.generate import Written
@@ -23,7 +24,7 @@ Drives = Annotated[list[str] | None, typer.Argument(metavar="DRIVE", help=f"{DRI
 Fresh = Annotated[
     bool, typer.Option("--fresh", help="Make everything anew, also what an earlier run found of the same sources.")
 ]
-Json = Annotated[Path | None, typer.Option("--json", metavar="F", help="Write every figure to this file.")]
+Json = Annotated[Path | None, writes_file("Write every figure to this file.", "--json")]
 
 
 #: Said of what was not made by this run.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from codegen.targets.find import find_target
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.subject import Subject
 from runtime.drive.experiment import run_facts
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 
 
 @dataclass(frozen=True)
@@ -138,4 +137,4 @@ def to_json(subjects: Sequence[Subject]) -> dict[str, Any]:
 
 def write_json(subjects: Sequence[Subject], path: Path) -> None:
     """:func:`to_json` into a file."""
-    write_text(path, json.dumps(to_json(subjects), indent=2) + "\n")
+    write_facts(path, to_json(subjects))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from model.drives.load import explain
 from model.drives.text import EncodingError, read_text
@@ -27,6 +27,7 @@ from model.schema import (
     Resistance,
     SampleTime,
     Speed,
+    Stated,
     Torque,
     Unit,
     Voltage,
@@ -56,14 +57,13 @@ START_ANGLE = 30.0
 NOISE_SHARE = 1e-3
 
 
-class Section(BaseModel):
+class Section(Stated):
     """Base of the sections: keys with their units, ranges, defaults and meanings.
 
     ``title``: its name in the file. ``alternatives``: quantities that can be stated in several ways; a way is a key, or
     some that go together.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     title: ClassVar[str] = ""
     alternatives: ClassVar[tuple[tuple[tuple[str, ...], ...], ...]] = ()
 

@@ -92,22 +92,9 @@ def edit_drive(design: Design, path: Path) -> str:
     UserError
         The file cannot be read, or is another drive's.
     """
-    try:
-        import tomlkit
-        from tomlkit.exceptions import TOMLKitError
-    except ImportError:
-        raise UserError("--write needs tomlkit: pip install 'pmsm-ickf[design]'. --out needs nothing.") from None
-    try:
-        document = tomlkit.parse(read_text(path))
-    except OSError as error:
-        raise UserError(f"'{path}' cannot be read: {error.strerror}. --out writes a new file.") from None
-    except (TOMLKitError, EncodingError) as error:
-        raise UserError(f"'{path}' is not valid TOML: {error}") from None
-    if document.get("name") != design.name:
-        raise UserError(
-            f"'{path}' is the drive file of '{document.get('name')}', the facts are those of '{design.name}'. "
-            "One of the two names must change, or --out write a file of its own."
-        )
+    import tomlkit
+
+    document = read_document(path, design.name)
     for section, choices in design.sections.items():
         table = document.setdefault(section, tomlkit.table())
         if not isinstance(table, dict):
@@ -119,3 +106,36 @@ def edit_drive(design: Design, path: Path) -> str:
             table[key] = choice.value
             table[key].comment(f"{said}{NOW}{choice.reason}" if said else choice.reason)
     return tomlkit.dumps(document)
+
+
+def read_document(path: Path, name: str) -> Any:
+    """A drive file that is to be edited, comments and all.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What its drive must be called.
+
+    Raises
+    ------
+    UserError
+        The file cannot be read, or is another drive's.
+    """
+    try:
+        import tomlkit
+        from tomlkit.exceptions import TOMLKitError
+    except ImportError:
+        raise UserError("--write needs tomlkit: pip install 'pmsm-ickf[design]'. --out needs nothing.") from None
+    try:
+        document = tomlkit.parse(read_text(path))
+    except OSError as error:
+        raise UserError(f"'{path}' cannot be read: {error.strerror}. --out writes a new file.") from None
+    except (TOMLKitError, EncodingError) as error:
+        raise UserError(f"'{path}' is not valid TOML: {error}") from None
+    if document.get("name") != name:
+        raise UserError(
+            f"'{path}' is the drive file of '{document.get('name')}', the facts are those of '{name}'. "
+            "One of the two names must change, or --out write a file of its own."
+        )
+    return document

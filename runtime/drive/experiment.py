@@ -18,7 +18,7 @@ from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.compiler import find_compiler
 from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.resolve import NamedDrive, find_drive
-from runtime.system.errors import UserError
+from runtime.system.values import read_word
 
 Progress = Callable[[str], None]
 
@@ -82,8 +82,7 @@ def simulate(
     drive = named.drive
     asked = find_scenario(scenario, drive, **(task or {}))
     for kind in kinds:
-        if kind not in KINDS:
-            raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
+        read_word(kind, "filter", KINDS)
     runs = []
     with ExitStack() as stack:
         folders = {kind: folder_with(named, kind, stack) for kind in kinds}

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.estimator.folder import GeneratedFolder
 from runtime.system.errors import UserError
-from runtime.system.values import read_number
+from runtime.system.values import read_number, read_word
 
 Array = NDArray[Any]
 
@@ -46,8 +46,9 @@ def parse_factors(text: str) -> dict[str, float]:
             raise UserError(f"--factors '{entry}' is not NAME=FACTOR, such as R=1.1.")
         factor = read_number(value, f"--factors {name}:", *FACTOR_RANGE)
         for datum in ("L_d", "L_q") if name == "L" else (name,):
-            if datum not in FACTORS:
-                raise UserError(f"--factors: no motor datum '{name}'; there are: L, {', '.join(FACTORS)}.")
+            read_word(datum, "--factors", ("L", *FACTORS))
+            if datum in found:
+                raise UserError(f"--factors '{text}' gives {datum} twice.")
             found[datum] = factor
     return found
 

@@ -12,6 +12,7 @@ from model.rating import rating
 from model.schema import Drive
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
+from runtime.system.values import read_word
 
 Array = NDArray[np.float64]
 
@@ -129,8 +130,7 @@ def find_scenario(
     UserError
         There is no such scenario, or a number is none that a drive can be asked for.
     """
-    if name not in SCENARIOS:
-        raise UserError(f"no scenario '{name}'; there are: {', '.join(SCENARIOS)}.")
+    read_word(name, "scenario", SCENARIOS)
     found = scenarios(drive)[name]
     for word, value in (("speed", speed), ("load", load), ("ramp", ramp)):
         if value is not None and not math.isfinite(value):

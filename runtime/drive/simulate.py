@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 from runtime.drive.experiment import SweepPoint, run_facts, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Conditions, Run
-from runtime.system.files import make_folder, write_text
+from runtime.system.files import make_folder, write_facts, write_text
 
 Progress = Callable[[str], None]
 
@@ -66,7 +65,7 @@ def simulate_drive(
     points = sample_time_sweep(drive, conditions=setting, progress=progress) if sweep else []
     if json_path is not None:
         facts = {"drive": drive, "runs": [run_facts(run) for run in runs], "sweep": [asdict(point) for point in points]}
-        write_text(json_path, json.dumps(facts, indent=2) + "\n")
+        write_facts(json_path, facts)
     if out is not None:
         _write_runs(out, names, runs, points, numbered=drive == "paper_spmsm")
     return Simulated(runs, points)

@@ -23,6 +23,7 @@ from runtime.recorded.data import write_recorded
 from runtime.recorded.truth import AgainstTruth
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
+from runtime.system.values import read_word
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]
@@ -219,8 +220,7 @@ class Simulator:
             Sensor noise in A in place of what ``conditions`` would draw: a fleet's run again, say.
         """
         conditions = conditions or Conditions()
-        if conditions.inverter not in INVERTERS:
-            raise UserError(f"no inverter '{conditions.inverter}'; there are: {', '.join(INVERTERS)}.")
+        read_word(conditions.inverter, "inverter", INVERTERS)
         T = self.module.SAMPLE_TIME
         steps = round(scenario.duration / T)
         t = T * np.arange(steps)
@@ -234,9 +234,8 @@ class Simulator:
             load=scenario.load_torque(t),
         )
         machine = self._machine(conditions)
-        loop = {"c": self._run_c, "numpy": self._run_numpy}.get(controller)
-        if loop is None:
-            raise UserError(f"controller '{controller}' is not c or numpy.")
+        loops = {"c": self._run_c, "numpy": self._run_numpy}
+        loop = loops[read_word(controller, "controller", loops)]
         gain = self._gain(conditions)
         rows, x, words, duty, status = loop(machine, conditions, gain, tuning or {}, inputs, progress)
         i = np.column_stack([rows[:, 0], (rows[:, 0] + 2 * rows[:, 1]) / np.sqrt(3)])

@@ -15,17 +15,22 @@ from pathlib import Path
 from typing import Any
 
 from runtime.system.errors import UserError
+from runtime.system.needs import packaged_compiler
 
 #: Contraction into fused multiply-add would change bits, so it is always off.
 FLAGS = ("-std=gnu99", "-ffp-contract=off")
 LIBRARY = ("-fPIC", "-shared")
+#: What ``zig cc`` would do otherwise: trap undefined behaviour. Its code is for the processor it runs on, as with
+#: -march=native, unless it is told what every one of the kind can do.
+PACKAGED = ("-fno-sanitize=undefined",)
+ANY_PROCESSOR = "-mcpu=baseline"
 
 #: Seconds after which a compiler is taken to hang; each file needs a few.
 PATIENCE = 300.0
 
 
 def find_compiler() -> list[str]:
-    """The system's C compiler as a command: $CC if set, else cc, gcc or clang.
+    """A C compiler as a command: $CC if set, else cc, gcc or clang, else the one in the Python package ziglang.
 
     Raises
     ------
@@ -43,10 +48,18 @@ def find_compiler() -> list[str]:
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
+    zig = packaged_compiler()
+    if zig is not None:
+        return [zig, "cc", *PACKAGED]
     raise UserError(
-        "no C compiler found (looked for cc, gcc, clang). Install one (Debian: apt-get install gcc) or set CC; "
-        'the numpy back end works without: backend="numpy".'
+        "no C compiler found (looked for cc, gcc, clang, ziglang). Install one (Debian: apt-get install gcc; anywhere: "
+        "pip install 'pmsm-ickf[compiler]') or set CC; the numpy back end works without: backend=\"numpy\"."
     )
+
+
+def compiler_name() -> str:
+    """The compiler's name for a table, without its folder."""
+    return Path(find_compiler()[0]).name
 
 
 def cache_folder() -> Path:
@@ -108,6 +121,8 @@ def build_program(
 def _build(sources: Mapping[str, str], defines: Mapping[str, str], more: tuple[str, ...], suffix: str) -> Path:
     flags = [*FLAGS, *more, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
     compiler = find_compiler()
+    if compiler[1:] == ["cc", *PACKAGED] and "-march=native" not in flags:
+        flags.append(ANY_PROCESSOR)
     key = hashlib.sha256(
         repr((sorted(sources.items()), flags, compiler, _identity(compiler), _processor(flags))).encode()
     )

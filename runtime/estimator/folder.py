@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from runtime.system.errors import UserError
+from runtime.system.values import nearest
 
 #: The generated drives that come with the project lie beside its packages.
 GENERATED = Path(__file__).parents[2] / "generated"
@@ -68,7 +68,8 @@ class GeneratedFolder:
             The folder has no filter of this kind; the message lists those it has.
         """
         if kind not in self.kinds:
-            raise UserError(f"drive '{self.drive}' has no filter '{kind}'; generated: {', '.join(self.kinds)}.")
+            hint = nearest(kind, self.kinds)
+            raise UserError(f"drive '{self.drive}' has no filter '{kind}'; generated: {', '.join(self.kinds)}.{hint}")
 
     def chosen(self, kind: str | None) -> str:
         """The kind of filter that is asked for.
@@ -150,8 +151,7 @@ def find_folder(name: str | Path, checked: bool = True) -> GeneratedFolder:
     if Path(name).is_dir():
         raise UserError(f"'{name}' is not a generated folder: no manifest.json in it.")
     known = sorted(path.parent.name for path in GENERATED.glob("*/manifest.json"))
-    close = difflib.get_close_matches(str(name), known, n=1)
-    hint = f" Did you mean '{close[0]}'?" if close else ""
+    hint = nearest(str(name), known)
     raise UserError(
         f"no generated drive '{name}': neither a shipped one ({', '.join(known) or 'none'}) nor a folder.{hint}"
     )

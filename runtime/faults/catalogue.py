@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.faults.loop import CLIP, FAULT, HOLD_A, OPEN_A, POWER_OFF, REPLACE_A, REPLACE_B, STALL, SWAP
-from runtime.system.errors import UserError
+from runtime.system.values import read_words
 
 Array = NDArray[Any]
 
@@ -312,7 +312,4 @@ def find_faults(names: str | None) -> tuple[Fault, ...]:
     if names is None:
         return FAULTS
     known = {fault.name: fault for fault in FAULTS}
-    for name in names.split(","):
-        if name not in known:
-            raise UserError(f"no fault '{name}'; there are: {', '.join(known)}.")
-    return tuple(known[name] for name in names.split(","))
+    return tuple(known[name] for name in read_words(names, "fault", known))

@@ -22,7 +22,7 @@ from runtime.faults.loop import FAULT, FaultyLoop, FaultyRun, FoundMotor
 from runtime.faults.survey import ANGLE_BAND
 from runtime.folders.stated import stated_drive
 from runtime.recorded.units import RPM
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 
 Array = NDArray[Any]
@@ -379,6 +379,4 @@ def write_starts(starts: Sequence[Starts], path: Path) -> None:
     starts : sequence of Starts
     path : Path
     """
-    import json
-
-    write_text(path, json.dumps(starts_facts(starts), indent=2) + "\n")
+    write_facts(path, starts_facts(starts))

@@ -17,7 +17,7 @@ from runtime.faults.catalogue import FAULTS, Circumstances, Fault
 from runtime.faults.loop import FaultyLoop, FaultyRun
 from runtime.folders.stated import stated_drive
 from runtime.recorded.units import RPM
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 
 Array = NDArray[Any]
@@ -245,10 +245,8 @@ def outcome_facts(outcome: Outcome) -> dict[str, Any]:
 
 def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
     """Every figure as JSON; a run that did not recover has null for its time."""
-    import json
-
     facts = [outcome_facts(outcome) for outcome in outcomes]
     for fact in facts:
         for run in (*fact["runs"], *fact["alone"]):
             run.update({name: None for name, value in run.items() if value != value})
-    write_text(path, json.dumps(facts, indent=2) + "\n")
+    write_facts(path, facts)

@@ -5,7 +5,6 @@ A gate is a function ``(folder, progress) -> list[Check]``; adding one is one mo
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,7 +21,7 @@ from runtime.firmware.static.check import Check
 from runtime.folders.current import check_ready, current_package
 from runtime.folders.kept import keep, tool
 from runtime.folders.resolve import find_drive
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 from runtime.system.workers import say, share
 
@@ -85,7 +84,7 @@ def check_firmware(
     if json_path is not None:
         rows = [{"drive": r.drive, "kept": r.kept, "checks": [asdict(check) for check in r.checks]} for r in results]
         facts = {"passed": all_hold(r.good(allow_missing=False) for r in results), "drives": rows}
-        write_text(json_path, json.dumps(facts, indent=2) + "\n")
+        write_facts(json_path, facts)
     return results
 
 

@@ -23,7 +23,10 @@ def check_ready(drive: str | Path) -> None:
     drive : str | Path
         A shipped name or the path of a TOML file.
     """
-    find_compiler()
+    try:
+        find_compiler()
+    except UserError as error:
+        raise UserError(f"{error} The proof of the C (D-E) cannot do without.") from None
     _check_unedited(find_drive(drive))
 
 

@@ -15,8 +15,10 @@ from codegen.output.folder import MANIFEST, difference, write_folder
 from codegen.targets.find import find_target
 from model.drives.load import shipped_drives
 from model.schema import Drive, DriveError, TargetChoice
+from runtime.estimator.folder import GENERATED
 from runtime.folders.resolve import NamedDrive, find_drive, target_folder
 from runtime.system.errors import UserError
+from runtime.system.values import read_word
 from runtime.system.workers import workers
 
 Progress = Callable[[str], None]
@@ -69,25 +71,26 @@ def generate_drives(
     """
     if target is not None and out is None:
         raise UserError("--target differs from what the drive file says: say where it goes with --out DIR.")
-    if form not in FORMS:
-        raise UserError(f"no form '{form}'; there are: {', '.join(FORMS)}.")
+    read_word(form, "form", FORMS)
     if form != "fast" and out is None:
         raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
     chosen = [find_drive(word) for word in drives or shipped_drives()]
     if target is not None:
         find_target(target)
         chosen = [replace(named, drive=for_target(named.drive, target)) for named in chosen]
-    packages = _generate_all(chosen, out, check, form, progress)
-    names = [package.name for package in packages]
+    names = [named.drive.name for named in chosen]
     for name in names:
         if names.count(name) > 1:
             raise DriveError(f"two drives are called '{name}'; each needs a name of its own.")
     folders = [target_folder(named, out) for named in chosen]
+    packages = _generate_all(chosen, out, check, form, progress)
     results = []
     for folder, named, package in zip(folders, chosen, packages, strict=True):
         diff = difference(folder, package.files)
         state = "unchanged" if not diff else "stale" if check else "updated" if (folder / MANIFEST).is_file() else "new"
         if diff and not check:
+            if folder.parent == GENERATED and not (GENERATED.parent / "pyproject.toml").is_file():
+                raise UserError(f"'{folder}' is the installed package's and stays as it is: say where with --out DIR.")
             progress(f"{named.word}: writing")
             write_folder(folder, package.files, force)
         results.append(Written(package.name, folder, state, len(package.files), diff, package.remark))

@@ -18,6 +18,7 @@ from runtime.design.rules import design
 from runtime.folders.resolve import find_drive
 from runtime.identify.unknowns import DATA, Datum
 from runtime.system.errors import UserError
+from runtime.system.values import nearest
 
 #: Words of --free by default; L of a round rotor, L_d and L_q of a salient one.
 USUAL = ("R", "L", "L_d", "L_q", "psi_m", "J", "V_dead")
@@ -122,7 +123,7 @@ def _asked(words: list[str] | None, drive: Drive, facts: Facts) -> tuple[Datum, 
         raise UserError(f"--free names nothing; there are {', '.join(DATA)}.")
     for word in words:
         if word not in DATA:
-            raise UserError(f"--free {word}: no such datum; there are {', '.join(DATA)}.")
+            raise UserError(f"--free {word}: no such datum; there are {', '.join(DATA)}.{nearest(word, DATA)}")
         if word in others:
             of_model = "one inductance: L" if round_rotor else "two inductances: L_d,L_q"
             raise UserError(f"--free {word}: the machine '{drive.model.machine}' of '{drive.name}' has {of_model}.")

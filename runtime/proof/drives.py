@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,7 +13,7 @@ from runtime.folders.kept import keep
 from runtime.folders.resolve import find_drive
 from runtime.proof.result import Proof
 from runtime.proof.verify import Effort, Evidence, verify
-from runtime.system.files import write_text
+from runtime.system.files import write_facts
 from runtime.system.verdicts import all_hold
 from runtime.system.workers import say, share
 
@@ -45,7 +44,7 @@ def verify_drives(
     if json_path is not None:
         proofs = [proof.to_json() for proof, _ in results]
         facts = {"passed": all_hold(p["passed"] for p in proofs), "drives": proofs}
-        write_text(json_path, json.dumps(facts, indent=2) + "\n")
+        write_facts(json_path, facts)
     return results
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from codegen.evidence.box import BoxSamples
 from model.filters.program import FilterStep
 from runtime.estimator.c_backend import CBackend
-from runtime.estimator.compiler import find_compiler
+from runtime.estimator.compiler import compiler_name
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.numpy_backend import NumpyBackend
 from runtime.proof.probe import Entries, c_entries, first_parted, locate, numpy_entries, parted
@@ -62,7 +62,7 @@ class Bits:
         backend = CBackend(self.folder, self.step.kind, "float32", optimisation, lanes=False)
         backend.reset(self.x0.copy(), self.words0.copy())
         trace = backend.run(self.u, self.y)
-        data = f"{len(self.u)} steps and {self.singles[0].lanes} draws, {find_compiler()[0]} {' '.join(optimisation)}"
+        data = f"{len(self.u)} steps and {self.singles[0].lanes} draws, {compiler_name()} {' '.join(optimisation)}"
         inside, parts = self._inside() if optimisation == OPTIMISATIONS[0] else ((), None)
         rows = (*_rows("trajectory", self.trace, trace), *self._from_starts(backend), *inside)
         return self._link("NumPy float32 = C, bit for bit", data, rows, self._first(trace) or parts)
@@ -72,7 +72,7 @@ class Bits:
         backend = CBackend(self.folder, self.step.kind, "float32")
         steps = len(self.starts[-1].u)
         lanes, draws = self.starts[-1].lanes, self.singles[0].lanes
-        data = f"{steps} steps of {lanes} lanes and {draws} draws, lane form, {find_compiler()[0]}"
+        data = f"{steps} steps of {lanes} lanes and {draws} draws, lane form, {compiler_name()}"
         rows = self._from_starts(backend)
         first = self._first_lane(self.expected[-1], self._run(backend, self.starts[-1]))
         return self._link("NumPy float32 = each lane of a batch in C, bit for bit", data, rows, first)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimator.c_backend import c_sources, declarations
-from runtime.estimator.compiler import build_library, find_compiler, open_library
+from runtime.estimator.compiler import build_library, compiler_name, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.control import clarke
 from runtime.proof.drive_draws import inputs, set_drive
@@ -73,7 +73,7 @@ def link_drive(
         any_memory(compiled, folder.module, ANY_MEMORY),
         _drive_bits(compiled, folder.module, kind, hand, samples),
     )
-    data = f"{LANES * interrupts} interrupts, {2 * samples} of the drive, {find_compiler()[0]} -O0"
+    data = f"{LANES * interrupts} interrupts, {2 * samples} of the drive, {compiler_name()} -O0"
     claim = "supervisor and drive: NumPy float32 = C, bit for bit"
     bits = Link("D-E", claim, folder.drive, kind, gain, data, rows)
     found = by_hand(folder.module, kind, hand, samples)

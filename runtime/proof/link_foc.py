@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from runtime.drive.interface import controller_declarations
 from runtime.estimator.c_backend import c_sources
-from runtime.estimator.compiler import build_library, find_compiler, open_library
+from runtime.estimator.compiler import build_library, compiler_name, open_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.control import SENSED_MAX, Sample, best_currents, clarke, control, gains_of, torque_of
 from runtime.proof.motors import Plant
@@ -231,7 +231,7 @@ def _bits(folder: GeneratedFolder, kind: str, gain: str, parameters: Mapping[str
         Row("-", "what _foc_init loads", "gains, limits, start", float(loaded), 0.0, len(settings())),
         Row("-", "duty cycles, status, struct", "samples that differ", float(different), 0.0, count),
     )
-    data = f"{count} samples, {find_compiler()[0]} -O0"
+    data = f"{count} samples, {compiler_name()} -O0"
     return Link("D-E", "controller: NumPy float32 = C, bit for bit", folder.drive, kind, gain, data, rows)
 
 

@@ -12,6 +12,7 @@ from runtime.recorded.frames import FRAMES
 from runtime.recorded.source import Source
 from runtime.recorded.units import SI, find_unit
 from runtime.system.errors import UserError
+from runtime.system.values import checked_number
 
 INPUTS = ("u_alpha", "u_beta", "i_alpha", "i_beta")
 TRUTH = ("omega", "theta", "load_torque")
@@ -172,6 +173,7 @@ def offsets(source: Source, columns: Mapping[str, int], given: Sequence[str]) ->
             value = np.nan
         if not np.isfinite(value):
             raise UserError(f"--offset {ours}={text}: '{text}' is not a number such as -0.12 or 90deg.")
+        checked_number(value, f"--offset {ours}={text}:")
         found[ours] = value * (_factor(ours, match[2].strip()) if match and match[2] else 1.0)
     return found
 

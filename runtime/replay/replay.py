@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +23,7 @@ from runtime.replay.statistics import Consistency, consistency
 from runtime.replay.wiring import MISFIT_WORDS, TRIED, find_wiring
 from runtime.replay.words import Inputs, Words
 from runtime.system.errors import UserError
-from runtime.system.files import whole_file, write_text
+from runtime.system.files import whole_file, write_facts
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]
@@ -131,7 +130,7 @@ class Replay:
         ----------
         path : Path
         """
-        write_text(path, json.dumps(self.to_json(), indent=2) + "\n")
+        write_facts(path, self.to_json())
 
     def write_estimates(self, path: Path) -> None:
         """Write t, x, P, status as .npz; P in float32 and block by block, so that memory never holds all of it.

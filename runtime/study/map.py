@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.experiment import folder_with
+from runtime.drive.experiment import KINDS, folder_with
 from runtime.drive.fleet import Cases, Fleet
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.estimator.compiler import find_compiler
 from runtime.folders.resolve import find_drive
+from runtime.system.values import read_word
 
 Array = NDArray[Any]
 #: Called with runs done, of all, and what is being run.
@@ -98,6 +99,7 @@ def draw_map(
     find_compiler()
     named = find_drive(drive)
     kind = kind or named.drive.filter.kinds[0]
+    read_word(kind, "filter", KINDS)
     scenario = find_scenario("load_step", named.drive)
     axes = np.meshgrid(FLUXES, RESISTANCES, LOADS, SPEEDS, np.arange(runs), indexing="ij")
     flux, resistance, load, speed, run = (axis.ravel() for axis in axes)

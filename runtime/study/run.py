@@ -22,6 +22,7 @@ from runtime.study.package import Package, pack, run_package
 from runtime.study.statement import Statement, parse_ranges
 from runtime.study.store import Chunk, Store, chunks
 from runtime.system.errors import UserError, take_interrupt
+from runtime.system.values import read_word
 
 Array = NDArray[Any]
 #: Called with runs done, of all, and what is being run.
@@ -73,8 +74,7 @@ def state_study(
     find_compiler()
     ranges = parse_ranges(vary)
     for kind in kinds:
-        if kind not in KINDS:
-            raise UserError(f"no filter '{kind}'; there are: {', '.join(KINDS)}.")
+        read_word(kind, "filter", KINDS)
     packages, tasks, rated = [], [], []
     for name in dict.fromkeys(drives):
         named = find_drive(name)

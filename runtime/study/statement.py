@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -16,7 +15,7 @@ from runtime.drive.fleet import Cases
 from runtime.drive.motor import FACTOR_RANGE
 from runtime.drive.scenario import Scenario
 from runtime.system.errors import UserError
-from runtime.system.values import MOST, read_number
+from runtime.system.values import MOST, nearest, read_number
 
 Array = NDArray[Any]
 
@@ -109,8 +108,7 @@ def parse_range(text: str) -> Range:
     if not equals:
         raise UserError(f"--vary '{text}' is not NAME=LOW:HIGH, such as R=0.8:1.2.")
     if name not in VARIABLES:
-        close = difflib.get_close_matches(name, VARIABLES, n=1)
-        hint = f" Did you mean '{close[0]}'?" if close else f" There are: {', '.join(VARIABLES)}."
+        hint = nearest(name, VARIABLES) or f" There are: {', '.join(VARIABLES)}."
         raise UserError(f"--vary '{text}': nothing called '{name}' varies.{hint}")
     parts = values.split(":")
     rated = parts[-1] == "rated"

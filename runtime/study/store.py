@@ -61,12 +61,20 @@ class Store:
         facts = {**statement.facts(), "digest": statement.digest}
         path = folder / STATEMENT
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             if path.exists():
                 self._check(json.loads(path.read_text(encoding="utf-8")), facts)
-            else:
-                write_atomically(path, (json.dumps(facts, indent=2) + "\n").encode())
         except (OSError, ValueError) as error:
+            raise UserError(f"'{path}' cannot be used: {error}. Choose another --out.") from None
+
+    def _begin(self) -> None:
+        """Make the folder, and say in it which study it holds: with the first chunk, for before it a study can fail."""
+        path = self.folder / STATEMENT
+        facts = {**self.statement.facts(), "digest": self.statement.digest}
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if not path.exists():
+                write_atomically(path, (json.dumps(facts, indent=2) + "\n").encode())
+        except OSError as error:
             raise UserError(f"'{path}' cannot be used: {error}. Choose another --out.") from None
 
     def _check(self, found: dict[str, Any], wanted: dict[str, Any]) -> None:
@@ -102,6 +110,7 @@ class Store:
         chunk : Chunk
         outcomes : Outcomes
         """
+        self._begin()
         path = self._path(chunk)
         path.parent.mkdir(exist_ok=True)
         with tempfile.TemporaryFile() as scratch:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,6 +48,19 @@ def write_text(path: Path, text: str) -> None:
     """A text file in UTF-8, by way of :func:`whole_file`."""
     with whole_file(path) as file:
         file.write(text.encode())
+
+
+def write_facts(path: Path, facts: object) -> None:
+    """Figures as a JSON file that every reader takes, by way of :func:`whole_file`: what is no number is null."""
+    write_text(path, json.dumps(_as_json(facts), indent=2, allow_nan=False) + "\n")
+
+
+def _as_json(facts: object) -> object:
+    if isinstance(facts, dict):
+        return {key: _as_json(value) for key, value in facts.items()}
+    if isinstance(facts, list | tuple):
+        return [_as_json(value) for value in facts]
+    return None if isinstance(facts, float) and not math.isfinite(facts) else facts
 
 
 def make_folder(path: Path) -> None:

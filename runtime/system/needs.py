@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shutil
 from collections.abc import Iterator
@@ -44,18 +45,30 @@ EXTRAS = {
     "mat": ".mat recordings",
     "mdf": "MDF recordings",
     "study": "study tune (Optuna), study --scheduler (Dask)",
+    "compiler": "a C compiler (zig cc), where there is no other",
 }
 
 
 def program_found(program: Program) -> str | None:
-    """Where a program is, or None.
+    """Where a program is, or None; a C compiler may be the one in the Python package ziglang.
 
     Parameters
     ----------
     program : Program
     """
     names = ("cc", "gcc", "clang") if program.name == "cc" else (program.name,)
-    return next(filter(None, map(shutil.which, names)), None)
+    found = next(filter(None, map(shutil.which, names)), None)
+    return packaged_compiler() if found is None and program.name == "cc" else found
+
+
+def packaged_compiler() -> str | None:
+    """The program of the Python package ziglang, whose ``cc`` is clang with a C library of its own; None without it."""
+    found = importlib.util.find_spec("ziglang")
+    for folder in (found.submodule_search_locations or ()) if found else ():
+        program = shutil.which("zig", path=folder)
+        if program is not None:
+            return program
+    return None
 
 
 def extra_lacks(extra: str) -> list[str]:

@@ -177,7 +177,7 @@ def test_simulate_says_when_lock_is_lost(tmp_path: Path) -> None:
         (("--scenario", "dance"), "no scenario 'dance'; there are: no_load, load_step"),
         (("--filters", "ckf,pf"), "no filter 'pf'; there are: ckf, ickf, ekf, ukf"),
         (("--inverter", "magic"), "no inverter 'magic'"),
-        (("--controller", "rust"), "controller 'rust' is not c or numpy"),
+        (("--controller", "rust"), "no controller 'rust'; there are: c, numpy"),
     ],
 )
 def test_simulate_refuses_unknown_words(arguments: tuple[str, ...], expected: str, tmp_path: Path) -> None:

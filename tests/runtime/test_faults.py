@@ -176,9 +176,7 @@ def test_a_read_only_disk_is_one_line(tmp_path: Path) -> None:
         """
     done = mounted(tmp_path, script)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.splitlines()[-1] == (
-        "pmsm-ickf: cannot write 'fixed/paper_spmsm': Read-only file system; it is left as it was."
-    )
+    assert done.stderr.splitlines()[-1] == ("pmsm-ickf: --out 'fixed' cannot be written to: a read-only file system.")
     assert "Traceback" not in done.stderr
 
 

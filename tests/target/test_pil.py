@@ -339,7 +339,7 @@ def test_pil_command_end_to_end(tmp_path: Path) -> None:
     ("arguments", "expected"),
     [
         (("--port", "no_such_port"), "cannot open port 'no_such_port'"),
-        (("--port", "simulated", "--mode", "dance"), "mode 'dance' is not one of"),
+        (("--port", "simulated", "--mode", "dance"), "no mode 'dance'; there are: free, single"),
         (("--port", "simulated", "--tolerance", "certificate", "--mode", "free"), "the certificate is of one step"),
         (("--port", "simulated", "--filter", "pf"), "has no filter 'pf'"),
         (("--port", "simulated", "--data", "none.csv"), "cannot be read as recorded data"),

@@ -97,7 +97,7 @@ WRITTEN = of(
     ("her comment is lost", 'f"{said}{NOW}{choice.reason}" if said else choice.reason', "choice.reason", FILE),
     ("now and now", '.partition(NOW)[0] if key in table', ' if key in table', FILE),
     ("what is the same is said anew", "if table.get(key) == choice.value:", "if False:", FILE),
-    ("another drive's file", 'if document.get("name") != design.name:', "if False:", FILE),
+    ("another drive's file", 'if document.get("name") != name:', "if False:", FILE),
     ("the old value stays", "table[key] = choice.value\n", "table[key] = table.get(key, choice.value)\n", FILE),
     ("six digits", "else repr(value)", 'else f"{value:g}"', FILE),
     ("facts without what they mean", "Choice(value, meaning(section, key))", 'Choice(value, "")', ASKED),
