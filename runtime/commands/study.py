@@ -71,6 +71,7 @@ def run(
     """
     from runtime.study.analysis import study_facts
     from runtime.study.figures import write_figures
+    from runtime.study.page import write_study
     from runtime.study.run import run_study, state_study
     from runtime.study.tables import groups_table, paired_table
     from runtime.style.figures import pyplot
@@ -89,6 +90,7 @@ def run(
             console.print(paired)
         paths = write_figures(study)
         say(f"Figures: {', '.join(path.name for path in paths)}")
+        say(f"Page: {write_study(study, paths)}")
     if json is not None:
         json.write_text(json_module.dumps(study_facts(study), indent=2) + "\n")
     if study.interrupted:
