@@ -102,9 +102,11 @@ def _keep(
         write_facts(json, identified_facts(found, compared))
     if plots is not None:
         from runtime.identify.figures import write_figures
+        from runtime.identify.page import write_identified
 
         for path in write_figures(found, plots):
             say(f"Figure: {path}")
+        say(f"Page: {write_identified(found, compared, plots)}")
     if write is not None:
         write_text(write, text)
         say(f"Written: {write}")

@@ -78,6 +78,7 @@ def run(
     """
     from runtime.study.analysis import study_facts
     from runtime.study.figures import write_figures
+    from runtime.study.page import write_study
     from runtime.study.run import run_study, state_study
     from runtime.study.tables import groups_table, paired_table
     from runtime.style.figures import pyplot
@@ -96,6 +97,7 @@ def run(
             console.print(paired)
         paths = write_figures(study)
         say(f"Figures: {', '.join(path.name for path in paths)}")
+        say(f"Page: {write_study(study, paths)}")
     if json is not None:
         write_facts(json, study_facts(study))
     if study.interrupted:

@@ -6,9 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
-from codegen.output.version import __version__
 from runtime.compare.differences import Line, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.facts import costs, kinds
 from runtime.compare.figures import accuracy_figure, cost_figure, sparsity_figure
@@ -23,6 +20,7 @@ from runtime.compare.tables import (
     shown,
 )
 from runtime.style.pages import equation_line, page_template
+from runtime.style.svg import themed
 from runtime.system.files import make_folder, write_text
 
 
@@ -48,7 +46,6 @@ def _text(subjects: Sequence[Subject], figures: dict[str, str]) -> str:
     }
     columns, certificate = certificate_table(subjects)
     text: str = page_template(Path(__file__).with_name("compare.html.j2")).render(
-        version=__version__,
         labels=[subject.label for subject in subjects],
         subjects=subjects,
         tables=[(title, alike(rows), [row for row in rows if row.differs]) for title, rows in tables.items()],
@@ -59,7 +56,7 @@ def _text(subjects: Sequence[Subject], figures: dict[str, str]) -> str:
         certificate_columns=columns,
         certificate=certificate,
         accuracy=accuracy_rows(subjects),
-        figures={name: Markup(figure) for name, figure in figures.items()},
+        figures={name: themed(figure) for name, figure in figures.items()},
     )
     return text
 

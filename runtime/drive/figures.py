@@ -18,6 +18,11 @@ DASHES = {"ckf": "-", "ickf": "--", "ekf": "-.", "ukf": ":"}
 #: The paper's numbering: speed, its error, position, its error.
 NUMBERS = {"no_load": (4, 5, 6, 7), "load_step": (8, 9, 10, 11)}
 
+_BELOW = ("data", "axes fraction")
+
+#: Slices of time that a noisy quantity is drawn in: six points of a figure's width each.
+SLICES = 80
+
 
 def run_figure(runs: Sequence[Run], numbered: bool = False) -> str:
     """Four panels of one scenario, all filters together.
@@ -47,16 +52,43 @@ def run_figure(runs: Sequence[Run], numbered: bool = False) -> str:
     return svg_text(figure)
 
 
+def loop_figure(run: Run) -> str:
+    """One run at a glance: the speed, true and estimated, and the errors of speed and angle.
+
+    Parameters
+    ----------
+    run : Run
+    """
+    figure, axes = pyplot().subplots(3, 1, figsize=(6.2, 3.9), height_ratios=(1.6, 1, 1))
+    thin = slice(None, None, max(1, len(run.t) // (4 * SLICES)))
+    style: dict[str, Any] = {"color": COLOURS[run.kind], "ls": "-", "lw": 0.9}
+    axes[0].plot(run.t[thin], run.x[thin, 2] * RPM, color=COLOURS[run.kind], lw=1.4, label=f"{run.kind}, estimate")
+    axes[0].plot(run.t[thin], run.omega[thin] * RPM, color=COLOURS["truth"], ls="--", lw=0.9, label="true")
+    if run.scenario.load:
+        axes[0].axvline(run.scenario.load_at, color=COLOURS["truth"], lw=0.8, ls=":")
+        axes[0].annotate(f" {run.scenario.load:.3g} N m", (run.scenario.load_at, 0.06), xycoords=_BELOW, fontsize=8)
+    draw_band(axes[1], run.t, run.speed_error, run.kind, style)
+    draw_band(axes[2], run.t, run.angle_error, run.kind, style)
+    for axis, label in zip(axes, ("speed, r/min", "its error,\nr/min", "angle error,\ndeg el."), strict=True):
+        axis.set_ylabel(label, fontsize=8)
+    axes[0].legend(loc="lower right", ncols=2, fontsize=8, bbox_to_anchor=(1.0, 0.97))
+    axes[2].set_xlabel("time, s", fontsize=8)
+    return svg_text(figure)
+
+
 def draw_band(axis: Any, t: Any, values: Any, label: str, style: dict[str, Any]) -> None:
-    """A noisy quantity as the band between its extremes in each of some 250 slices of time."""
-    width = max(1, len(values) // 250)
+    """A noisy quantity as the band between its extremes in each of some 80 slices of time."""
+    from matplotlib.colors import to_rgba
+
+    width = max(1, len(values) // SLICES)
     count = len(values) // width
     slices = values[: count * width].reshape(count, width)
     middle = t[: count * width].reshape(count, width).mean(axis=1)
     low, high = slices.min(axis=1), slices.max(axis=1)
-    axis.fill_between(middle, low, high, color=style["color"], alpha=0.12, lw=0)
-    axis.plot(middle, low, **style)
-    axis.plot(middle, high, label=label, **style)
+    drawn = {"edgecolor": style["color"], "ls": style.get("ls", "-"), "lw": style["lw"], "label": label}
+    axis.fill_between(middle, low, high, facecolor=to_rgba(style["color"], 0.12), **drawn)
+    for edge in (low, high):  # for the values that the figure tells; the band's own outline is what is seen
+        axis.plot(middle, edge, color=style["color"], ls=style.get("ls", "-"), label=f"_{label}", visible=False)
 
 
 def sweep_figure(points: Sequence[SweepPoint]) -> str:
@@ -73,7 +105,7 @@ def sweep_figure(points: Sequence[SweepPoint]) -> str:
                 axes.annotate(
                     f"{name} loses lock",
                     (p.sample_time * 1e6, 0.92),
-                    xycoords=("data", "axes fraction"),
+                    xycoords=_BELOW,
                     color=colour,
                     ha="right",
                 )

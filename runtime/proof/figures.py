@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from runtime.drive.figures import SLICES, draw_band
 from runtime.proof.link_ab import ALLOWED
 from runtime.proof.link_cd import envelope
 from runtime.proof.result import Proof
@@ -56,13 +57,12 @@ def drift_figure(evidence: Evidence, sample_time: float, units: dict[str, str]) 
     figure, axes = pyplot().subplots(len(panels), 1, figsize=(7.5, 1.25 * len(panels) + 0.6), sharex=True)
     for variant, drift in evidence.drift.items():
         for k, axis in enumerate(axes):
-            top = drift.x[:, k] if k < len(units) else drift.P
-            axis.semilogy(
-                sample_time * drift.steps, np.maximum(top, 1e-12), lw=1, color=COLOURS.get(variant), label=variant
-            )
+            ends, top = envelope(drift.x[:, k] if k < len(units) else drift.P, SLICES // 2)
+            time = sample_time * drift.steps[ends - 1]
+            axis.semilogy(time, np.maximum(top, 1e-12), lw=1, color=COLOURS.get(variant), label=variant)
     for name, axis in zip(panels, axes, strict=True):
         axis.set_ylabel(f"{name}\n{units.get(name, 'relative')}", fontsize=8)
-        axis.yaxis.set_minor_formatter(lambda value, position: "")
+        axis.minorticks_off()
     axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     axes[-1].set_xlabel("time, s")
     return svg_text(figure)
@@ -102,7 +102,7 @@ def trajectory_figure(evidence: Evidence) -> str:
     axes[0].set_ylabel("speed, r/min")
     for axis, values, label in ((axes[1], data.y, "i, A"), (axes[2], data.u, "v, V")):
         for k, (name, colour) in enumerate((("alpha", "#3b6ea8"), ("beta", "#c8553d"))):
-            axis.plot(data.t, values[:, k], lw=0.7, color=colour, label=name)
+            draw_band(axis, data.t, values[:, k], name, {"lw": 0.7, "color": colour})
         axis.set_ylabel(label)
     axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 0.95), ncols=2, fontsize=8)
     axes[2].set_xlabel("time, s")

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from codegen.fast.ablation import OPERATIONS, weights_text
 from codegen.output.folder import read_manifest
-from codegen.output.version import __version__
 from codegen.render.equations import readable
+from model.machines.state_space import build
 from runtime.drive.figures import run_figure, sweep_figure
 from runtime.drive.tables import claims, sweep_cell
 from runtime.firmware.tables import remarks
@@ -19,7 +19,10 @@ from runtime.proof.figures import drift_figure, effect_figure, stage_figure, tra
 from runtime.proof.tables import COUNTS, stages_by_equation, whole_links
 from runtime.report.chapter import Chapter
 from runtime.report.cost_figures import passes_figure
-from runtime.style.pages import equation_line, page_template
+from runtime.report.first import first_screen
+from runtime.report.symbols import constant_unit, symbols
+from runtime.style.pages import equation_line, matrix_markup, page_template, symbol_markup
+from runtime.style.svg import themed
 from runtime.system.files import make_folder, write_text
 from runtime.system.verdicts import all_hold
 
@@ -28,7 +31,7 @@ def write_page(path: Path, chapters: list[Chapter]) -> None:
     """Write the page for some drives, one chapter each."""
     make_folder(path.parent)
     text = page_template(Path(__file__).with_name("page.html.j2")).render(
-        version=__version__,
+        first=first_screen(chapters),
         chapters=[_chapter(chapter) for chapter in chapters],
         passed=all_hold(c.proof.passed and not (c.firmware and c.firmware.failed) for c in chapters),
         missing=any(not c.firmware or c.firmware.missing for c in chapters),
@@ -54,12 +57,13 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "units": units,
         "f": [equation_line(equations, *line) for line in equations.f],
         "h": [equation_line(equations, *line) for line in equations.h],
-        "H": [
-            equation_line(equations, sp.Symbol(f"H_{i + 1}{j + 1}"), equations.H[i, j])
-            for i in range(equations.H.rows)
-            for j in range(equations.H.cols)
+        "H": matrix_markup(equations, sp.Symbol("H"), equations.H),
+        "inverter": [equation_line(equations, *line) for line in equations.inverter],
+        "symbols": [
+            {"math": symbol_markup(equations, s.symbol), "unit": s.unit, "meaning": s.meaning}
+            for s in symbols(equations, build(drive).states)
         ],
-        "constants": equations.constants,
+        "constants": [(k, constant_unit(k, equations.constants)) for k in equations.constants],
         "stages": stages,
         "fast": fast,
         "whole": whole_links(proof),
@@ -78,11 +82,11 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
         "kept": chapter.proof.kept or bool(chapter.firmware and chapter.firmware.kept),
         "remarks": remarks(chapter.firmware.checks if chapter.firmware else ()),
         "figures": {
-            "trajectory": Markup(trajectory_figure(evidence)),
-            "stages": Markup(stage_figure(proof)),
-            "drift": Markup(drift_figure(evidence, drive.model.sample_time, units)),
-            "effects": Markup(effect_figure(evidence)) if evidence.effects else "",
-            "passes": Markup(
+            "trajectory": themed(trajectory_figure(evidence)),
+            "stages": themed(stage_figure(proof)),
+            "drift": themed(drift_figure(evidence, drive.model.sample_time, units)),
+            "effects": themed(effect_figure(evidence)) if evidence.effects else "",
+            "passes": themed(
                 passes_figure(
                     [item.ablation.name for item in earned],
                     {"operations, in additions": {drive.name: [item.weight for item in earned]}},
@@ -90,9 +94,9 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
             )
             if earned
             else "",
-            "modes": Markup((chapter.folder / "supervisor.svg").read_text(encoding="utf-8")),
+            "modes": themed((chapter.folder / "supervisor.svg").read_text(encoding="utf-8")),
             "runs": _run_figures(chapter),
-            "sweep": Markup(sweep_figure(chapter.sweep)) if chapter.sweep else "",
+            "sweep": themed(sweep_figure(chapter.sweep)) if chapter.sweep else "",
         },
     }
 
@@ -102,4 +106,4 @@ def _run_figures(chapter: Chapter) -> list[tuple[str, Markup]]:
     names = list(dict.fromkeys(run.scenario.name for run in chapter.runs))
     chosen = {name: [run for run in chapter.runs if run.scenario.name == name] for name in names}
     numbered = chapter.drive.name == "paper_spmsm"
-    return [(name, Markup(run_figure(runs, numbered))) for name, runs in chosen.items()]
+    return [(name, themed(run_figure(runs, numbered))) for name, runs in chosen.items()]

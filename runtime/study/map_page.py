@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 from rich.table import Table
 from rich.text import Text
 
-from codegen.output.version import __version__
 from runtime.study.map import FLUXES, LOADS, RESISTANCES, SPEEDS, Map
 from runtime.style.figures import pyplot, svg_text
 from runtime.style.pages import page_template
+from runtime.style.svg import themed
 from runtime.style.tables import columns_table
 from runtime.system.files import make_folder, write_text
 
@@ -63,7 +62,9 @@ def map_figure(found: Map) -> str:
             axis.set_yticks(range(len(LOADS)), [f"{load * found.scenario.load:.3g}" for load in LOADS], fontsize=6)
             for (j, k), value in np.ndenumerate(angle[column, row]):
                 text = LOST if value >= 180.0 else f"{value:.0f}"
-                axis.text(k, j, text, ha="center", va="center", fontsize=5, color="w" if cells[j, k] < 70 else "k")
+                axis.text(
+                    k, j, text, ha="center", va="center", fontsize=5, color="w" if cells[j, k] < 70 else "#111111"
+                )
     figure.supxlabel("speed, r/min", fontsize=8)
     figure.supylabel("load, N m", fontsize=8)
     figure.colorbar(image, ax=axes, label="good runs, %")
@@ -76,7 +77,7 @@ def write_map(found: Map, folder: Path) -> Path:
     make_folder(folder)
     write_text(folder / "map.svg", figure)
     text = page_template(Path(__file__).with_name("map.html.j2")).render(
-        version=__version__, found=found, figure=Markup(figure), lines=LINES
+        found=found, figure=themed(figure), lines=LINES
     )
     write_text(folder / "index.html", text)
     return folder / "index.html"

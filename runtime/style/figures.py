@@ -1,10 +1,12 @@
-"""Figures as SVG text: crisp, and the same bytes for the same data."""
+"""Figures as SVG text: crisp, small, their values as titles, and the same bytes for the same data."""
 
 from __future__ import annotations
 
 import io
 from typing import Any
 
+from runtime.style.hover import with_values
+from runtime.style.svg import compact_svg
 from runtime.system.errors import UserError
 
 
@@ -17,13 +19,16 @@ def pyplot() -> Any:
     mpl.use("svg")
     mpl.rcParams.update(
         {
-            "svg.fonttype": "path",
+            "svg.fonttype": "none",
+            "path.simplify_threshold": 0.3,
             "svg.hashsalt": "pmsm-ickf",
             "font.size": 9,
             "axes.spines.top": False,
             "axes.spines.right": False,
             "axes.grid": True,
             "grid.alpha": 0.25,
+            "xtick.bottom": False,  # the grid shows where a number belongs
+            "ytick.left": False,
             "legend.frameon": False,
             "figure.constrained_layout.use": True,
         }
@@ -38,5 +43,4 @@ def svg_text(figure: Any) -> str:
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
     pyplot().close(figure)
-    svg = text.getvalue()
-    return svg[svg.index("<svg") :]
+    return with_values(figure, compact_svg(text.getvalue()))

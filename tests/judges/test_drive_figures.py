@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from runtime.drive.experiment import HARD, KINDS, changed, run_facts, simulate
-from runtime.drive.figures import run_figure, sweep_figure
+from runtime.drive.figures import SLICES, loop_figure, run_figure, sweep_figure
 from runtime.drive.simulation import Conditions, Run
 from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_cell, sweep_table
 from runtime.recorded.truth import angle_error, errors, speed_error
@@ -249,9 +249,12 @@ def test_the_figure_of_a_run_is_its_arrays(kept: Kept) -> None:
     np.testing.assert_allclose(curves(speed)["ckf, true"].y, 1000.0)
     np.testing.assert_array_equal(curves(speed)["ckf, true"].x, one.t)
     for axis, values in ((off, one.speed_error), (angle, one.angle_error)):
-        band = [line for line in axis.lines if len(line.get_xdata()) == 400]
-        np.testing.assert_array_equal(band[0].get_ydata(), values)
-        np.testing.assert_array_equal(band[1].get_ydata(), values)
+        slices = values.reshape(SLICES, -1)
+        low, high = (line.get_ydata() for line in axis.lines[:2])
+        np.testing.assert_array_equal(low, slices.min(axis=1))
+        np.testing.assert_array_equal(high, slices.max(axis=1))
+        drawn = axis.collections[0].get_paths()[0].vertices[:, 1]
+        assert (drawn.min(), drawn.max()) == (values.min(), values.max()), "what is seen is the band"
     drawn = curves(position)
     late = one.t >= 0.3695
     np.testing.assert_array_equal(drawn["ckf, estimate"].y, one.x[late, 3])
@@ -270,8 +273,8 @@ def test_a_band_holds_its_extremes(kept: Kept) -> None:
     run_figure([replace(run(T=1e-4), x=run(T=1e-4, speed_error=values).x)])
     low, high = (np.asarray(line.get_ydata()) for line in kept.axes[1].lines)
     assert (low.min(), high.max()) == pytest.approx((-3.0, 5.0))
-    assert len(low) == 250
-    assert kept.axes[1].lines[0].get_xdata()[np.argmin(low)] == pytest.approx(0.1235, abs=2e-3)
+    assert len(low) == SLICES
+    assert kept.axes[1].lines[0].get_xdata()[np.argmin(low)] == pytest.approx(0.1235, abs=4e-3)
 
 
 def test_facts_of_a_run() -> None:
@@ -301,3 +304,19 @@ def test_changed_changes_one_key() -> None:
     assert (other.model.sample_time, other.filter.kinds) == (1e-4, ["ekf"])
     assert other.model.discretization == drive.model.discretization
     assert drive.model.sample_time == 2e-5
+
+
+def test_the_loop_at_a_glance(kept: Kept) -> None:
+    """Estimate and truth by their labels, errors in their units, where the load steps."""
+    one = _wild()
+    loop_figure(one)
+    speed, off, angle = kept.axes
+    found = curves(speed)
+    np.testing.assert_allclose(found["ckf, estimate"].y, one.x[:, 2] * 30 / np.pi)
+    np.testing.assert_allclose(found["true"].y, 1000.0)
+    assert [axis.get_ylabel() for axis in kept.axes] == ["speed, r/min", "its error,\nr/min", "angle error,\ndeg el."]
+    assert [text.get_text() for text in speed.texts] == [" 5 N m"]
+    assert speed.texts[0].xy[0] == pytest.approx(one.scenario.load_at)
+    for axis, values in ((off, one.speed_error), (angle, one.angle_error)):
+        drawn = axis.collections[0].get_paths()[0].vertices[:, 1]
+        assert (drawn.min(), drawn.max()) == (values.min(), values.max())

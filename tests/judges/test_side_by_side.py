@@ -158,8 +158,8 @@ def test_drawings_of_a_comparison(subjects: list[Subject], kept: Kept) -> None:
     step_speed, step_angle, *_ = kept.axes
     assert [axis.get_title("left") for axis in kept.axes] == ["load_step, ckf", "", "no_load, ckf", ""]
     for k, name in enumerate(NAMES):
-        np.testing.assert_allclose(curves(step_speed)[name].y, 1.0 + k)
-        np.testing.assert_allclose(curves(step_angle)[name].y, 2.0, atol=1e-9)
+        np.testing.assert_allclose(curves(step_speed)[f"_{name}"].y, 1.0 + k)
+        np.testing.assert_allclose(curves(step_angle)[f"_{name}"].y, 2.0, atol=1e-9)
     assert (step_speed.get_ylabel(), step_angle.get_ylabel()) == (
         "speed error, r/min",
         "position error,\ndeg electrical",

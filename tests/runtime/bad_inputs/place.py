@@ -28,8 +28,8 @@ NO_UTF8 = "\udcff\udcfe"
 
 def leaves(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Every command of the command line: its words, and Typer's object for it."""
-    for name, inner in getattr(command, "commands", {}).items():
-        yield from leaves(inner, (*path, name))
+    for name in getattr(command, "commands", {}):  # which are loaded one by one
+        yield from leaves(command.get_command(None, name), (*path, name))
     if not hasattr(command, "commands"):
         yield path, command
 

@@ -1,0 +1,39 @@
+"""What was identified, on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from runtime.identify.identify import Identified
+from runtime.identify.redesign import Compared
+from runtime.identify.tables import estimates_table, filters_table, steps_words, summary
+from runtime.style.pages import table_markup, write_page
+from runtime.style.svg import themed
+
+
+def write_identified(found: Identified, compared: Compared | None, folder: Path) -> Path:
+    """Write index.html beside the figures of that folder; its path.
+
+    Parameters
+    ----------
+    found : Identified
+    compared : Compared, optional
+        The filter before and after; None where the search was interrupted.
+    folder : Path
+        Where :func:`runtime.identify.figures.write_figures` wrote.
+    """
+
+    def figure(name: str) -> str:
+        return themed((folder / name).read_text(encoding="utf-8"))
+
+    said = [*steps_words(found), *found.result.words]
+    parts = [
+        ("Motor data", [table_markup(estimates_table(found)), summary(found), *said]),
+        ("Innovations", [figure("innovations.svg")]),
+        ("Likelihood", [figure("likelihood.svg")]),
+    ]
+    if compared is not None:
+        parts.insert(1, ("The filter before and after", [table_markup(filters_table(compared))]))
+    page = folder / "index.html"
+    write_page(page, f"Motor data of {found.problem.subject.name}", "identify", parts)
+    return page
