@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from codegen.evidence.ledger import OPERATIONS
 from runtime.compare.differences import Row, constant_rows, equation_lines, file_rows, tuning_rows
 from runtime.compare.facts import Cost, certificates, costs, kinds
 from runtime.compare.subject import Subject
@@ -67,7 +68,7 @@ def accuracy_rows(subjects: Sequence[Subject]) -> list[tuple[str, ...]]:
 
 def cost_cells(cost: Cost, first: Cost) -> tuple[str, ...]:
     """One line of the table of costs; ``first`` is what the ratio refers to."""
-    operations = (f"{cost.operations[name]:,}" for name in ("add", "mul", "div", "sqrt", "sincos"))
+    operations = (f"{cost.operations[name]:,}" for name in OPERATIONS)
     measured = (f"{value:,}" if value is not None else "-" for value in (cost.stack, cost.text))
     return (
         cost.kind,
@@ -83,7 +84,7 @@ def cost_cells(cost: Cost, first: Cost) -> tuple[str, ...]:
 
 
 COST_COLUMNS = (
-    "filter", "drive", "add", "mul", "div", "sqrt", "sincos", "cycles", "ratio", "of T", "with controller",
+    "filter", "drive", *OPERATIONS, "cycles", "ratio", "of T", "with controller",
     "RAM, words", "stack, B (M4F)", "code, B (M4F)",
 )  # fmt: skip
 

@@ -35,6 +35,7 @@ PROGRAMS = (
     Program("cppcheck", ("cppcheck",), "cppcheck", "firmware: MISRA C:2012"),
     Program("frama-c", ("frama-c-base",), "", "firmware: no undefined behaviour (EVA)"),
     Program("valgrind", ("valgrind",), "", "benchmarks: instructions on the host"),
+    Program("g++", ("g++",), "gcc", "make test: the generated C's operations, counted as they are executed"),
 )  # fmt: skip
 
 #: What an extra of pip is for.

@@ -44,7 +44,7 @@ def test_costs_are_the_manifests(subjects: list[Subject]) -> None:
         cells = cost_cells(cost, first[kind])
         assert cells[:2] == (kind, name)
         assert [cell.replace(",", "") for cell in cells[2:7]] == [
-            str(stated["operations"][op]) for op in ("add", "mul", "div", "sqrt", "sincos")
+            str(stated["operations"][op]) for op in ("add", "mul", "div", "sqrt", "compare", "select", "branch", "call")
         ]
         assert cells[7] == f"{stated['cycles']['2.5']:,}/{stated['cycles']['5']:,}"
         base = find_folder(NAMES[0]).manifest["filters"][kind]["cycles"]["2.5"]
