@@ -14,6 +14,8 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from tests.test_docs import site_module
+
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "docs" / "site" / "mkdocs.yml"
 
@@ -107,6 +109,14 @@ def test_what_leads_nowhere_ends_the_build(tmp_path: Path) -> None:
     done = build(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode == 1
     assert done.stderr.count("WARNING") == len(faults)
+
+
+def test_every_key_of_a_file_says_what_it_is() -> None:
+    pages = site_module("reference_pages").PAGES
+    for page in ("reference/drive_file.md", "reference/facts_file.md"):
+        rows = [row.split(" | ") for row in pages[page]().splitlines() if row.startswith("| `")]
+        assert len(rows) > 20
+        assert [row[0] for row in rows if not row[1]] == []
 
 
 def test_a_site_that_is_not_whole_is_seen(tmp_path: Path) -> None:

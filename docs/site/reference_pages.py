@@ -12,7 +12,7 @@ import typer
 from pydantic import BaseModel
 
 from model.schema import Drive, Unit
-from runtime.cli import app
+from runtime.cli import GROUPS, app
 from runtime.design.facts import FactsFile
 
 ROOT = Path(__file__).parents[2]
@@ -203,16 +203,17 @@ def _command(name: str, command: Any, depth: int) -> str:
 
 
 def subcommands(command: Any) -> list[tuple[str, Any]]:
-    """The commands of a group, by name; none of what is no group."""
-    return list(getattr(command, "commands", {}).items())
+    """The commands of a group, by name, as it loads them; none of what is no group."""
+    return [(name, command.get_command(None, name)) for name in getattr(command, "commands", {})]
 
 
 def command_line() -> str:
     """All commands with their options, from the command line's own declaration."""
-    groups: dict[str, list[str]] = {}
-    for name, command in subcommands(typer.main.get_command(app)):
-        groups.setdefault(command.rich_help_panel, []).append(_command(name, command, 3))
-    commands = "\n".join(f"## {title}\n\n" + "\n".join(texts) for title, texts in groups.items())
+    known = dict(subcommands(typer.main.get_command(app)))
+    commands = "\n".join(
+        f"## {title}\n\n" + "\n".join(_command(name, known[name], 3) for name in names)
+        for title, names in GROUPS.items()
+    )
     return f"""# The command line
 
 `pmsm-ickf COMMAND --help` says the same in a terminal; this page is written from the same declaration. DRIVE is always
