@@ -12,7 +12,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no
 # each compiles SymPy, NumPy and the project anew, which takes longer than most of what it then does.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run all test thorough unit firmware mutants lint types current check bench clean
+.PHONY: run all test thorough unit firmware mutants docs lint types current check bench clean
 
 # The paper's drive generated, proved and simulated, and build/report/index.html. From nothing, the environment
 # included: 90 s on two cores. What is proved is kept under a hash of all it depends on; again: 10 s.
@@ -43,6 +43,10 @@ firmware: $(VENV)/.ready
 # The mutation score of the proof: hundreds of small errors, each of which a link or a test must notice. Fifty minutes.
 mutants: $(VENV)/.ready-dev
 	$(BIN)/python -m tests.mutants
+
+# The documentation as a site, build/site/index.html; a warning or a dead link ends it.
+docs: $(VENV)/.ready-dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict --config-file docs/site/mkdocs.yml
 
 # Cost beside peers, then how fast the drive simulates. A peer that cannot be installed is named in its row.
 bench: $(VENV)/.ready

@@ -90,13 +90,17 @@ class _OnlyStated(Stated):
 class Motor(Stated):
     """Motor data, SI, amplitude-invariant, d axis on the magnet flux."""
 
-    stator_resistance: Resistance
-    inductance_d: Inductance
-    inductance_q: Inductance
-    magnet_flux: FluxLinkage
-    pole_pairs: Annotated[int, Field(ge=1, le=200, strict=True)]
-    inertia: Inertia
-    friction: Friction
+    stator_resistance: Resistance = Field(description="of a phase")
+    inductance_d: Inductance = Field(description="of a phase, along the magnets")
+    inductance_q: Inductance = Field(
+        description="of a phase, across the magnets; equal to inductance_d for machine surface"
+    )
+    magnet_flux: FluxLinkage = Field(description="flux linkage of the magnets, peak of a phase")
+    pole_pairs: Annotated[int, Field(ge=1, le=200, strict=True)] = Field(
+        description="p: electrical angle over mechanical"
+    )
+    inertia: Inertia = Field(description="with what is coupled to the shaft")
+    friction: Friction = Field(description="torque over speed")
 
 
 class Model(Stated):
@@ -106,12 +110,20 @@ class Model(Stated):
     ``adaptive`` motor data wander and return to the motor's own within ``adaptive_time``, where nothing is learnt.
     """
 
-    machine: str
-    mechanics: Literal["constant_speed", "load_torque"] = "constant_speed"
-    discretization: Literal["euler", "exact"]
-    sample_time: SampleTime
-    adaptive: list[Literal["magnet_flux", "stator_resistance", "dead_time_voltage"]] = []
-    adaptive_time: SlowTime = 1.0
+    machine: str = Field(description="surface, salient, salient_flux, or FILE.py:CLASS of your own")
+    mechanics: Literal["constant_speed", "load_torque"] = Field(
+        default="constant_speed", description="what f knows of the load: nothing, or a torque that is a state"
+    )
+    discretization: Literal["euler", "exact"] = Field(
+        description="forward Euler (eq. 7), or what is closer to the motor at the same T"
+    )
+    sample_time: SampleTime = Field(description="T, the time between two steps")
+    adaptive: list[Literal["magnet_flux", "stator_resistance", "dead_time_voltage"]] = Field(
+        default=[], description="motor data that are states beside the others"
+    )
+    adaptive_time: SlowTime = Field(
+        default=1.0, description="within which an adaptive state returns to the motor's value"
+    )
 
     @property
     def return_rate(self) -> float:
@@ -133,15 +145,23 @@ class Filter(Stated):
     ``root_order``: the states in the order in which P is factored (eq. 13, 18); by default that of the state.
     """
 
-    kinds: Annotated[list[Literal["ekf", "ukf", "ckf", "ickf"]], Field(min_length=1)]
-    gain: Literal["cubature", "jacobian"] = "cubature"
-    max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
-    tolerance: Annotated[float, Field(gt=0, le=1.0)] = 1e-6
-    initial_state: list[Annotated[float, Field(ge=-1e6, le=1e6)]] | None = None
-    initial_covariance: list[Variance]
-    process_noise: list[Variance]
-    measurement_noise: Annotated[list[Variance], Field(min_length=2, max_length=2)]
-    root_order: list[str] | None = None
+    kinds: Annotated[list[Literal["ekf", "ukf", "ckf", "ickf"]], Field(min_length=1)] = Field(
+        description="filters to generate"
+    )
+    gain: Literal["cubature", "jacobian"] = Field(
+        default="cubature", description="of the ICKF: cubature points about each iterate, or its Jacobian (eq. 29, 30)"
+    )
+    max_iterations: Annotated[int, Field(ge=1, le=100, strict=True)] = Field(default=3, description="N_max of the ICKF")
+    tolerance: Annotated[float, Field(gt=0, le=1.0)] = Field(default=1e-6, description="eps of eq. 33")
+    initial_state: list[Annotated[float, Field(ge=-1e6, le=1e6)]] | None = Field(
+        default=None, description="x_0; default zeros, motor data for adaptive states"
+    )
+    initial_covariance: list[Variance] = Field(description="diagonal of P_0, an entry a state")
+    process_noise: list[Variance] = Field(description="diagonal of Q, added in each step, an entry a state")
+    measurement_noise: Annotated[list[Variance], Field(min_length=2, max_length=2)] = Field(
+        description="diagonal of R: variances of i_alpha and i_beta, A^2"
+    )
+    root_order: list[str] | None = Field(default=None, description="states in the order in which P is factored")
 
 
 class OperatingBox(Stated):
@@ -150,17 +170,17 @@ class OperatingBox(Stated):
     Speed is mechanical. A drive that declares no box gets a wide one.
     """
 
-    current: Current = 1000.0
-    voltage: Voltage = 2000.0
-    speed: Speed = 500.0
-    load_torque: Torque = 20.0
+    current: Current = Field(default=1000.0, description="largest of a phase")
+    voltage: Voltage = Field(default=2000.0, description="largest of a phase")
+    speed: Speed = Field(default=500.0, description="largest, mechanical")
+    load_torque: Torque = Field(default=20.0, description="largest, where the load is a state")
 
 
 class Rated(Stated):
     """The task a drive is made for: mechanical speed and torque that scenarios and trajectories take."""
 
-    speed: Speed
-    torque: Torque
+    speed: Speed = Field(description="mechanical")
+    torque: Torque = Field(description="at that speed")
 
 
 class Start(Stated):
@@ -170,8 +190,13 @@ class Start(Stated):
     ``filters = 1`` does without, where the sample time has no room for two.
     """
 
-    angle: Literal["unknown"] | Annotated[float, Field(ge=0.0, le=90.0), Unit("degrees")] = "unknown"
-    filters: Literal[1, 2] | None = None
+    angle: Literal["unknown"] | Annotated[float, Field(ge=0.0, le=90.0), Unit("degrees")] = Field(
+        default="unknown", description="how far the rotor may stand from initial_state, or unknown"
+    )
+    filters: Literal[1, 2] | None = Field(
+        default=None,
+        description="2: a rival until the rotor has turned; default: 2 where angle is unknown and T at least 50 us",
+    )
 
 
 class Tolerance(Stated):
@@ -183,12 +208,12 @@ class Tolerance(Stated):
     sure sign keeps what it takes for ``unsure_samples``; half a sample: another sign in each.
     """
 
-    stator_resistance: HalfWidth = 0.0
-    inductance: HalfWidth = 0.0
-    magnet_flux: HalfWidth = 0.0
-    dead_time: HalfWidth = 0.0
-    correlation_time: ShortTime = 5e-4
-    unsure_samples: Samples = 4.0
+    stator_resistance: HalfWidth = Field(default=0.0, description="half-width of R, of its value")
+    inductance: HalfWidth = Field(default=0.0, description="half-width of each inductance")
+    magnet_flux: HalfWidth = Field(default=0.0, description="half-width of psi_m")
+    dead_time: HalfWidth = Field(default=0.0, description="half-width of what the inverter takes")
+    correlation_time: ShortTime = Field(default=5e-4, description="for which an error stays alike")
+    unsure_samples: Samples = Field(default=4.0, description="for which a leg without a sure sign keeps what it takes")
 
 
 class Control(_OnlyStated):
@@ -198,12 +223,12 @@ class Control(_OnlyStated):
     stated: what a gearbox, a battery or a law allows.
     """
 
-    dc_link: Voltage = 311.0
-    max_current: Current = 20.0
-    max_torque: TorqueLimit = None
-    max_power: PowerLimit = None
-    current_bandwidth: Bandwidth = 1500.0
-    speed_bandwidth: Bandwidth = 60.0
+    dc_link: Voltage = Field(default=311.0, description="voltage of the DC link")
+    max_current: Current = Field(default=20.0, description="largest current, peak of a phase")
+    max_torque: TorqueLimit = Field(default=None, description="largest torque at the shaft, driving and braking")
+    max_power: PowerLimit = Field(default=None, description="largest mechanical power, driving and braking")
+    current_bandwidth: Bandwidth = Field(default=1500.0, description="of the current regulators")
+    speed_bandwidth: Bandwidth = Field(default=60.0, description="of the speed regulator")
 
 
 class Inverter(Stated):
@@ -214,11 +239,16 @@ class Inverter(Stated):
     ``compensation_current``: the same for the controller's compensation; by default that of the model.
     """
 
-    dead_time: DeadTime = 0.0
-    switching_frequency: SwitchingFrequency = None
-    switch_drop: SwitchDrop = 0.0
-    fading_current: FadingCurrent = None
-    compensation_current: FadingCurrent = None
+    dead_time: DeadTime = Field(default=0.0, description="of a leg")
+    switching_frequency: SwitchingFrequency = Field(default=None, description="default: one period a sample")
+    switch_drop: SwitchDrop = Field(default=0.0, description="of a switch or diode that conducts")
+    fading_current: FadingCurrent = Field(
+        default=None,
+        description="below it the sign of a leg's current fades; default: what suits sensor and largest current",
+    )
+    compensation_current: FadingCurrent = Field(
+        default=None, description="the same in the controller's compensation; default: fading_current"
+    )
 
     @model_serializer(mode="wrap")
     def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -234,10 +264,14 @@ class Budget(Stated):
     filter's state struct.
     """
 
-    cycles: CycleCount = None
-    controller_cycles: CycleCount = None
-    k: Annotated[float, Field(ge=1.0, le=10.0)] = 2.5
-    ram_words: Annotated[int | None, Field(ge=10, le=10_000, strict=True), Unit("16-bit words")] = None
+    cycles: CycleCount = Field(default=None, description="most of the dearest filter's step")
+    controller_cycles: CycleCount = Field(default=None, description="most of the whole interrupt")
+    k: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
+        default=2.5, description="cycles an addition or multiplication is priced at"
+    )
+    ram_words: Annotated[int | None, Field(ge=10, le=10_000, strict=True), Unit("16-bit words")] = Field(
+        default=None, description="most of a filter's struct"
+    )
 
 
 #: The target of a drive file that names none.
@@ -247,7 +281,9 @@ DEFAULT_TARGET = "f28335"
 class TargetChoice(Stated):
     """The processor that C is generated for: ``name`` is a file of ``codegen/targets/chips``."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = DEFAULT_TARGET
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = Field(
+        default=DEFAULT_TARGET, description="a file of codegen/targets/chips"
+    )
 
 
 class Drive(_OnlyStated):

@@ -151,7 +151,7 @@ def _structure(subjects: Sequence[Subject]) -> Table:
 
 
 def _costs(found: Sequence[Cost]) -> Table:
-    table = columns_table(*COST_COLUMNS, left=range(2), whole=(1, 7, 10))
+    table = columns_table(*COST_COLUMNS, left=range(2), whole=(1, 10, 13))
     first = firsts(found)
     for cost in found:
         table.add_row(*cost_cells(cost, first[cost.kind]))

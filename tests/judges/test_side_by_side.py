@@ -43,17 +43,17 @@ def test_costs_are_the_manifests(subjects: list[Subject]) -> None:
         T = manifest["parameters"]["model"]["sample_time"]
         cells = cost_cells(cost, first[kind])
         assert cells[:2] == (kind, name)
-        assert [cell.replace(",", "") for cell in cells[2:7]] == [
+        assert [cell.replace(",", "") for cell in cells[2:10]] == [
             str(stated["operations"][op]) for op in ("add", "mul", "div", "sqrt", "compare", "select", "branch", "call")
         ]
-        assert cells[7] == f"{stated['cycles']['2.5']:,}/{stated['cycles']['5']:,}"
+        assert cells[10] == f"{stated['cycles']['2.5']:,}/{stated['cycles']['5']:,}"
         base = find_folder(NAMES[0]).manifest["filters"][kind]["cycles"]["2.5"]
-        assert cells[8] == f"{stated['cycles']['2.5'] / base:.2f}"
-        assert cells[9] == f"{stated['cycles']['2.5'] / 150e6 / T * 100:.0f} %"
+        assert cells[11] == f"{stated['cycles']['2.5'] / base:.2f}"
+        assert cells[12] == f"{stated['cycles']['2.5'] / 150e6 / T * 100:.0f} %"
         whole = stated["controller"]["cycles"]
-        assert cells[10] == f"{whole['2.5']:,}/{whole['5']:,}"
-        assert cells[11] == str(stated["state_words"])
-        assert cells[12:] == (f"{measured['stack_bytes']:,}", f"{measured['text_bytes']:,}")
+        assert cells[13] == f"{whole['2.5']:,}/{whole['5']:,}"
+        assert cells[14] == str(stated["state_words"])
+        assert cells[15:] == (f"{measured['stack_bytes']:,}", f"{measured['text_bytes']:,}")
     assert cost_cells(replace(cost, stack=None, text=None), cost)[-2:] == ("-", "-")
 
 

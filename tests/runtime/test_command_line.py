@@ -142,7 +142,7 @@ def test_doctor_on_a_mac(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 def test_extras_are_the_projects() -> None:
     stated = (ROOT / "pyproject.toml").read_text("utf-8")
     section = stated.partition("[project.optional-dependencies]")[2].partition("\n[")[0]
-    assert set(EXTRAS) | {"test", "dev", "bench"} == set(re.findall(r"^(\w+) = \[", section, re.MULTILINE))
+    assert set(EXTRAS) | {"test", "docs", "dev", "bench"} == set(re.findall(r"^(\w+) = \[", section, re.MULTILINE))
     assert extra_lacks("mat") == []
     assert extra_lacks("study") == []
     assert DISTRIBUTION in stated
