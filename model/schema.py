@@ -41,6 +41,8 @@ Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-7, le=1e7), Unit("N m")]
 Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
+TorqueLimit = Annotated[float | None, Field(ge=1e-7, le=1e7), Unit("N m")]
+PowerLimit = Annotated[float | None, Field(ge=1e-6, le=1e9), Unit("W")]
 DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
 SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
@@ -76,6 +78,13 @@ def _reads_as_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+class _OnlyStated(Stated):
+    @model_serializer(mode="wrap")
+    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What may be left out, and is, does not show."""
+        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 class Motor(Stated):
@@ -182,11 +191,17 @@ class Tolerance(Stated):
     unsure_samples: Samples = 4.0
 
 
-class Control(Stated):
-    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
+class Control(_OnlyStated):
+    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers.
+
+    ``max_torque`` and ``max_power`` (mechanical, driving and braking alike) hold beside ``max_current`` where they are
+    stated: what a gearbox, a battery or a law allows.
+    """
 
     dc_link: Voltage = 311.0
     max_current: Current = 20.0
+    max_torque: TorqueLimit = None
+    max_power: PowerLimit = None
     current_bandwidth: Bandwidth = 1500.0
     speed_bandwidth: Bandwidth = 60.0
 
@@ -235,7 +250,7 @@ class TargetChoice(Stated):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = DEFAULT_TARGET
 
 
-class Drive(Stated):
+class Drive(_OnlyStated):
     """A validated drive file.
 
     ``sha256`` is the hash of the file's text, with the machine file's behind it where there is one; it goes into the
@@ -256,11 +271,6 @@ class Drive(Stated):
     target: TargetChoice | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
-
-    @model_serializer(mode="wrap")
-    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A section that is not stated does not show."""
-        return {key: value for key, value in dump(self).items() if value is not None}
 
     @model_validator(mode="after")
     def _machine_fits_motor(self) -> Drive:
@@ -285,8 +295,7 @@ class Drive(Stated):
     @property
     def stated(self) -> dict[str, Any]:
         """The sections as a manifest keeps them; a section that may be left out and is, is not told."""
-        sections = self.model_dump(mode="json", exclude={"sha256", "name"})
-        return {name: section for name, section in sections.items() if section is not None}
+        return self.model_dump(mode="json", exclude={"sha256", "name"})
 
     @property
     def target_name(self) -> str:
