@@ -6,14 +6,15 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
+from typer.main import get_command
 
 from model.drives.load import DRIVES
-from runtime.cli import app
+from runtime.cli import GROUPS, load_command
 from runtime.design.facts import EXAMPLE
 from runtime.design.write import facts_text
 from runtime.estimator.folder import GENERATED
@@ -34,7 +35,11 @@ def leaves(command: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str
         yield path, command
 
 
-COMMANDS = {" ".join(path): command for path, command in leaves(typer.main.get_command(app))}
+COMMANDS = {
+    " ".join(path): command
+    for word in chain(*GROUPS.values())
+    for path, command in leaves(get_command(load_command(word)), (word,))
+}
 
 #: A machine file's text, and what the drive file calls it; each wrong in its own way.
 MACHINES = {
