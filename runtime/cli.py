@@ -31,6 +31,7 @@ from runtime.commands.generate import generate
 from runtime.commands.identify import identify
 from runtime.commands.new import new
 from runtime.commands.package import package
+from runtime.commands.page import page
 from runtime.commands.pil import pil
 from runtime.commands.quiet import with_quiet
 from runtime.commands.record import record
@@ -70,7 +71,7 @@ GROUPS = {
     "Begin": (run, new, doctor),
     "Make": (design, generate, package, export),
     "Prove": (verify, firmware),
-    "See": (simulate, replay, compare),
+    "See": (simulate, replay, compare, page),
     "Choose": (identify, study),
     "Board": (pil, record, commission),
     "Stress": (starts, faults, fuzz, soak),
