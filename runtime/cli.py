@@ -26,7 +26,7 @@ GROUPS = {
     "Begin": ("run", "new", "doctor"),
     "Make": ("design", "generate", "package", "export"),
     "Prove": ("verify", "firmware"),
-    "See": ("simulate", "replay", "compare"),
+    "See": ("simulate", "replay", "compare", "page"),
     "Choose": ("identify", "study"),
     "Board": ("pil", "record", "commission"),
     "Stress": ("starts", "faults", "fuzz", "soak"),

@@ -42,7 +42,7 @@ FLOORS = (
         "runtime.study",
         "runtime.design",
     ),
-    ("runtime.firmware", "runtime.board", "runtime.identify", "runtime.packages"),
+    ("runtime.firmware", "runtime.board", "runtime.browser", "runtime.identify", "runtime.packages"),
     ("runtime.endurance", "runtime.commission"),
     ("runtime.report",),
     ("runtime.commands",),

@@ -31,9 +31,11 @@ PROGRAMS = (
     Program("qemu-system-arm", ("qemu-system-arm",), "qemu", "firmware: bits on an emulated Cortex-M"),
     Program("avr-gcc", ("gcc-avr", "avr-libc"), "avr-gcc", "firmware: bits where int has 16 bits"),
     Program("simavr", ("simavr",), "simavr", "firmware: that processor"),
-    Program("clang", ("clang", "libclang-rt-dev"), "llvm", "firmware: warnings of a second compiler; fuzz"),
+    Program("clang", ("clang", "libclang-rt-dev"), "llvm", "firmware: warnings of a second compiler; fuzz; page"),
+    Program("wasm-ld", ("lld",), "lld", "page: a filter in the browser"),
     Program("cppcheck", ("cppcheck",), "cppcheck", "firmware: MISRA C:2012"),
     Program("frama-c", ("frama-c-base",), "", "firmware: no undefined behaviour (EVA)"),
+    Program("chromium", ("chromium",), "chromium", "tests: what a page does in a browser"),
     Program("valgrind", ("valgrind",), "", "benchmarks: instructions on the host"),
     Program("g++", ("g++",), "gcc", "make test: the generated C's operations, counted as they are executed"),
 )  # fmt: skip
