@@ -314,13 +314,16 @@ static void guess_from_probe(ipmsm_ickf_supervisor_t *s)
 {
     float32 towards[4];
     s->readings += (s->readings < MAX_READINGS) ? 1 : 0;
+    s->mirrored = 0;
     if (s->reading[3] > LEAST_SINE) {
         s->probe[0] = 1.0f;
         s->readings = MAX_READINGS;
+        s->mirrored = 1;
     }
     if (0.0f - s->reading[3] > LEAST_SINE) {
         s->probe[0] = -1.0f;
         s->readings = MAX_READINGS;
+        s->mirrored = 1;
     }
     read_probe(s->reading, s->probe, towards);
     s->guess[2] = towards[2];
@@ -331,7 +334,6 @@ static void guess_from_probe(ipmsm_ickf_supervisor_t *s)
     if (towards[1] < 0.0f) {
         s->guess[3] = 0.0f - s->guess[3];
     }
-    s->mirrored = 0;
     s->spread[0] = UNKNOWN_SPEED;
     s->spread[1] = UNKNOWN_ANGLE;
 }

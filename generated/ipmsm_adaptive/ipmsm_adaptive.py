@@ -1957,12 +1957,15 @@ def _guess_from_probe(s, f, phase, where, math):
     guess = list(s.guess)
     spread = list(s.spread)
     s.readings = np.where(where & (s.readings < MAX_READINGS), s.readings + 1, s.readings)[()]
+    s.mirrored = np.where(where, 0, s.mirrored)[()]
     hit_1 = where & (s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_1, 1.0, probe[0])[()]
     s.readings = np.where(hit_1, MAX_READINGS, s.readings)[()]
+    s.mirrored = np.where(hit_1, 1, s.mirrored)[()]
     hit_2 = where & (0.0 - s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_2, -1.0, probe[0])[()]
     s.readings = np.where(hit_2, MAX_READINGS, s.readings)[()]
+    s.mirrored = np.where(hit_2, 1, s.mirrored)[()]
     towards = read_probe(s.reading, probe, math)
     guess[2] = np.where(where, towards[2], guess[2])[()]
     guess[3] = np.where(where, towards[3], guess[3])[()]
@@ -1970,7 +1973,6 @@ def _guess_from_probe(s, f, phase, where, math):
     guess[3] = np.where(hit_3, PI - guess[3], guess[3])[()]
     hit_4 = where & (towards[1] < 0.0)
     guess[3] = np.where(hit_4, 0.0 - guess[3], guess[3])[()]
-    s.mirrored = np.where(where, 0, s.mirrored)[()]
     spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
     spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
     s.probe = tuple(probe)

@@ -52,7 +52,7 @@ typedef struct {
     int excess; /* samples in a row beyond the trip current */
     int open; /* steps in a row in which a phase had been silent for half a turn */
     int content; /* steps in a row of which the status is good */
-    int mirrored; /* 1: the guess was turned round already */
+    int mirrored; /* 1: the guess is not turned round: it was already, or the current told which way */
     int failures; /* attempts in a row that did not end in steady running */
     int steady; /* windows of RUNNING in a row */
     float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */

@@ -164,7 +164,7 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
     """A current that zero voltage let flow."""
     named = ("reading", "first", "probe", "towards", "guess")
     reading, first, probe, towards, guess = ([Entry(name, k) for k in range(4)] for name in named)
-    known = Set(Entry("readings"), Name("MAX_READINGS"))
+    known = Set(Entry("readings"), Name("MAX_READINGS")), _mark("mirrored")
     forward = Compare(">", reading[3], Name("LEAST_SINE"))
     backward = Compare(">", _minus(reading[3]), Name("LEAST_SINE"))
     return (
@@ -180,14 +180,14 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
             "The rotor turns as the current turned, if that was far enough; in the end as the reference says.",
             (
                 Count("readings", "MAX_READINGS"),
-                If(forward, (Set(probe[0], Number(1.0)), known)),
-                If(backward, (Set(probe[0], Number(-1.0)), known)),
+                _clear("mirrored"),
+                If(forward, (Set(probe[0], Number(1.0)), *known)),
+                If(backward, (Set(probe[0], Number(-1.0)), *known)),
                 Call(probe_block(drive)),
                 Set(guess[2], towards[2]),
                 Set(guess[3], towards[3]),
                 If(Compare("<", towards[0], Number(0.0)), (Set(guess[3], Operation("-", Name("PI"), guess[3])),)),
                 If(Compare("<", towards[1], Number(0.0)), (Set(guess[3], _minus(guess[3])),)),
-                _clear("mirrored"),
                 *_spread("UNKNOWN_SPEED", "UNKNOWN_ANGLE"),
             ),
         ),

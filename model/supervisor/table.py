@@ -104,7 +104,7 @@ FIELDS = (
     Field("excess", "samples in a row beyond the trip current"),
     Field("open", "steps in a row in which a phase had been silent for half a turn"),
     Field("content", "steps in a row of which the status is good"),
-    Field("mirrored", "1: the guess was turned round already"),
+    Field("mirrored", "1: the guess is not turned round: it was already, or the current told which way"),
     Field("failures", "attempts in a row that did not end in steady running"),
     Field("steady", "windows of RUNNING in a row"),
     Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),

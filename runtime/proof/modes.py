@@ -229,7 +229,7 @@ class Modes(Numbers):
         seconds = max(m.arrays["probe"][1], 1.0) * self.T
         e = abs(i) * self.motor["inductance_q"] / seconds  # V
         m.arrays["probe"][0] = direction
-        m.whole["mirrored"] = 0
+        m.whole["mirrored"] = int(tells)  # what the current tells is not turned round
         m.whole["readings"] = READINGS if tells else min(m.whole["readings"] + 1, READINGS)
         m.arrays["guess"][2:] = direction * e / (self.motor["magnet_flux"] * self.p), theta
         m.arrays["spread"] = [(READ_SPEED * self.speed) ** 2, READ_ANGLE]

@@ -23,8 +23,8 @@ OPEN = 100e-3
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: From one reading to the next: s, and rad electrical at the operating box's speed, whichever is less.
 GAP, GAP_TURN = 0.5e-3, 1.2
-#: Of a current, at most; then the reference says which way the rotor turns.
-READINGS = 8
+#: Sine by which a current tells which way the rotor turns; readings of it, at most: then the reference says.
+TELLS, READINGS = 0.1, 8
 #: Attempts in a row that end in FAULT, and such without a rival; seconds of running, in windows of LOCKED, after which
 #: they are forgotten.
 ATTEMPTS, ATTEMPTS_ALONE, STEADY = 10, 20, 99e-3
@@ -111,20 +111,29 @@ def caught(board: Board, theta: float = 0.3, count: int = 3, sense: int = 1, tur
     """On until the rotor is caught, at ``theta``; the speed it turns with. The next interrupt makes the first step.
 
     Two readings of the current after ``count`` intervals of zero voltage, ``turned`` apart, the second one a sample
-    before: so soon its current has died out.
+    before: so soon its current has died out. Where that does not tell which way it turns, it is read again and again
+    until the reference is asked.
     """
     probing(board)
     omega = sense * half_of_the_maximum(board, count)
     last = theta - a_sample(board, omega)
     reading(board, omega, last - sense * turned, count)
-    assert board.mode == "WAITING"
-    assert "s" not in board.interrupt(gap(board), phase=(0.0, 0.0))
-    assert board.mode == "PROBING"
-    reading(board, omega, last, count)
-    assert board.mode == "WAITING"
-    assert "s" not in board.interrupt(phase=(0.0, 0.0))
-    assert board.mode == "CATCHING"
+    readings = 1
+    while True:
+        assert board.mode == "WAITING"
+        assert "s" not in board.interrupt(phase=(0.0, 0.0))
+        if board.mode == "CATCHING":
+            break
+        assert board.mode == "PROBING" or board.until("1", gap(board), phase=(0.0, 0.0)) == gap(board) - 1
+        reading(board, omega, last, count)
+        readings += 1
+    assert readings == (2 if abs(math.sin(turned)) > TELLS else READINGS)
     return omega
+
+
+def guessed(board: Board) -> float:
+    """As :func:`caught`, where the reference said which way: the guess may be turned round. It turns as it says."""
+    return caught(board, turned=0.0, sense=-1 if board.now.reference < 0 else 1)
 
 
 def a_sample(board: Board, omega: float) -> float:

@@ -30,7 +30,7 @@ from tests.codegen.modes import (
     SETTLE,
     TRIP,
     ampere,
-    caught,
+    guessed,
     rate,
     running,
     set_up,
@@ -267,7 +267,7 @@ def test_power_up_begins_anew_whatever_went_before(board: Board) -> None:
 )
 def test_a_second_power_up_forgets_what_was_counted(board: Board, status: int, counted: set[str], code: int) -> None:
     """In the middle of a catch that was turned round, with a current beyond the limit for one sample."""
-    omega = caught(board)
+    omega = guessed(board)
     spin(board, 2 * board.interrupts(SETTLE), omega, ratio=-1.0, status=status)
     board.interrupt(phase=(1.01 * ampere(board, TRIP), 0.0))
     assert board.gates
