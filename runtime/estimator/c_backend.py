@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.estimator.compiler import build_library, open_library
 from runtime.estimator.folder import GeneratedFolder
-from runtime.estimator.lanes import OPTIMISATION, open_lanes
+from runtime.estimator.lanes import open_lanes
 from runtime.estimator.threads import share_lanes
 from runtime.system.errors import UserError
 
@@ -44,7 +44,7 @@ class CBackend:
         dtype: str,
         optimisation: tuple[str, ...] = ("-O2",),
         lanes: bool = True,
-        lane_flags: tuple[str, ...] = OPTIMISATION,
+        lane_flags: tuple[str, ...] | None = None,
     ) -> None:
         prefix, sources = c_sources(folder, kind, dtype)
         self._covariance: str = folder.module.COVARIANCE
@@ -56,8 +56,8 @@ class CBackend:
         self._init = getattr(self._library, f"{prefix}_init")
         self._reset = getattr(self._library, f"{prefix}_reset")
         self._real = "float *" if dtype == "float32" else "double *"
-        form = partial(open_lanes, folder, kind, self._ffi, lane_flags)
-        self._lane_form = form if lanes and dtype == "float32" else None
+        flags = () if lane_flags is None else (lane_flags,)
+        self._lane_form = partial(open_lanes, folder, kind, self._ffi, *flags) if lanes and dtype == "float32" else None
         self._lane_library: Any = None
 
     def reset(self, x0: Array, words: Array) -> None:
