@@ -50,6 +50,7 @@ bench: $(VENV)/.ready
 	$(BIN)/python benchmarks/cost.py
 	$(BIN)/python benchmarks/simulation.py
 	$(BIN)/python benchmarks/batch.py
+	$(BIN)/python benchmarks/generate.py
 
 lint: $(VENV)/.ready-dev
 	$(BIN)/ruff check .

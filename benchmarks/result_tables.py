@@ -181,6 +181,7 @@ def condense_faults(found: Mapping[str, Facts]) -> Facts:
                 "median_s": median(times) if times else None,
                 "worst_s": max(times) if times else None,
                 "alone": sum(run["time"] is not None for run in case["alone"]),
+                "alone_runs": len(case["alone"]),
             }
         )
     return kept
@@ -191,7 +192,10 @@ def faults_table(kept: Facts) -> str:
     rows = []
     for case in kept:
         times = "-" if case["median_s"] is None else f"{1e3 * case['median_s']:.1f} ({1e3 * case['worst_s']:.1f})"
-        shares = [f"{case[key]} of {case['runs']}" for key in ("recovered", "alone")]
+        shares = [
+            f"{case['recovered']} of {case['runs']}",
+            f"{case['alone']} of {case.get('alone_runs', case['runs'])}",
+        ]
         who = [f"`{case['drive']}`", case["filter"], case["fault"].replace("_", " ")]
         rows.append([*who, shares[0], times, shares[1]])
     return markdown(["drive", "filter", "fault", "recovered", "ms, median (worst)", "nobody reacts"], rows)

@@ -170,6 +170,16 @@ SUBJECTS: dict[str, Subject] = {
         condense_as_it_is,
         tables_of,
     ),
+    "cycles": Subject(
+        "Cycles on the chip, as computed",
+        "From published cycles, not measured: an estimate of the worst step, counted in the generated C "
+        "([regenerate.md](regenerate.md#a-budget) says what is in the sum), and its share of the sample time T, in "
+        "bold where it is longer. An interrupt is filter, controller and supervisor in a mode of the drive; in "
+        "STARTING two filters run.",
+        {"cycles": "python benchmarks/cycles.py --json {json}"},
+        condense_as_it_is,
+        tables_of,
+    ),
     "cost": Subject(
         "What a step costs",
         "x86 by callgrind, -O2; M4 by an emulated Cortex-M4F: instructions, not cycles of the chip. Peers compute the "

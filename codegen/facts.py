@@ -91,13 +91,11 @@ def _cost_facts(ledger: Ledger, prices: Prices | None) -> dict[str, Any]:
     priced = {}
     if prices is not None:
         priced = {
-            "estimated_cycles": prices.total(ledger.priced(prices), prices.factors[0]),
-            "cycles": {f"{k:g}": prices.total(ledger.priced(prices), k) for k in prices.factors},
-            "cycles_sincos_expanded": {f"{k:g}": prices.total(ledger.expanded, k) for k in prices.factors},
+            "estimated_cycles": prices.total(ledger.operations, prices.factors[0]),
+            "cycles": {f"{k:g}": prices.total(ledger.operations, k) for k in prices.factors},
         }
     return {
-        "operations": ledger.calls,
-        "operations_sincos_expanded": ledger.expanded,
+        "operations": ledger.operations,
         **priced,
         "state_words": ledger.words,
     }
@@ -105,7 +103,7 @@ def _cost_facts(ledger: Ledger, prices: Prices | None) -> dict[str, Any]:
 
 def _interrupt_facts(ledger: Ledger, drive: Drive, prices: Prices | None) -> dict[str, Any]:
     """The same of a whole interrupt, and its share of the sample time."""
-    part = {"share_of_sample": round(share(ledger.priced(prices), drive, prices), 4)} if prices is not None else {}
+    part = {"share_of_sample": round(share(ledger.operations, drive, prices), 4)} if prices is not None else {}
     return _cost_facts(ledger, prices) | part
 
 

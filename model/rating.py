@@ -32,7 +32,8 @@ class Rating:
     """What a drive is made for.
 
     ``speed`` mechanical rad/s, ``torque`` N m and the ``current`` (A, amplitude) that makes it; the limits of motor and
-    inverter behind them: ``base_speed`` rad/s, at which ``torque`` takes the whole voltage; ``largest_torque`` N m.
+    inverter behind them: ``base_speed`` rad/s, at which ``torque`` takes the whole voltage; ``largest_torque`` N m, up
+    to the rated speed, within the largest torque and power that the file states.
     """
 
     speed: float
@@ -64,7 +65,7 @@ def rating(drive: Drive) -> Rating:
     """
     box, control, m = drive.operating_box, drive.control, drive.motor
     at_rest = DROP_SHARE * inverter_voltage(drive) / m.stator_resistance
-    largest = mtpa_torque(drive, min(control.max_current, BOX_SHARE * box.current, at_rest))
+    largest = allowed_torque(drive, min(control.max_current, BOX_SHARE * box.current, at_rest))
     torque = min(max(USUAL_TORQUE, TORQUE_SHARES[0] * largest), TORQUE_SHARES[1] * largest)
     torque = drive.rated.torque if drive.rated else min(torque, BOX_SHARE * box.load_torque)
     current = mtpa_current(drive, torque)
@@ -72,7 +73,26 @@ def rating(drive: Drive) -> Rating:
     speed = min(max(USUAL_SPEED, SPEED_SHARES[0] * base), SPEED_SHARES[1] * base)
     ends = [speed, BOX_SHARE * box.speed, TURN / (m.pole_pairs * drive.model.sample_time)]
     ends += [FRICTION_SHARE * largest / m.friction] if m.friction else []
-    return Rating(drive.rated.speed if drive.rated else min(ends), torque, current, base, largest)
+    speed = drive.rated.speed if drive.rated else min(ends)
+    if control.max_power is not None and control.max_power < largest * speed:
+        largest = control.max_power / speed
+        torque = drive.rated.torque if drive.rated else min(torque, TORQUE_SHARES[1] * largest)
+        current = mtpa_current(drive, torque)
+    return Rating(speed, torque, current, base, largest)
+
+
+def allowed_torque(drive: Drive, current: float) -> float:
+    """The most torque that a slow rotor gets, N m: of a current amplitude, or what the drive file allows.
+
+    Parameters
+    ----------
+    drive : Drive
+    current : float
+        Amplitude, A.
+    """
+    most = drive.control.max_torque
+    torque = mtpa_torque(drive, current)
+    return torque if most is None else min(most, torque)
 
 
 def mtpa_currents(drive: Drive, current: float) -> tuple[float, float]:

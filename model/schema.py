@@ -40,6 +40,8 @@ Voltage = Annotated[float, Field(ge=1e-1, le=1e5), Unit("V")]
 Bandwidth = Annotated[float, Field(ge=0.1, le=1e5), Unit("rad/s")]
 Torque = Annotated[float, Field(ge=1e-7, le=1e7), Unit("N m")]
 Speed = Annotated[float, Field(ge=0.1, le=3e4), Unit("rad/s")]
+TorqueLimit = Annotated[float | None, Field(ge=1e-7, le=1e7), Unit("N m")]
+PowerLimit = Annotated[float | None, Field(ge=1e-6, le=1e9), Unit("W")]
 DeadTime = Annotated[float, Field(ge=0.0, le=1e-4), Unit("s")]
 SwitchingFrequency = Annotated[float | None, Field(ge=100.0, le=1e6), Unit("Hz")]
 SwitchDrop = Annotated[float, Field(ge=0.0, le=20.0), Unit("V")]
@@ -53,6 +55,13 @@ Variance = Annotated[float, Field(ge=1e-18, le=1e12)]
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
+
+
+class _OnlyStated(_Section):
+    @model_serializer(mode="wrap")
+    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What may be left out, and is, does not show."""
+        return {key: value for key, value in dump(self).items() if value is not None}
 
 
 class Motor(_Section):
@@ -159,11 +168,17 @@ class Tolerance(_Section):
     unsure_samples: Samples = 4.0
 
 
-class Control(_Section):
-    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers."""
+class Control(_OnlyStated):
+    """Field-oriented control: what the regulators' gains are computed from, and what the inverter offers.
+
+    ``max_torque`` and ``max_power`` (mechanical, driving and braking alike) hold beside ``max_current`` where they are
+    stated: what a gearbox, a battery or a law allows.
+    """
 
     dc_link: Voltage = 311.0
     max_current: Current = 20.0
+    max_torque: TorqueLimit = None
+    max_power: PowerLimit = None
     current_bandwidth: Bandwidth = 1500.0
     speed_bandwidth: Bandwidth = 60.0
 
@@ -212,7 +227,7 @@ class TargetChoice(_Section):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = DEFAULT_TARGET
 
 
-class Drive(_Section):
+class Drive(_OnlyStated):
     """A validated drive file.
 
     ``sha256`` is the hash of the file's text, with the machine file's behind it where there is one; it goes into the
@@ -233,11 +248,6 @@ class Drive(_Section):
     target: TargetChoice | None = None
     sha256: str = ""
     machine_text: Annotated[str, Field(exclude=True, repr=False)] = ""
-
-    @model_serializer(mode="wrap")
-    def _stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """A section that is not stated does not show."""
-        return {key: value for key, value in dump(self).items() if value is not None}
 
     @model_validator(mode="after")
     def _machine_fits_motor(self) -> Drive:
@@ -262,8 +272,7 @@ class Drive(_Section):
     @property
     def stated(self) -> dict[str, Any]:
         """The sections as a manifest keeps them; a section that may be left out and is, is not told."""
-        sections = self.model_dump(mode="json", exclude={"sha256", "name"})
-        return {name: section for name, section in sections.items() if section is not None}
+        return self.model_dump(mode="json", exclude={"sha256", "name"})
 
     @property
     def target_name(self) -> str:

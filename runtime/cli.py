@@ -8,45 +8,71 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command
 
-from codegen.evidence.budget import BudgetError
-from codegen.ir.graph import UnsupportedOperationError
-from codegen.output.folder import FolderError
 from codegen.output.version import __version__
-from model.schema import DriveError
-from runtime.commands.commission import commission
-from runtime.commands.compare import compare
-from runtime.commands.design import design
-from runtime.commands.doctor import doctor
-from runtime.commands.export import app as export
-from runtime.commands.faults import faults
-from runtime.commands.firmware import firmware
-from runtime.commands.fuzz import fuzz
-from runtime.commands.generate import generate
-from runtime.commands.identify import identify
-from runtime.commands.new import new
-from runtime.commands.package import package
-from runtime.commands.pil import pil
 from runtime.commands.quiet import with_quiet
-from runtime.commands.record import record
-from runtime.commands.replay import replay
-from runtime.commands.run import run
-from runtime.commands.simulate import simulate
-from runtime.commands.soak import soak
-from runtime.commands.starts import starts
-from runtime.commands.study import app as study
 from runtime.commands.terminal import console
-from runtime.commands.verify import verify
 from runtime.system.errors import UserError, end_interrupted, was_interrupted
+
+#: Commands in groups, both in the order in which one comes to use them; each lies in the module of its name.
+GROUPS = {
+    "Begin": ("run", "new", "doctor"),
+    "Make": ("design", "generate", "package", "export"),
+    "Prove": ("verify", "firmware"),
+    "See": ("simulate", "replay", "compare"),
+    "Choose": ("identify", "study"),
+    "Board": ("pil", "record", "commission"),
+    "Stress": ("starts", "faults", "fuzz", "soak"),
+}
+
+
+@cache
+def load_command(word: str) -> typer.Typer:
+    """One command, or one with words of its own; the others' libraries, which take longer to load, stay where they are.
+
+    Parameters
+    ----------
+    word : str
+        One of :data:`GROUPS`.
+    """
+    module = import_module(f"runtime.commands.{word}")
+    loaded: typer.Typer = getattr(module, "app", None) or typer.Typer()
+    panel = next(group for group, words in GROUPS.items() if word in words)
+    if loaded.registered_commands:
+        loaded.info.rich_help_panel = panel
+    else:
+        loaded.command(rich_help_panel=panel)(getattr(module, word))
+    for info in loaded.registered_commands:
+        info.callback = with_quiet(info.callback) if info.callback else None
+    return loaded
+
+
+@cache
+def _command(word: str) -> Any:
+    """A command as Typer parses its words, assembled once a process."""
+    loaded = load_command(word)
+    loaded._add_completion = False  # which is the whole program's
+    return get_command(loaded)
 
 
 class Commands(TyperGroup):
-    """The commands; an interrupted one ends with 130, whatever Typer's version makes of it."""
+    """The commands, each loaded when it is asked for; an interrupted one ends with 130, whatever Typer makes of it."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        # Typer asks it for names alone, in their order.
+        self.commands = dict.fromkeys(word for words in GROUPS.values() for word in words)  # type: ignore[assignment]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Load a command; None if there is none of that name."""
+        return _command(cmd_name) if cmd_name in self.commands else None
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command; Ctrl-C ends it with 130."""
@@ -65,24 +91,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-#: Commands in groups, both in the order in which one comes to use them.
-GROUPS = {
-    "Begin": (run, new, doctor),
-    "Make": (design, generate, package, export),
-    "Prove": (verify, firmware),
-    "See": (simulate, replay, compare),
-    "Choose": (identify, study),
-    "Board": (pil, record, commission),
-    "Stress": (starts, faults, fuzz, soak),
-}
-for group, commands in GROUPS.items():
-    for command in commands:
-        if isinstance(command, typer.Typer):
-            app.add_typer(command, name=command.info.name, rich_help_panel=group)
-            for info in command.registered_commands:
-                info.callback = with_quiet(info.callback) if info.callback else None
-        else:
-            app.command(rich_help_panel=group)(with_quiet(command))
 
 
 @app.callback(invoke_without_command=True)
@@ -94,8 +102,8 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 
 @cache
 def _commands() -> Any:
-    """The commands, assembled once a process: that takes longer than most of them run where input is refused."""
-    return typer.main.get_command(app)
+    """All commands, none of them loaded yet."""
+    return get_command(app)
 
 
 #: Letters of a line that somebody will still read.
@@ -116,6 +124,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             end_interrupted()
         raise
     except Exception as error:
+        from codegen.evidence.budget import BudgetError
+        from codegen.ir.graph import UnsupportedOperationError
+        from codegen.output.folder import FolderError
+        from model.schema import DriveError
+
         if was_interrupted():  # a library has made another error of the KeyboardInterrupt, CasADi a SystemError
             end_interrupted()
         if isinstance(error, OSError):  # a disk, a right, a limit

@@ -85,6 +85,8 @@ def _serve() -> None:
     from codegen.generate import generate
     from model.drives.load import load_drive
 
+    for word in (word for words in runtime.cli.GROUPS.values() for word in words):
+        runtime.cli.load_command(word)
     generate(load_drive("paper_spmsm"), samples=5)  # templates compiled, the sine's polynomial certified: once
 
     for line in sys.stdin:

@@ -11,6 +11,8 @@ from types import ModuleType
 
 import pytest
 
+from model.drives.load import shipped_drives
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -36,6 +38,21 @@ def test_what_is_kept_is_a_subject_and_what_is_not_is_said() -> None:
     kept = {file.stem for file in (ROOT / "docs" / "results").glob("*.json")}
     assert kept <= set(results.SUBJECTS)
     assert results.page().count(results.UNMEASURED) == len(results.SUBJECTS) - len(kept)
+
+
+def test_cycles_are_those_of_the_folders_as_they_are() -> None:
+    """``python benchmarks/results.py --measure cycles`` takes a second."""
+    import cycles
+
+    kept = json.loads((ROOT / "docs" / "results" / "cycles.json").read_text(encoding="utf-8"))
+    assert kept["cycles"]["cycles"] == cycles.table(list(shipped_drives()), "f28335")
+    manifest = json.loads((ROOT / "generated" / "paper_spmsm" / "manifest.json").read_text(encoding="utf-8"))
+    facts = manifest["filters"]["ickf"]["interrupt"]["RUNNING"]
+    (row,) = (
+        row for row in kept["cycles"]["cycles"]["rows"] if (row["drive"], row["filter"]) == ("`paper_spmsm`", "ickf")
+    )
+    assert row["interrupt, RUNNING"] == f"**{facts['estimated_cycles']} ({100 * facts['share_of_sample']:.0f} %)**"
+    assert row["interrupt, STARTING"] == ""
 
 
 def cells(table: str) -> list[list[str]]:

@@ -1,7 +1,7 @@
 """Cycles on paper, and the budgets a drive file sets: computed from published cycles, nothing here was measured.
 
-The prices are the target's (:class:`codegen.targets.description.Prices`): k for an addition or multiplication, with its
-loads and its store; a figure for each other operation; and the interrupt. A target without prices has no cycles.
+The prices are the target's (:class:`codegen.targets.description.Prices`): k for an operation on numbers, with its loads
+and its store; a figure for each other operation; and the interrupt. A target without prices has no cycles.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Account:
         budget : int
             Cycles a step.
         k : float
-            Cycles an addition or multiplication is priced at.
+            Cycles an operation on numbers is priced at.
 
         Returns
         -------
@@ -102,10 +102,33 @@ class Account:
         max_iterations : int
             N_max.
         k : float
-            Cycles an addition or multiplication is priced at.
+            Cycles an operation on numbers is priced at.
         """
-        count = self.program.count(f"{self.name}{function}", max_iterations, not prices.sin_cos_is_called)
-        return prices.total(count, k)
+        return prices.total(self.program.count(f"{self.name}{function}", max_iterations), k)
+
+
+def late(drive: Drive, accounts: Mapping[str, Account]) -> dict[str, float]:
+    """What takes longer than the sample time, at its worst and at the typical price, and its share of that time.
+
+    Parameters
+    ----------
+    drive : Drive
+    accounts : mapping of str to Account
+        By filter kind.
+
+    Returns
+    -------
+    dict of str to float
+        By words such as "ickf and controller" and "ickf, STARTING"; empty where all fit, or nothing is published.
+    """
+    found: dict[str, float] = {}
+    for kind, account in accounts.items():
+        if account.prices is not None:
+            ledgers = {kind: account.filter, f"{kind} and controller": account.controller}
+            ledgers |= {f"{kind}, {mode}": ledger for mode, ledger in account.interrupts.items()}
+            shares = {what: share(ledger.operations, drive, account.prices) for what, ledger in ledgers.items()}
+            found |= {what: part for what, part in shares.items() if part > 1}
+    return found
 
 
 def check_budget(drive: Drive, accounts: Mapping[str, Account]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pycparser import CParser, c_ast
 
@@ -23,6 +24,7 @@ class EmittedError(ValueError):
     """Emitted C that the reader does not understand: the generator wrote something new; one line says what."""
 
 
+@lru_cache(maxsize=64)
 def code_of(text: str) -> str:
     """The text without comments, blank lines and trailing blanks: what a compiler's output depends on.
 

@@ -1,9 +1,9 @@
 """The ledger: what a step costs, counted in the emitted C itself.
 
-Operations are counted on pycparser's tree of the very text that goes to the chip: calls are followed, a branch
-costs its dearer side (operation by operation, so the sum bounds either), a loop its bound. ``sin_cos`` is counted
-both as one call (fastRTS publishes its cycles) and as the arithmetic that is emitted. Of a branch that asks a field
-whose value is given, such as the mode of a drive, the side that is taken counts.
+Operations are counted on pycparser's tree of the very text that goes to the chip: calls are followed, that of the
+emitted ``sin_cos`` like any other; a branch costs its dearer side (operation by operation, so the sum bounds either), a
+loop its bound. Of a branch that asks a field whose value is given, such as the mode of a drive, the side that is taken
+counts. Arithmetic of whole numbers, and copies of single numbers, are not counted.
 """
 
 from __future__ import annotations
@@ -17,15 +17,20 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
-from codegen.evidence.units import Kind, Unit, constant
-from codegen.targets.description import Prices, Target
+from codegen.evidence.units import Kind, Unit, constant, walk
+from codegen.targets.description import Target
 from codegen.targets.find import default_target
 
-#: In the order tables show them; ``add`` is additions, subtractions and negations.
-OPERATIONS = ("add", "mul", "div", "sqrt", "sincos", "compare", "select")
+#: In the order tables show them. ``add``: additions, subtractions and negations; ``compare``, ``select``: of float32;
+#: ``branch``: an ``if``, each time a loop asks whether to go on, a selection of whole numbers, each ``&&`` and ``||``;
+#: ``call``: of a function of the text. A compiler may do without some of these.
+OPERATIONS = ("add", "mul", "div", "sqrt", "compare", "select", "branch", "call")
+#: Calls of sin_cos: told, and not priced, as its arithmetic is among the others.
+SINCOS = "sincos"
 #: 16-bit words of structs that are copied; a table has them only where there are any.
 COPIED = "copied"
 SIN_COS = "sin_cos"
+TOLD = (*OPERATIONS, SINCOS)
 N_MAX = "max_iterations"
 
 _LIBRARY = {"sqrtf": "sqrt"}
@@ -33,29 +38,21 @@ _LIBRARY = {"sqrtf": "sqrt"}
 SINE = "sine"
 _ARITHMETIC = {"+": "add", "-": "add", "*": "mul", "/": "div"}
 _COMPARISONS = frozenset({"<", ">", "<=", ">=", "==", "!="})
+#: Nodes that stand for themselves: most of a tree, and nothing in them computes.
+_LEAVES = (c_ast.ID, c_ast.Constant)
 
 Count = Counter[str]
 
 
 @dataclass(frozen=True)
 class Ledger:
-    """Worst case of one function. ``calls``: sin_cos as a call; ``expanded``: as the arithmetic it is emitted as.
+    """Worst case of one function: ``operations`` by the names of :data:`TOLD`, and of what is seldom there.
 
     ``words``: 16-bit words of its state struct on the target.
     """
 
-    calls: dict[str, int]
-    expanded: dict[str, int]
+    operations: dict[str, int]
     words: int
-
-    def priced(self, prices: Prices) -> dict[str, int]:
-        """Counts that go with a list of prices: sin_cos as a call where it has one, else as it is emitted.
-
-        Parameters
-        ----------
-        prices : Prices
-        """
-        return self.calls if prices.sin_cos_is_called else self.expanded
 
 
 class Program:
@@ -99,16 +96,15 @@ class Program:
         given : mapping of str to int, optional
             Values of fields, whichever struct they are in.
         """
-        called, expanded = (self.count(function, max_iterations, expand, given) for expand in (False, True))
         unit, _ = self.find(function)
-        return Ledger(_table(called), _table(expanded), unit.words(struct))
+        return Ledger(_table(self.count(function, max_iterations, given)), unit.words(struct))
 
     def count(
         self,
         function: str,
         max_iterations: int,
-        expand_sin_cos: bool = False,
         given: Mapping[str, int] = MappingProxyType({}),
+        aside: frozenset[str] = frozenset(),
     ) -> Count:
         """Operations of one call, every loop over N_max taken ``max_iterations`` times.
 
@@ -116,13 +112,13 @@ class Program:
         ----------
         function : str
         max_iterations : int
-        expand_sin_cos : bool, optional
-            Count the arithmetic of ``sin_cos``, not its call.
         given : mapping of str to int, optional
             Values of fields when it is called, whichever struct they are in; they are taken to keep them.
+        aside : frozenset of str, optional
+            Functions of which the calls count and not the bodies.
         """
         unit, definition = self.find(function)
-        return _Counting(self, max_iterations, expand_sin_cos, given).function(unit, definition, {})
+        return _Counting(self, max_iterations, given, aside).function(unit, definition, {})
 
     def find(self, function: str, caller: Unit | None = None) -> tuple[Unit, c_ast.FuncDef]:
         """The function as ``caller`` sees it: its own file's, else one that is not static.
@@ -146,29 +142,23 @@ class Program:
         unit : Unit
         definition : FuncDef
         """
-        for name in sorted({node.name.name for node in _walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
+        for name in sorted({node.name.name for node in walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
             if name not in self.library:
                 yield self.find(name, unit)
 
 
 class _Counting:
-    """One count: how far loops go, and what sin_cos is."""
+    """One count: how far loops go, what is given, and what is not followed."""
 
-    def __init__(self, program: Program, max_iterations: int, expand_sin_cos: bool, given: Mapping[str, int]) -> None:
-        self.program, self.max_iterations, self.expand_sin_cos = program, max_iterations, expand_sin_cos
-        self.given = given
+    def __init__(self, program: Program, max_iterations: int, given: Mapping[str, int], aside: frozenset[str]) -> None:
+        self.program, self.max_iterations, self.given, self.aside = program, max_iterations, given, aside
         self.known: dict[tuple[str, str, tuple[tuple[str, int], ...]], Count] = {}
 
     def function(self, unit: Unit, definition: c_ast.FuncDef, constants: dict[str, int]) -> Count:
         """Count a function's body; ``constants``: parameters whose whole value the call fixes."""
         key = (unit.name, definition.decl.name, tuple(sorted(constants.items())))
         if key not in self.known:
-            kinds = {
-                node.name: unit.kind(node.type)
-                for node in _walk(definition)
-                if isinstance(node, c_ast.Decl) and not isinstance(node.type, c_ast.FuncDecl)
-            }
-            self.known[key] = _Body(self, unit, kinds, constants).count(definition.body)
+            self.known[key] = _Body(self, unit, unit.kinds_in(definition), constants).count(definition.body)
         return self.known[key]
 
 
@@ -180,19 +170,22 @@ class _Body:
 
     def count(self, node: Any) -> Count:
         """Operations of a node; one small method per node that computes, the others pass on their children's."""
-        if node is None:
+        if node is None or isinstance(node, _LEAVES):
             return Counter()
         method = getattr(self, f"_count_{type(node).__name__}", None)
         if method is not None:
-            return Counter(method(node))
+            found: Count = method(node)
+            return found
         if isinstance(node, c_ast.Switch | c_ast.Goto | c_ast.Label):
             raise self._error(node, f"{type(node).__name__.lower()} is not counted")
         return self._children(node)
 
     def _children(self, node: Any) -> Count:
+        """The sum over a node's children; ``update``, for ``+`` looks each time for what is not above 0."""
         total: Count = Counter()
         for _, child in node.children():
-            total += self.count(child)
+            if not isinstance(child, _LEAVES):
+                total.update(self.count(child))
         return total
 
     # --- expressions
@@ -201,7 +194,9 @@ class _Body:
         return self.count(node.init)
 
     def _count_BinaryOp(self, node: Any) -> Count:
-        name = "compare" if node.op in _COMPARISONS else _ARITHMETIC.get(node.op)  # && and || are neither
+        if node.op in {"&&", "||"}:
+            return Counter({"branch": 1}) + self._children(node)
+        name = "compare" if node.op in _COMPARISONS else _ARITHMETIC.get(node.op)
         computes = name and not _folded(node) and "float" in (self._kind(node.left), self._kind(node.right))
         return Counter({name: 1} if name and computes else {}) + self._children(node)
 
@@ -219,7 +214,7 @@ class _Body:
         return own + self._children(node)
 
     def _count_TernaryOp(self, node: Any) -> Count:
-        own = Counter({"select": 1} if self._kind(node) == "float" else {})
+        own = Counter({"select" if self._kind(node) == "float" else "branch": 1})
         return own + self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
 
     def _count_FuncCall(self, node: Any) -> Count:
@@ -227,8 +222,9 @@ class _Body:
         total = self.count(node.args)
         if name in self.counting.program.library:
             return total + Counter({self.counting.program.library[name]: 1})
-        if name == SIN_COS and not self.counting.expand_sin_cos:
-            return total + Counter({"sincos": 1})
+        total += Counter({"call": 1} | ({SINCOS: 1} if name == SIN_COS else {}))
+        if name in self.counting.aside:
+            return total
         unit, definition = self.counting.program.find(name, self.unit)
         parameters = definition.decl.type.args.params if definition.decl.type.args else []
         fixed = {}
@@ -247,29 +243,31 @@ class _Body:
         for k, item in enumerate(items):
             if isinstance(item, c_ast.If) and item.iffalse is None and _returns(item.iftrue):
                 rest = c_ast.Compound(items[k + 1 :])
-                return total + self.count(item.cond) + (self.count(item.iftrue) | self.count(rest))
+                return total + self._asked(item.cond) + (self.count(item.iftrue) | self.count(rest))
             total += self.count(item)
         return total
 
     def _count_If(self, node: Any) -> Count:
         holds = _decided(node.cond, self.counting.given)
         if holds is not None:
-            return self.count(node.cond) + self.count(node.iftrue if holds else node.iffalse)
-        return self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
+            return self._asked(node.cond) + self.count(node.iftrue if holds else node.iffalse)
+        return self._asked(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
 
     def _count_DoWhile(self, node: Any) -> Count:
-        return self._loop(node, self.count(node.stmt) + self.count(node.cond))
+        return self._loop(node, self.count(node.stmt) + self._asked(node.cond))
 
     def _count_While(self, node: Any) -> Count:
-        return self.count(node.cond) + self._loop(node, self.count(node.stmt) + self.count(node.cond))
+        return self._asked(node.cond) + self._loop(node, self.count(node.stmt) + self._asked(node.cond))
 
     def _count_For(self, node: Any) -> Count:
-        once = self.count(node.stmt) + self.count(node.cond) + self.count(node.next)
-        return self.count(node.init) + self.count(node.cond) + self._loop(node, once)
+        once = self.count(node.stmt) + self._asked(node.cond) + self.count(node.next)
+        return self.count(node.init) + self._asked(node.cond) + self._loop(node, once)
+
+    def _asked(self, condition: Any) -> Count:
+        """A condition that decides where to go on; what ``&&`` and ``||`` in it add is counted where they stand."""
+        return self.count(condition) + Counter({"branch": 1})
 
     def _loop(self, node: Any, once: Count) -> Count:
-        if not once:
-            return Counter()
         bound = self._bound(node.cond)
         if bound is None:
             raise self._error(node, "a loop without a bound that can be read")
@@ -328,7 +326,7 @@ def _returns(node: Any) -> bool:
 
 def _table(count: Count) -> dict[str, int]:
     seldom = {name: count[name] for name in (SINE, COPIED) if count[name]}
-    return {name: count[name] for name in OPERATIONS} | seldom
+    return {name: count[name] for name in TOLD} | seldom
 
 
 def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
@@ -343,12 +341,6 @@ def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
     if value is None or other is None or condition.op not in {"==", "!="}:
         return None
     return (value == other) is (condition.op == "==")
-
-
-def _walk(node: Any) -> Iterator[Any]:
-    yield node
-    for _, child in node.children():
-        yield from _walk(child)
 
 
 def _folded(node: Any) -> bool:

@@ -58,10 +58,9 @@ def execute(module: str, name: str, **replaced: Any) -> dict[str, Any]:
 @lru_cache(maxsize=2)
 def _compiled(module: str, replaced: bool) -> CodeType:
     """The module's code, which every filter kind's recordings and certificate run again."""
-    tree = ast.parse(module)
-    if replaced:
-        tree = ast.fix_missing_locations(_Replace().visit(tree))
-    return compile(tree, "generated.py", "exec")
+    if not replaced:
+        return compile(module, "generated.py", "exec")
+    return compile(_Replace().visit(ast.parse(module)), "generated.py", "exec")
 
 
 class _Replace(ast.NodeTransformer):
@@ -69,13 +68,18 @@ class _Replace(ast.NodeTransformer):
         self.generic_visit(node)
         if not isinstance(node.op, ast.Div):
             return node
-        return ast.Call(ast.Name("divide", ast.Load()), [node.left, node.right], [])
+        return ast.copy_location(ast.Call(_name("divide", node), [node.left, node.right], []), node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
         if isinstance(node.func, ast.Attribute) and node.func.attr == "sqrt":
-            node.func = ast.Name("root", ast.Load())
+            node.func = _name("root", node)
         return node
+
+
+def _name(name: str, place: ast.expr) -> ast.Name:
+    """A name in the place of something else: the compiler wants to know where a node stands."""
+    return ast.copy_location(ast.Name(name, ast.Load()), place)
 
 
 def approximate(module: str, name: str, seed: int = 1, native: bool = False) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pycparser import c_ast
@@ -25,6 +25,7 @@ class Unit:
             for item in tree.ext
             if isinstance(item, c_ast.Decl) and isinstance(item.type, c_ast.FuncDecl)
         } | {name: item.decl.type.type for name, item in self.functions.items()}
+        self._kinds_in: dict[str, dict[str, Kind]] = {}
 
     def kind(self, type_node: Any) -> Kind:
         """The scalar type behind a type: arrays and pointers stand for their elements.
@@ -42,6 +43,23 @@ class Unit:
             target = self.typedefs[names[0]]
             return str(names[0]) if isinstance(target.type, c_ast.Struct) else self.kind(target)
         return "float" if {"float", "double"} & set(names) else "int"
+
+    def kinds_in(self, definition: c_ast.FuncDef) -> dict[str, Kind]:
+        """Kinds of a function's parameters and locals by name; looked up once, for every count asks.
+
+        Parameters
+        ----------
+        definition : FuncDef
+            One of the unit's functions.
+        """
+        name = definition.decl.name
+        if name not in self._kinds_in:
+            self._kinds_in[name] = {
+                node.name: self.kind(node.type)
+                for node in walk(definition)
+                if isinstance(node, c_ast.Decl) and not isinstance(node.type, c_ast.FuncDecl)
+            }
+        return self._kinds_in[name]
 
     def field(self, struct: Kind, name: str) -> Any:
         """Type of a field of a typedef'd struct.
@@ -107,6 +125,20 @@ class Unit:
             offset += -offset % align + chars
             widest = max(widest, align)
         return offset + -offset % widest, widest
+
+
+def walk(node: Any) -> Iterator[Any]:
+    """A node and all nodes below it, in their order in the text.
+
+    Parameters
+    ----------
+    node : pycparser node
+    """
+    stack = [node]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack += [child for _, child in reversed(node.children())]
 
 
 def constant(node: Any, known: Mapping[str, int]) -> int | None:

@@ -7,6 +7,7 @@ import zlib
 from collections import Counter
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from codegen.ir.graph import SIGNIFICANT, Graph, Node
 
@@ -31,8 +32,7 @@ SHORTER = (
 )
 
 
-@dataclass(frozen=True)
-class Folded:
+class Folded(NamedTuple):
     """Constants of one product as one number."""
 
     value: float

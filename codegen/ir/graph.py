@@ -60,6 +60,8 @@ class Graph:
         self.told: dict[float, tuple[str, str]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
         self._constants: dict[int, float] = {}
+        #: What roots depend on, by roots: nodes never change, and several passes begin at one graph.
+        self._reachable: dict[tuple[int, ...], tuple[int, ...]] = {}
 
     def __getitem__(self, index: int) -> Node:
         return self.nodes[index]
@@ -129,7 +131,11 @@ class Graph:
                     return simplified
                 break
         key = (op, args[1], args[0]) if op in COMMUTATIVE and args[0] > args[1] else (op, *args)
-        return self._add(key, op, args)
+        index = self._index.get(key)
+        if index is None:
+            index = self._index[key] = len(self.nodes)
+            self.nodes.append(Node(op, args))
+        return index
 
     def named(self, known: dict[float, tuple[str, str]]) -> Graph:
         """A graph of the same nodes in which these numbers have a name and a formula, if they had none.
@@ -196,6 +202,12 @@ class Graph:
         roots : iterable of int
             Nodes.
         """
+        known = tuple(roots)
+        if known not in self._reachable:
+            self._reachable[known] = self._collected(known)
+        return list(self._reachable[known])
+
+    def _collected(self, roots: tuple[int, ...]) -> tuple[int, ...]:
         nodes, seen = self.nodes, dict[int, None]()
         stack = list(roots)[::-1]
         while stack:
@@ -203,9 +215,13 @@ class Graph:
             if index < 0:  # ~index: its arguments are done
                 seen[~index] = None
             elif index not in seen:
-                stack.append(~index)
-                stack += nodes[index].args[::-1]
-        return list(seen)
+                args = nodes[index].args
+                if args:
+                    stack.append(~index)
+                    stack += args[::-1]
+                else:
+                    seen[index] = None
+        return tuple(seen)
 
 
 _BINARY = {

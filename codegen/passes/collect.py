@@ -44,7 +44,8 @@ class _Collector:
         self.order = graph.reachable(roots)
         self.rank = {index: k for k, index in enumerate(self.order)}
         uses = Counter(arg for index in self.order for arg in graph[index].args)
-        self.once = {index for index in self.order if uses[index] == 1 and index not in set(roots)}
+        kept = set(roots)
+        self.once = {index for index in self.order if uses[index] == 1 and index not in kept}
         self.new = Graph()
         self.moved: dict[int, int] = {}
 

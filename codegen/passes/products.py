@@ -9,9 +9,10 @@ product are folded into one number first.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Collection
 from heapq import heappop, heappush
 from itertools import combinations_with_replacement
+from typing import NamedTuple
 
 from codegen.ir.constants import Folded, folded, product_name, taken_apart
 from codegen.ir.graph import Graph
@@ -56,8 +57,7 @@ def share_products(
     return _rebuild(graph, order, factors, pairs, ranks)
 
 
-@dataclass(frozen=True)
-class Shared:
+class Shared(NamedTuple):
     """A pair of factors that several products hold, by number."""
 
     number: int
@@ -70,32 +70,29 @@ Pair = tuple[Factor, Factor]
 
 def _tops(graph: Graph, order: list[int], roots: set[int]) -> set[int]:
     """Products that something other than a product uses, or that must survive."""
-    tops = {index for index in order if graph[index].op == "mul" and index in roots}
-    for index in order:
-        if graph[index].op != "mul":
-            tops |= {arg for arg in graph[index].args if graph[arg].op == "mul"}
-    return tops
+    nodes = graph.nodes
+    users = (nodes[index] for index in order)
+    used = {arg for node in users if node.op != "mul" for arg in node.args} | roots
+    return {index for index in order if nodes[index].op == "mul" and index in used}
 
 
 def _factors(graph: Graph, top: int, kept: set[int]) -> Counter[int]:
     """Factors of a product, inner products taken apart unless they are to be kept."""
-    found: Counter[int] = Counter()
-    stack = list(graph[top].args)
+    nodes, found = graph.nodes, list[int]()
+    stack = list(nodes[top].args)
     while stack:
         index = stack.pop()
-        if graph[index].op == "mul" and index not in kept:
-            stack += graph[index].args
+        if nodes[index].op == "mul" and index not in kept:
+            stack += nodes[index].args
         else:
-            found[index] += 1
-    return found
+            found.append(index)
+    return Counter(found)
 
 
 def _folded(graph: Graph, found: Counter[int], roots: dict[str, int]) -> Counter[Factor]:
     """All constants of a product as one; beside a square, the squares of ``roots`` are taken apart."""
-    constants = sorted(
-        (index for index in found.elements() if graph[index].op == "const"),
-        key=lambda k: (graph[k].name, graph[k].value),
-    )
+    constants = [index for index in found.elements() if graph[index].op == "const"]
+    constants.sort(key=lambda k: (graph[k].name, graph[k].value))
     rest: Counter[Factor] = Counter({index: count for index, count in found.items() if graph[index].op != "const"})
     if len(constants) == 1 and max(rest.values(), default=0) > 1:
         return rest + _rooted(graph, constants[0], roots)
@@ -115,7 +112,7 @@ def _rooted(graph: Graph, index: int, roots: dict[str, int]) -> Counter[Factor]:
     return Counter({root: 2} | ({Folded(plain, "", ""): 1} if plain != 1.0 else {}))
 
 
-def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[tuple[Factor, Factor]]:
+def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[Pair]:
     """Replace the most frequent pair until none is frequent; returns the pairs in the order made.
 
     Among equally frequent pairs the one known first is taken, so that what does not change is computed first.
@@ -125,26 +122,30 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
         for held in factors.values()
         for factor in held
     }
-    pairs: list[tuple[Factor, Factor]] = []
+    pairs: list[Pair] = []
     holders: dict[Pair, dict[int, int]] = {}  # how often a product holds a pair, side by side
-    total, met = Counter[Pair](), dict[Pair, int]()
+    total, met = dict[Pair, int](), dict[Pair, int]()
     queue: list[tuple[int, float, float, int, Pair]] = []  # the best first; what no longer holds is passed over
 
-    def counted(pair: Pair, times: int) -> None:
-        total[pair] += times
+    def wanted(pair: Pair) -> None:
         if total[pair] > 1:
             a, b = pair
             heappush(queue, (-total[pair], rank[b], rank[a], met[pair], pair))
 
-    def count(top: int, changed: set[Factor]) -> None:
-        for pair in _pairs(factors[top], rank, changed):
-            times = _times(factors[top], pair)
+    def counted(top: int, among: Collection[Factor]) -> list[Pair]:
+        held = factors[top]
+        found = _pairs(held, rank, among)
+        for pair in found:
+            times = _times(held, pair)
             holders.setdefault(pair, {})[top] = times
             met.setdefault(pair, len(met))
-            counted(pair, times)
+            total[pair] = total.get(pair, 0) + times
+        return found
 
-    for top in factors:
-        count(top, set(factors[top]))
+    for top, held in factors.items():
+        counted(top, held)
+    for pair in total:
+        wanted(pair)
     while queue:
         times, *_, best = heappop(queue)
         if -times != total[best]:
@@ -156,52 +157,52 @@ def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[t
         for top, times in sorted(holders[best].items()):
             held = factors[top]
             for pair in _pairs(held, rank, changed):
-                counted(pair, -holders[pair].pop(top))
+                total[pair] -= holders[pair].pop(top)
+                wanted(pair)
             for factor in best:
                 held[factor] -= times
             held[made] += times
-            for factor in [factor for factor, number in held.items() if not number]:
-                del held[factor]
-            count(top, changed)
+            for factor in best:
+                if not held.get(factor, 1):
+                    del held[factor]
+            for pair in counted(top, changed):
+                wanted(pair)
     return pairs
 
 
-def _times(held: Counter[Factor], pair: tuple[Factor, Factor]) -> int:
+def _times(held: Counter[Factor], pair: Pair) -> int:
     """How often a product holds a pair of factors."""
     return held[pair[0]] // 2 if pair[0] == pair[1] else min(held[pair[0]], held[pair[1]])
 
 
-def _pairs(held: Counter[Factor], rank: dict[Factor, float], among: set[Factor]) -> list[tuple[Factor, Factor]]:
+def _pairs(held: Counter[Factor], rank: dict[Factor, float], among: Collection[Factor]) -> list[Pair]:
     """Every pair of factors that a product holds and of which one is ``among`` some, the earlier first."""
-    if sum(held.values()) < 2:
+    if len(held) < 2 and held.total() < 2:
         return []
-    distinct = sorted(held, key=lambda factor: (rank[factor], str(factor)))
-    return [
-        (a, b)
-        for a, b in combinations_with_replacement(distinct, 2)
-        if (a in among or b in among) and (a != b or held[a] >= 2)
-    ]
+    distinct = sorted(held, key=str) if len({rank[factor] for factor in held}) < len(held) else list(held)
+    distinct.sort(key=rank.__getitem__)
+    pairs = combinations_with_replacement(distinct, 2)
+    return [(a, b) for a, b in pairs if (a in among or b in among) and (a is not b or held[a] >= 2)]
 
 
-def _rank(factor: Factor, ranks: dict[int, int], pairs: list[tuple[Factor, Factor]]) -> float:
-    """When a factor is known: constants at once, nodes in order, pairs with their later half."""
-    if isinstance(factor, int):
-        return float(ranks[factor])
-    if isinstance(factor, Shared):
-        earlier = pairs[: factor.number]
-        return max(_rank(half, ranks, earlier) for half in pairs[factor.number]) + 1e-3 * (factor.number + 1)
-    return -1.0
+def _ranks(pairs: list[Pair], ranks: dict[int, int]) -> dict[Factor, float]:
+    """When nodes and pairs are known: nodes in order, pairs with their later half. Constants are not told: at once."""
+    known: dict[Factor, float] = {index: float(rank) for index, rank in ranks.items()}
+    for number, halves in enumerate(pairs):
+        known[Shared(number)] = max(known.get(half, -1.0) for half in halves) + 1e-3 * (number + 1)
+    return known
 
 
 def _rebuild(
     graph: Graph,
     order: list[int],
     factors: dict[int, Counter[Factor]],
-    pairs: list[tuple[Factor, Factor]],
+    pairs: list[Pair],
     ranks: dict[int, int],
 ) -> tuple[Graph, dict[int, int]]:
     new, moved = Graph(), dict[int, int]()
     inner = {index for index in order if graph[index].op == "mul"} - factors.keys()
+    known = _ranks(pairs, ranks)
 
     def place(factor: Factor) -> int:
         if isinstance(factor, int):
@@ -215,7 +216,7 @@ def _rebuild(
         if index in inner:
             continue
         if index in factors:
-            held = sorted(factors[index].elements(), key=lambda f: _rank(f, ranks, pairs))
+            held = sorted(factors[index].elements(), key=lambda factor: known.get(factor, -1.0))
             nodes = [place(factor) for factor in held]
             value = nodes[0]
             for node in nodes[1:]:

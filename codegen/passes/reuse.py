@@ -48,7 +48,7 @@ def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int
     for index in parts:
         inner = _inner(graph, index, uses)
         if inner and not inner & kept and index not in gone:
-            pair = _pair(index, parts, known, least, inner | gone)
+            pair = _pair(index, parts, known, least, (inner, gone))
             if pair:
                 instead[index] = pair
                 kept |= set(pair)
@@ -58,17 +58,17 @@ def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int
 
 def _parts(graph: Graph, top: int) -> tuple[float, Counter[int]]:
     """A product's constants as one number, and its other factors, inner products taken apart."""
-    number, found, stack = 1.0, Counter[int](), [top]
+    nodes, number, found, stack = graph.nodes, 1.0, list[int](), [top]
     while stack:
-        node = graph[stack[-1]]
         index = stack.pop()
+        node = nodes[index]
         if node.op == "mul":
             stack += node.args
         elif node.op == "const":
             number *= node.value
         else:
-            found[index] += 1
-    return number, found
+            found.append(index)
+    return number, Counter(found)
 
 
 def _inner(graph: Graph, top: int, uses: Counter[int]) -> set[int]:
@@ -87,21 +87,31 @@ def _pair(
     parts: dict[int, tuple[float, Counter[int]]],
     known: dict[Key, list[int]],
     least: dict[int, list[tuple[int, int]]],
-    barred: set[int],
+    barred: tuple[set[int], set[int]],
 ) -> tuple[int, int] | None:
     """Two other products, none of them ``barred``, whose product is ``top``.
 
     ``known``: products by their factors; ``least``: products and their places in order, by their least factor.
     """
     number, factors = parts[top]
+    inner, gone = barred
     for _, first in sorted(pair for factor in factors for pair in least.get(factor, ())):
         one, some = parts[first]
-        if first == top or first in barred or not some <= factors:
+        if first == top or first in inner or first in gone or not _held(some, factors):
             continue
         for second in known.get(frozenset((factors - some).items()), ()):
-            if second not in barred and math.isclose(one * parts[second][0], number, rel_tol=SAME):
+            if (
+                second not in inner
+                and second not in gone
+                and math.isclose(one * parts[second][0], number, rel_tol=SAME)
+            ):
                 return first, second
     return None
+
+
+def _held(some: Counter[int], factors: Counter[int]) -> bool:
+    """Whether a product's factors are among another's; ``<=`` of counters would look at both."""
+    return all(factors.get(factor, 0) >= times for factor, times in some.items())
 
 
 def _rebuild(graph: Graph, order: list[int], instead: dict[int, tuple[int, int]]) -> tuple[Graph, dict[int, int]]:

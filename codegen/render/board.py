@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from codegen.output.folder import digest
 from codegen.output.version import __version__
-from codegen.render.filter import Description, render
+from codegen.render.fill import render
+from codegen.render.filter import Description
 from model.filters import FilterStep
 
 #: Where the bench's files go; production needs none of them.

@@ -9,7 +9,8 @@ from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import DOUBLE
-from codegen.render.filter import ANGLE, Description, named_constants, render, with_sections
+from codegen.render.fill import render
+from codegen.render.filter import ANGLE, Description, named_constants, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.supervisor import machine_of
@@ -39,10 +40,14 @@ def control_listing(about: Description) -> tuple[Listing, list[Constant]]:
     ----------
     about : Description
     """
-    constants = Constants(named=True)
-    block = control_block(about.drive, constants)
-    found = list(constants.items.values())
-    return lay_out(block, [*found, *_transform(about)]), found
+
+    def made() -> tuple[Listing, list[Constant]]:
+        constants = Constants(named=True)
+        block = control_block(about.drive, constants)
+        found = list(constants.items.values())
+        return lay_out(block, [*found, *_transform(about)]), found
+
+    return about.once("controller", made)
 
 
 def _transform(about: Description) -> tuple[Constant, ...]:
@@ -72,7 +77,7 @@ def believed_listing(about: Description) -> Listing:
     ----------
     about : Description
     """
-    return lay_out(believed_block(about.model), about.model.constants)
+    return about.once("believed", lambda: lay_out(believed_block(about.model), about.model.constants))
 
 
 def controller_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, Any]:
@@ -254,7 +259,7 @@ def plant_context(about: Description, printer: CPrinter) -> dict[str, Any]:
     printer : CPrinter
         Of the scalar or the lane form.
     """
-    listings = plant_listings(about.drive)
+    listings = about.once("plant", lambda: plant_listings(about.drive))
     return {
         "drive": about.drive.name,
         "sha": about.drive.sha256,

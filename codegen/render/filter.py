@@ -1,24 +1,21 @@
-"""Templates filled in: one C pair a filter and target, and what all templates share."""
+"""Templates filled in: one C pair a filter and target, and what all of a drive share."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
-
-import jinja2
+from typing import Any, TypeVar
 
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import LIMIT, UNKNOWN, coefficients, small_angle_bound
 from codegen.ir.trig import wrap_listing
-from codegen.output.version import __version__
+from codegen.render.fill import render
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.expression import wrap_line
 from codegen.render.trig import sin_cos_text, trig_note
@@ -32,13 +29,7 @@ from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.table import MODES, REASONS
 
-_ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-    undefined=jinja2.StrictUndefined,
-)
+Made = TypeVar("Made")
 
 #: The state that lives on a circle.
 ANGLE = "theta"
@@ -67,6 +58,21 @@ class Description:
     drive: Drive
     model: StateSpaceModel
     initial_state: tuple[float, ...]
+    _made: dict[str, Any] = field(init=False, default_factory=dict, repr=False, compare=False)
+
+    def once(self, what: str, make: Callable[[], Made]) -> Made:
+        """What the texts of several kinds and languages are made of, and no one of them changes: made for the first.
+
+        Parameters
+        ----------
+        what : str
+            One word a thing.
+        make : callable
+        """
+        if what not in self._made:
+            self._made[what] = make()
+        made: Made = self._made[what]
+        return made
 
     @cached_property
     def target(self) -> Target:
@@ -103,11 +109,6 @@ class Description:
             Filter kind, such as "ickf".
         """
         return f"{FILTER_TITLES[kind]}, {self.machine}, {len(self.model.states)} states, {self.sample_time}"
-
-
-def render(template: str, **context: Any) -> str:
-    """Fill a template of this package; an unknown name in it is an error."""
-    return _ENVIRONMENT.get_template(template).render(version=__version__, **context)
 
 
 def render_port(target: Target) -> str:

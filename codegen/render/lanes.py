@@ -6,15 +6,8 @@ from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.trig import wrap_listing
 from codegen.render.drive import foc_context, plant_context
-from codegen.render.filter import (
-    ANGLE,
-    Description,
-    common_spread,
-    covariance_comment,
-    filter_constants,
-    render,
-    turn_context,
-)
+from codegen.render.fill import render
+from codegen.render.filter import ANGLE, Description, common_spread, covariance_comment, filter_constants, turn_context
 from codegen.render.printers.lanes import LanesPrinter, lane_arrays
 from codegen.render.trig import sin_cos_text, trig_note
 from codegen.targets.numbers import FLOAT32, FLOAT64

@@ -8,7 +8,8 @@ from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import LIMIT, UNKNOWN, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
-from codegen.render.filter import ANGLE, Description, named_constants, render, tuning
+from codegen.render.fill import render
+from codegen.render.filter import ANGLE, Description, named_constants, tuning
 from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
 from model.filters.program import Restart, Seldom

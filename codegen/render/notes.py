@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from codegen.evidence.budget import Account
 from codegen.evidence.certificate import Certificate, ChipModel
-from codegen.evidence.ledger import Ledger
+from codegen.evidence.ledger import OPERATIONS, Ledger
 from codegen.targets.description import Prices, Target
 from model.filters import FilterStep
 from model.quantities import Quantity
@@ -79,16 +79,15 @@ def cost_notes(ledger: Ledger, prices: Prices | None, title: str = "Cost at most
     title : str, optional
         How the first line begins.
     """
-    ops = ledger.calls
-    counts = f"{ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, {ops['sincos']} sincos"
+    ops = ledger.operations
+    counts = ", ".join(f"{ops[name]} {name}" for name in OPERATIONS)
     if prices is None:
-        return [f"{title}: {counts}, {2 * ledger.words} bytes of state."]
+        return [f"{title}: {counts};", f"  {2 * ledger.words} bytes of state."]
     typical, bound = prices.factors[0], prices.factors[-1]
-    priced = ledger.priced(prices)
     return [
         f"{title}: {counts};",
-        f"  estimated {prices.total(priced, typical)} cycles on {prices.on} (k = {typical:g}; "
-        f"{prices.total(priced, bound)} at k = {bound:g}; from published cycles, not measured), "
+        f"  estimated {prices.total(ops, typical)} cycles on {prices.on} (k = {typical:g}; "
+        f"{prices.total(ops, bound)} at k = {bound:g}; from published cycles, not measured), "
         f"{ledger.words} words of state.",
     ]
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from codegen.evidence.budget import Account
+from codegen.evidence.budget import Account, late
 from codegen.evidence.certificate import Figures
-from codegen.evidence.ledger import OPERATIONS, Ledger
+from codegen.evidence.ledger import TOLD, Ledger
 from codegen.evidence.measure import Record
 from codegen.ir.trig import sin_cos_bound
-from codegen.render.filter import FILTER_TITLES, Description, render
+from codegen.render.fill import render
+from codegen.render.filter import FILTER_TITLES, Description
 from codegen.render.selftest import SelfTest
 from codegen.render.supervisor import machine_of
 from codegen.render.transitions import modes_context
@@ -93,11 +94,12 @@ def _budget(about: Description, accounts: dict[str, Account], measured: dict[str
     return {
         "interrupts": _interrupts(about, accounts, measured),
         "rivals": any("STARTING" in account.interrupts for account in accounts.values()),
-        "operations": OPERATIONS,
+        "operations": TOLD,
         "prices": prices,
         "clock": f"{prices.clock / 1e6:g} MHz" if prices else "",
         "periods": periods,
         "rows": rows,
+        "late": [f"{what} ({100 * part:.0f} %)" for what, part in late(about.drive, accounts).items()],
         "missing": missing,
         "compilers": compilers,
         "limits": {key: value for key, value in about.drive.budget.model_dump().items() if value is not None},
@@ -123,16 +125,12 @@ def _interrupts(about: Description, accounts: dict[str, Account], measured: dict
 def _row(
     subject: str, ledger: Ledger, record: Record, prices: Prices | None, periods: dict[str, int]
 ) -> dict[str, Any]:
-    called, expanded = (
-        [prices.total(counts, k) for k in prices.factors] if prices else []
-        for counts in (ledger.priced(prices) if prices else ledger.calls, ledger.expanded)
-    )
+    cycles = [prices.total(ledger.operations, k) for k in prices.factors] if prices else []
     return {
         "subject": subject,
         "ledger": ledger,
-        "cycles": called,
-        "expanded": expanded,
-        "shares": [[round(100 * value / period) for value in called] for period in periods.values()],
+        "cycles": cycles,
+        "shares": [[round(100 * value / period) for value in cycles] for period in periods.values()],
         "stack": record.get("stack_bytes", "not measured"),
         "text": record.get("text_bytes", "not measured"),
         "not_measured": record.get("not_measured"),

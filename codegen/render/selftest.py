@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from codegen.evidence.recording import DRAWS, MARGIN, UNITS, Recording, execute
 from codegen.evidence.selftest import ControlRun, Segment
 from codegen.ir.trig import wrap_listing
-from codegen.render.filter import Description, render
+from codegen.render.fill import render
+from codegen.render.filter import Description
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.expression import wrap_line
 from codegen.render.trig import sin_cos_text

@@ -9,7 +9,8 @@ from codegen.ir.covariance import CovarianceLayout, place, state_place
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
-from codegen.render.filter import ANGLE, Description, named_constants, render, tuning, with_sections
+from codegen.render.fill import render
+from codegen.render.filter import ANGLE, Description, named_constants, tuning, with_sections
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
@@ -37,7 +38,8 @@ def machine_of(about: Description, step: FilterStep) -> Supervisor:
     step : FilterStep
         The filter's: the literal form does not tell how well it expects the currents.
     """
-    return supervisor(about.drive, about.model, step.has(Restart))
+    guarded = step.has(Restart)
+    return about.once(f"machine {guarded}", lambda: supervisor(about.drive, about.model, guarded))
 
 
 def draw_supervisor(about: Description, steps: Mapping[str, FilterStep]) -> str:

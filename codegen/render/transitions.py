@@ -25,6 +25,7 @@ from model.supervisor.words import OnRival, Supervisor
 #: The longest stays in samples, by the machine's limits. A rotor is caught by two guesses, one by one; that the last
 #: window is over shows at the next interrupt.
 STAYS: dict[str, Callable[[dict[str, int]], int]] = {
+    "RESTING": lambda limits: limits["RESTLESS_SAMPLES"],
     "PROBING": lambda limits: limits["PROBE_SAMPLES"],
     "WAITING": lambda limits: limits["WAIT_SAMPLES"],
     "CATCHING": lambda limits: 2 * limits["CATCH_SAMPLES"],

@@ -177,14 +177,22 @@ class Arithmetic:
 class Prices:
     """Published cycles. What nobody published is no price: a target without one has ``prices = None``.
 
+    The sum is an estimate: what the ledger counts is in it once. k is an operation on numbers with what it needs:
+    loads, the slot it waits in, the store. Branches and calls are no part of k and have prices of their own; a
+    division, a root or a copy has its loads in its own price. Not in the sum: arithmetic of whole numbers, copies of
+    single numbers that are no operands, registers that a function saves, and wait states of the memory in which the
+    code lies.
+
     Attributes
     ----------
     clock : float
         Hz.
     factors : tuple of float
-        k, cycles of an addition or multiplication with its loads and its store: typical first, the bound last.
+        k, cycles of an operation of ``at_k`` with its loads and its store: typical first, the bound last.
+    at_k : tuple of str
+        Operations of :mod:`codegen.evidence.ledger` that are priced at k.
     cycles : mapping of str to int
-        Cycles by operation of :mod:`codegen.evidence.ledger`.
+        Cycles by operation, of the others.
     interrupt : int
         Cycles of an interrupt's entry and exit.
     on : str
@@ -195,6 +203,7 @@ class Prices:
 
     clock: float
     factors: tuple[float, ...]
+    at_k: tuple[str, ...]
     cycles: Mapping[str, int]
     interrupt: int
     on: str
@@ -208,9 +217,10 @@ class Prices:
         return {f"{f:g} kHz": round(self.clock / (1e3 * f)) for f in (10, 20, 50)}
 
     @property
-    def sin_cos_is_called(self) -> bool:
-        """A library's sincos is priced; else the arithmetic or the instructions that are emitted."""
-        return "sincos" in self.cycles
+    def sum(self) -> str:
+        """The sum as a formula; what few functions have, words of copied structs, is left out."""
+        others = "".join(f" + {price} {name}" for name, price in self.cycles.items() if name != "copied")
+        return f"k ({' + '.join(self.at_k)}){others} + {self.interrupt}"
 
     def total(self, operations: Mapping[str, int], k: float) -> int:
         """Cycles of one call.
@@ -220,13 +230,16 @@ class Prices:
         operations : mapping of str to int
             Counts by the ledger's names; a name that is missing counts 0.
         k : float
-            Cycles an addition or multiplication is priced at.
+            Cycles an operation of ``at_k`` is priced at.
 
-        >>> Prices(1e6, (2.5,), {"div": 25}, 60, "", "", "", "").total({"add": 10, "mul": 10, "div": 1}, k=2.5)
+        >>> prices = Prices(1e6, (2.5,), ("add", "mul"), {"div": 25}, 60, "", "", "", "")
+        >>> prices.total({"add": 10, "mul": 10, "div": 1}, k=2.5)
         135
+        >>> prices.sum
+        'k (add + mul) + 25 div + 60'
         """
         priced = sum(price * operations.get(name, 0) for name, price in self.cycles.items())
-        return round(k * (operations.get("add", 0) + operations.get("mul", 0)) + priced + self.interrupt)
+        return round(k * sum(operations.get(name, 0) for name in self.at_k) + priced + self.interrupt)
 
 
 @dataclass(frozen=True)

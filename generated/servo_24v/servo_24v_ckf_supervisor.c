@@ -91,8 +91,10 @@
 #define MAX_EXCESS 3 /* samples in a row beyond the trip current */
 #define MAX_FAILURES 10 /* attempts in a row that fail end in FAULT */
 #define REST_SAMPLES 20 /* so long both currents must read zero before the inverter is enabled */
+#define RESTLESS_SAMPLES 5000 /* and if they do not for so long, something is wrong */
 #define PROBE_SAMPLES 20 /* without a current from zero voltage for so long the rotor stands */
 #define GAP_SAMPLES 5 /* at least, from one reading to the next: the rotor turns less than half a turn */
+#define MAX_READINGS 8 /* of a current: then the reference says which way the rotor turns */
 #define WAIT_SAMPLES 20 /* so long the current of a reading may take to die out */
 #define SETTLE_SAMPLES 10 /* so long the angle may jump; then it must turn as the speed says */
 #define TWICE_SETTLE_SAMPLES 20 /* or the guess is turned round */
@@ -299,24 +301,26 @@ static void take_reading(servo_24v_ckf_supervisor_t *s, const float32 phase[2])
     read_current(phase, s->first, s->reading);
 }
 
-/* The first reading, from which the second one's time and angle count. */
+/* The first reading, from which the later ones' angle counts. */
 static void keep_reading(servo_24v_ckf_supervisor_t *s)
 {
     s->first[0] = s->reading[0];
     s->first[1] = s->reading[1];
     s->readings = 1;
-    s->gap = 0;
 }
 
-/* The rotor turns as the current turned, if that was far enough; else as the reference says. */
+/* The rotor turns as the current turned, if that was far enough; in the end as the reference says. */
 static void guess_from_probe(servo_24v_ckf_supervisor_t *s)
 {
     float32 towards[4];
+    s->readings += (s->readings < MAX_READINGS) ? 1 : 0;
     if (s->reading[3] > LEAST_SINE) {
         s->probe[0] = 1.0f;
+        s->readings = MAX_READINGS;
     }
     if (0.0f - s->reading[3] > LEAST_SINE) {
         s->probe[0] = -1.0f;
+        s->readings = MAX_READINGS;
     }
     read_probe(s->reading, s->probe, towards);
     s->guess[2] = towards[2];
@@ -330,7 +334,6 @@ static void guess_from_probe(servo_24v_ckf_supervisor_t *s)
     s->mirrored = 0;
     s->spread[0] = UNKNOWN_SPEED;
     s->spread[1] = UNKNOWN_ANGLE;
-    s->readings = 2;
 }
 
 /* Half a turn on, and the other way round: what makes the same voltage at this instant. */
@@ -503,7 +506,6 @@ static void watch(servo_24v_ckf_supervisor_t *s, const servo_24v_ckf_t *f, int s
     } else {
         s->probe[1] = 0.0f;
     }
-    s->gap += (s->gap < MOST_SAMPLES) ? 1 : 0;
     if (s->mode == PMSM_WAITING) {
         turn_guess(s->guess, s->guess);
     }
@@ -589,7 +591,6 @@ void servo_24v_ckf_supervisor_init(servo_24v_ckf_supervisor_t *s)
     s->since = 0;
     s->quiet = 0;
     s->readings = 0;
-    s->gap = 0;
     s->rejected = 0;
     s->diverged = 0;
     s->excess = 0;
@@ -652,6 +653,11 @@ int servo_24v_ckf_supervise(
             await_reading(s);
             go(s, PMSM_PROBING);
             taken = 2;
+        } else if (s->since >= RESTLESS_SAMPLES) {
+            /* the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct */
+            s->reason = PMSM_REASON_CURRENT;
+            go(s, PMSM_FAULT);
+            taken = 3;
         } else {
             /* the drive stays */
         }
@@ -661,20 +667,20 @@ int servo_24v_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 3;
+            taken = 4;
         } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED)) &&
                 (s->readings == 0)) {
             /* a current shows that the rotor turns, not yet which way */
             take_reading(s, phase);
             keep_reading(s);
             go(s, PMSM_WAITING);
-            taken = 4;
+            taken = 5;
         } else if (!((phase[0] * phase[0] <= PROBE_SQUARED) && (phase[1] * phase[1] <= PROBE_SQUARED))) {
-            /* the second current shows which way the rotor turns */
+            /* a later current shows which way the rotor turns, or not yet */
             take_reading(s, phase);
             guess_from_probe(s);
             go(s, PMSM_WAITING);
-            taken = 5;
+            taken = 6;
         } else if (s->since >= PROBE_SAMPLES) {
             /* no current came: the rotor stands */
             guess_rest(s, f);
@@ -688,31 +694,31 @@ int servo_24v_ckf_supervise(
             begin_anew(s);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 6;
+            taken = 7;
         } else {
             /* the drive stays */
         }
     } else if (s->mode == PMSM_WAITING) {
-        if ((s->readings == 2) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
+        if ((s->readings >= MAX_READINGS) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
                 (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the second current has died out: the filter begins where the rotor is by now */
+            /* the last current has died out: the filter begins where the rotor is by now */
             place(s, phase);
             start_filter(s, f);
             void_voltages(s);
             begin_anew(s);
             go(s, PMSM_CATCHING);
-            taken = 7;
-        } else if (!(s->readings == 2) && (s->gap >= GAP_SAMPLES) && ((phase[0] * phase[0] <= ZERO_SQUARED) &&
-                (phase[1] * phase[1] <= ZERO_SQUARED))) {
-            /* the first current has died out */
-            go(s, PMSM_PROBING);
             taken = 8;
+        } else if (!(s->readings >= MAX_READINGS) && (s->since >= GAP_SAMPLES) &&
+                ((phase[0] * phase[0] <= ZERO_SQUARED) && (phase[1] * phase[1] <= ZERO_SQUARED))) {
+            /* the current has died out: it is read again */
+            go(s, PMSM_PROBING);
+            taken = 9;
         } else if (s->since >= WAIT_SAMPLES) {
             /* the current does not die out */
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 9;
+            taken = 10;
         } else {
             /* the drive stays */
         }
@@ -722,11 +728,11 @@ int servo_24v_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 10;
+            taken = 11;
         } else if (s->since == SETTLE_SAMPLES) {
             /* the angle has jumped where it would */
             begin_window(s, f);
-            taken = 11;
+            taken = 12;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->mirrored == 0) &&
                 !(s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the angle turns the other way than the speed says: half a turn on there is the other guess */
@@ -735,20 +741,20 @@ int servo_24v_ckf_supervise(
             start_filter(s, f);
             begin_anew(s);
             go(s, PMSM_CATCHING);
-            taken = 12;
+            taken = 13;
         } else if ((s->since >= TWICE_SETTLE_SAMPLES) && (s->content >= LOCKED_SAMPLES) &&
                 (s->turning[3] <= CATCH_JOLT_SQUARED)) {
             /* the filter is content, and its angle turns as its speed says */
             learn(s, f);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 13;
+            taken = 14;
         } else if (s->since >= CATCH_SAMPLES) {
             /* the filter has not found the rotor */
             fail(s);
             s->reason = PMSM_REASON_NOT_CAUGHT;
             go(s, PMSM_RESTING);
-            taken = 14;
+            taken = 15;
         } else {
             /* the drive stays */
         }
@@ -758,48 +764,48 @@ int servo_24v_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 24;
+            taken = 25;
         } else if (s->open >= MAX_OPEN) {
             /* a phase is open: turn after turn goes by without a current in it */
             s->reason = PMSM_REASON_PHASE;
             go(s, PMSM_FAULT);
-            taken = 25;
+            taken = 26;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 26;
+            taken = 27;
         } else if (f->x[SERVO_24V_CKF_OMEGA] * f->x[SERVO_24V_CKF_OMEGA] > MOST_SPEED_SQUARED) {
             /* no motor turns as fast as is estimated */
             fail(s);
             s->reason = PMSM_REASON_RUNAWAY;
             go(s, PMSM_RESTING);
-            taken = 27;
+            taken = 28;
         } else if (s->diverged >= MAX_DIVERGED) {
             /* currents, voltages and motor do not fit */
             fail(s);
             s->reason = PMSM_REASON_DIVERGED;
             go(s, PMSM_RESTING);
-            taken = 28;
+            taken = 29;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 29;
+            taken = 30;
         } else if ((s->since >= LOCKED_SAMPLES) && !(s->turning[3] <= RUN_JOLT_SQUARED)) {
             /* the angle does not turn as the speed says: the filter may be half a turn off */
             fail(s);
             s->reason = PMSM_REASON_SLIPPED;
             go(s, PMSM_RESTING);
-            taken = 30;
+            taken = 31;
         } else if (s->since >= LOCKED_SAMPLES) {
             /* a window is over, and the next one begins */
             count_steady(s);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 31;
+            taken = 32;
         } else {
             /* the drive stays */
         }
@@ -808,7 +814,7 @@ int servo_24v_ckf_supervise(
             /* the fault is acknowledged */
             forget(s);
             go(s, PMSM_RESTING);
-            taken = 32;
+            taken = 33;
         } else {
             /* the drive stays */
         }
@@ -818,25 +824,25 @@ int servo_24v_ckf_supervise(
             fail(s);
             s->reason = PMSM_REASON_CURRENT;
             go(s, PMSM_RESTING);
-            taken = 15;
+            taken = 16;
         } else if (s->rejected >= MAX_REJECTED) {
             /* the filter is blind */
             fail(s);
             s->reason = PMSM_REASON_BLIND;
             go(s, PMSM_RESTING);
-            taken = 16;
+            taken = 17;
         } else if ((status & PMSM_RESTARTED) != 0) {
             /* the filter began anew */
             fail(s);
             s->reason = PMSM_REASON_RESTARTED;
             go(s, PMSM_RESTING);
-            taken = 17;
+            taken = 18;
         } else if (s->windows >= MAX_WINDOWS) {
             /* neither filter is right */
             fail(s);
             s->reason = PMSM_REASON_NOT_STARTED;
             go(s, PMSM_RESTING);
-            taken = 18;
+            taken = 19;
         } else if ((s->since >= LOCKED_SAMPLES) && (s->rival.nis +
                 LOAD_PENALTY * (s->rival.x[SERVO_24V_CKF_LOAD_TORQUE] * s->rival.x[SERVO_24V_CKF_LOAD_TORQUE])
                 + PREFERENCE < f->nis +
@@ -847,7 +853,7 @@ int servo_24v_ckf_supervise(
             begin_anew(s);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 19;
+            taken = 20;
         } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
                 (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f) &&
                 (s->good >= GOOD_WINDOWS)) {
@@ -855,7 +861,7 @@ int servo_24v_ckf_supervise(
             learn(s, f);
             begin_window(s, f);
             go(s, PMSM_RUNNING);
-            taken = 20;
+            taken = 21;
         } else if (((s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) || (s->since >= WINDOW_SAMPLES)) &&
                 (s->turning[0] * s->turning[0] >= LEAST_TURN_SQUARED) && (s->turning[3] <= 0.0f)) {
             /* the angle turned as stated: half a turn from there nothing must be better */
@@ -867,7 +873,7 @@ int servo_24v_ckf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 21;
+            taken = 22;
         } else if (s->turning[0] * s->turning[0] >= WINDOW_TURN_SQUARED) {
             /* the angle turned, not as stated: half a turn from there may be better */
             count_none(s);
@@ -878,7 +884,7 @@ int servo_24v_ckf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 22;
+            taken = 23;
         } else if (s->since >= WINDOW_SAMPLES) {
             /* nothing turned: a quarter of a turn from there may be better */
             count_none(s);
@@ -889,7 +895,7 @@ int servo_24v_ckf_supervise(
             level_scores(s, f);
             begin_window(s, f);
             go(s, PMSM_STARTING);
-            taken = 23;
+            taken = 24;
         } else {
             /* the drive stays */
         }

@@ -979,8 +979,10 @@ MAX_OPEN = 1000  # steps in a row with a phase that is silent: a stuck sensor is
 MAX_EXCESS = 3  # samples in a row beyond the trip current
 MAX_FAILURES = 10  # attempts in a row that fail end in FAULT
 REST_SAMPLES = 20  # so long both currents must read zero before the inverter is enabled
+RESTLESS_SAMPLES = 5000  # and if they do not for so long, something is wrong
 PROBE_SAMPLES = 20  # without a current from zero voltage for so long the rotor stands
 GAP_SAMPLES = 5  # at least, from one reading to the next: the rotor turns less than half a turn
+MAX_READINGS = 8  # of a current: then the reference says which way the rotor turns
 WAIT_SAMPLES = 20  # so long the current of a reading may take to die out
 SETTLE_SAMPLES = 10  # so long the angle may jump; then it must turn as the speed says
 TWICE_SETTLE_SAMPLES = 20  # or the guess is turned round
@@ -1028,7 +1030,6 @@ def new_supervisor(dtype=np.float32):
         since=np.int64(0),
         quiet=np.int64(0),
         readings=np.int64(0),
-        gap=np.int64(0),
         rejected=np.int64(0),
         diverged=np.int64(0),
         excess=np.int64(0),
@@ -1232,24 +1233,26 @@ def _take_reading(s, f, phase, where, math):
 
 
 def _keep_reading(s, f, phase, where, math):
-    """The first reading, from which the second one's time and angle count."""
+    """The first reading, from which the later ones' angle counts."""
     first = list(s.first)
     first[0] = np.where(where, s.reading[0], first[0])[()]
     first[1] = np.where(where, s.reading[1], first[1])[()]
     s.readings = np.where(where, 1, s.readings)[()]
-    s.gap = np.where(where, 0, s.gap)[()]
     s.first = tuple(first)
 
 
 def _guess_from_probe(s, f, phase, where, math):
-    """The rotor turns as the current turned, if that was far enough; else as the reference says."""
+    """The rotor turns as the current turned, if that was far enough; in the end as the reference says."""
     probe = list(s.probe)
     guess = list(s.guess)
     spread = list(s.spread)
+    s.readings = np.where(where & (s.readings < MAX_READINGS), s.readings + 1, s.readings)[()]
     hit_1 = where & (s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_1, 1.0, probe[0])[()]
+    s.readings = np.where(hit_1, MAX_READINGS, s.readings)[()]
     hit_2 = where & (0.0 - s.reading[3] > LEAST_SINE)
     probe[0] = np.where(hit_2, -1.0, probe[0])[()]
+    s.readings = np.where(hit_2, MAX_READINGS, s.readings)[()]
     towards = read_probe(s.reading, probe, math)
     guess[2] = np.where(where, towards[2], guess[2])[()]
     guess[3] = np.where(where, towards[3], guess[3])[()]
@@ -1260,7 +1263,6 @@ def _guess_from_probe(s, f, phase, where, math):
     s.mirrored = np.where(where, 0, s.mirrored)[()]
     spread[0] = np.where(where, UNKNOWN_SPEED, spread[0])[()]
     spread[1] = np.where(where, UNKNOWN_ANGLE, spread[1])[()]
-    s.readings = np.where(where, 2, s.readings)[()]
     s.probe = tuple(probe)
     s.guess = tuple(guess)
     s.spread = tuple(spread)
@@ -1429,7 +1431,6 @@ def _watch(s, f, status, phase, reference, math):
     miss_2 = np.logical_not(s.mode == PROBING)
     probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
     probe[1] = np.where(miss_2, 0.0, probe[1])[()]
-    s.gap = np.where((s.gap < MOST_SAMPLES), s.gap + 1, s.gap)[()]
     hit_3 = s.mode == WAITING
     guess_new = turn_guess(guess, math)
     guess = list(_select(hit_3, guess_new, guess))
@@ -1504,61 +1505,62 @@ def supervise(s, f, status, phase, reference, math):
     s.anew = np.zeros(np.shape(s.mode), np.int64)[()]
     taken = 0
     found = 0
-    found = np.where(s.since >= WINDOW_SAMPLES, 23, found)
-    found = np.where(s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED, 22, found)
+    found = np.where(s.since >= WINDOW_SAMPLES, 24, found)
+    found = np.where(s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED, 23, found)
     found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
-        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0), 21, found))
+        (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0), 22, found))
     found = (np.where(((s.turning[0] * s.turning[0] >= WINDOW_TURN_SQUARED) | (s.since >= WINDOW_SAMPLES)) &
         (s.turning[0] * s.turning[0] >= LEAST_TURN_SQUARED) & (s.turning[3] <= 0.0) &
-        (s.good >= GOOD_WINDOWS), 20, found))
+        (s.good >= GOOD_WINDOWS), 21, found))
     found = (np.where((s.since >= LOCKED_SAMPLES) & (s.rival.nis +
         LOAD_PENALTY * (s.rival.x[4] * s.rival.x[4]) + PREFERENCE < f.nis + LOAD_PENALTY * (f.x[4] * f.x[4])),
-        19, found))
-    found = np.where(s.windows >= MAX_WINDOWS, 18, found)
-    found = np.where((status & RESTARTED) != 0, 17, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 16, found)
-    found = np.where(s.excess >= MAX_EXCESS, 15, found)
+        20, found))
+    found = np.where(s.windows >= MAX_WINDOWS, 19, found)
+    found = np.where((status & RESTARTED) != 0, 18, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 17, found)
+    found = np.where(s.excess >= MAX_EXCESS, 16, found)
     taken = np.where(s.mode == STARTING, found, taken)[()]
     found = 0
-    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 32, found)
+    found = np.where((s.acknowledged == 1) & np.logical_not(s.reason == REASON_SELF_TEST), 33, found)
     taken = np.where(s.mode == FAULT, found, taken)[()]
     found = 0
-    found = np.where(s.since >= LOCKED_SAMPLES, 31, found)
-    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 30,
+    found = np.where(s.since >= LOCKED_SAMPLES, 32, found)
+    found = (np.where((s.since >= LOCKED_SAMPLES) & np.logical_not(s.turning[3] <= RUN_JOLT_SQUARED), 31,
         found))
-    found = np.where((status & RESTARTED) != 0, 29, found)
-    found = np.where(s.diverged >= MAX_DIVERGED, 28, found)
-    found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 27, found)
-    found = np.where(s.rejected >= MAX_REJECTED, 26, found)
-    found = np.where(s.open >= MAX_OPEN, 25, found)
-    found = np.where(s.excess >= MAX_EXCESS, 24, found)
+    found = np.where((status & RESTARTED) != 0, 30, found)
+    found = np.where(s.diverged >= MAX_DIVERGED, 29, found)
+    found = np.where(f.x[2] * f.x[2] > MOST_SPEED_SQUARED, 28, found)
+    found = np.where(s.rejected >= MAX_REJECTED, 27, found)
+    found = np.where(s.open >= MAX_OPEN, 26, found)
+    found = np.where(s.excess >= MAX_EXCESS, 25, found)
     taken = np.where(s.mode == RUNNING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= CATCH_SAMPLES, 14, found)
+    found = np.where(s.since >= CATCH_SAMPLES, 15, found)
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.content >= LOCKED_SAMPLES) &
-        (s.turning[3] <= CATCH_JOLT_SQUARED), 13, found))
+        (s.turning[3] <= CATCH_JOLT_SQUARED), 14, found))
     found = (np.where((s.since >= TWICE_SETTLE_SAMPLES) & (s.mirrored == 0) &
-        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 12, found))
-    found = np.where(s.since == SETTLE_SAMPLES, 11, found)
-    found = np.where(s.excess >= MAX_EXCESS, 10, found)
+        np.logical_not(s.turning[3] <= CATCH_JOLT_SQUARED), 13, found))
+    found = np.where(s.since == SETTLE_SAMPLES, 12, found)
+    found = np.where(s.excess >= MAX_EXCESS, 11, found)
     taken = np.where(s.mode == CATCHING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= WAIT_SAMPLES, 9, found)
-    found = (np.where(np.logical_not(s.readings == 2) & (s.gap >= GAP_SAMPLES) &
-        ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED)), 8, found))
-    found = (np.where((s.readings == 2) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
-        (phase[1] * phase[1] <= ZERO_SQUARED)), 7, found))
+    found = np.where(s.since >= WAIT_SAMPLES, 10, found)
+    found = (np.where(np.logical_not(s.readings >= MAX_READINGS) & (s.since >= GAP_SAMPLES) &
+        ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED)), 9, found))
+    found = (np.where((s.readings >= MAX_READINGS) & ((phase[0] * phase[0] <= ZERO_SQUARED) &
+        (phase[1] * phase[1] <= ZERO_SQUARED)), 8, found))
     taken = np.where(s.mode == WAITING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= PROBE_SAMPLES, 6, found)
+    found = np.where(s.since >= PROBE_SAMPLES, 7, found)
     found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
-        (phase[1] * phase[1] <= PROBE_SQUARED)), 5, found))
+        (phase[1] * phase[1] <= PROBE_SQUARED)), 6, found))
     found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
-        (phase[1] * phase[1] <= PROBE_SQUARED)) & (s.readings == 0), 4, found))
+        (phase[1] * phase[1] <= PROBE_SQUARED)) & (s.readings == 0), 5, found))
     found = (np.where(np.logical_not((phase[0] * phase[0] <= TRIP_SQUARED) &
-        (phase[1] * phase[1] <= TRIP_SQUARED)), 3, found))
+        (phase[1] * phase[1] <= TRIP_SQUARED)), 4, found))
     taken = np.where(s.mode == PROBING, found, taken)[()]
     found = 0
+    found = np.where(s.since >= RESTLESS_SAMPLES, 3, found)
     found = np.where(s.quiet >= REST_SAMPLES, 2, found)
     found = np.where(s.failures >= MAX_FAILURES, 1, found)
     taken = np.where(s.mode == RESTING, found, taken)[()]
@@ -1573,26 +1575,31 @@ def supervise(s, f, status, phase, reference, math):
     if np.any(where):
         _await_reading(s, f, phase, where, math)
         _go(s, PROBING, where)
-    # PROBING: a current is too large, or no number.
+    # RESTING: the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct.
     where = taken == 3
+    if np.any(where):
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, FAULT, where)
+    # PROBING: a current is too large, or no number.
+    where = taken == 4
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # PROBING: a current shows that the rotor turns, not yet which way.
-    where = taken == 4
+    where = taken == 5
     if np.any(where):
         _take_reading(s, f, phase, where, math)
         _keep_reading(s, f, phase, where, math)
         _go(s, WAITING, where)
-    # PROBING: the second current shows which way the rotor turns.
-    where = taken == 5
+    # PROBING: a later current shows which way the rotor turns, or not yet.
+    where = taken == 6
     if np.any(where):
         _take_reading(s, f, phase, where, math)
         _guess_from_probe(s, f, phase, where, math)
         _go(s, WAITING, where)
     # PROBING: no current came: the rotor stands.
-    where = taken == 6
+    where = taken == 7
     if np.any(where):
         _guess_rest(s, f, phase, where, math)
         _place(s, f, phase, where, math)
@@ -1605,36 +1612,36 @@ def supervise(s, f, status, phase, reference, math):
         _begin_anew(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
-    # WAITING: the second current has died out: the filter begins where the rotor is by now.
-    where = taken == 7
+    # WAITING: the last current has died out: the filter begins where the rotor is by now.
+    where = taken == 8
     if np.any(where):
         _place(s, f, phase, where, math)
         _start_filter(s, f, phase, where, math)
         _void_voltages(s, f, phase, where, math)
         _begin_anew(s, f, phase, where, math)
         _go(s, CATCHING, where)
-    # WAITING: the first current has died out.
-    where = taken == 8
+    # WAITING: the current has died out: it is read again.
+    where = taken == 9
     if np.any(where):
         _go(s, PROBING, where)
     # WAITING: the current does not die out.
-    where = taken == 9
-    if np.any(where):
-        _fail(s, f, phase, where, math)
-        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
-        _go(s, RESTING, where)
-    # CATCHING: a current is too large.
     where = taken == 10
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
-    # CATCHING: the angle has jumped where it would.
+    # CATCHING: a current is too large.
     where = taken == 11
+    if np.any(where):
+        _fail(s, f, phase, where, math)
+        s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
+        _go(s, RESTING, where)
+    # CATCHING: the angle has jumped where it would.
+    where = taken == 12
     if np.any(where):
         _begin_window(s, f, phase, where, math)
     # CATCHING: the angle turns the other way than the speed says: half a turn on there is the other guess.
-    where = taken == 12
+    where = taken == 13
     if np.any(where):
         _guess_mirrored(s, f, phase, where, math)
         _place(s, f, phase, where, math)
@@ -1642,43 +1649,43 @@ def supervise(s, f, status, phase, reference, math):
         _begin_anew(s, f, phase, where, math)
         _go(s, CATCHING, where)
     # CATCHING: the filter is content, and its angle turns as its speed says.
-    where = taken == 13
+    where = taken == 14
     if np.any(where):
         _learn(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # CATCHING: the filter has not found the rotor.
-    where = taken == 14
+    where = taken == 15
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_CAUGHT, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: a current is too large.
-    where = taken == 15
+    where = taken == 16
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the filter is blind.
-    where = taken == 16
+    where = taken == 17
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the filter began anew.
-    where = taken == 17
+    where = taken == 18
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: neither filter is right.
-    where = taken == 18
+    where = taken == 19
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_NOT_STARTED, s.reason)[()]
         _go(s, RESTING, where)
     # STARTING: the rival has expected the currents better for a while.
-    where = taken == 19
+    where = taken == 20
     if np.any(where):
         _exchange_filters(s, f, phase, where, math)
         _count_window(s, f, phase, where, math)
@@ -1686,13 +1693,13 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: the angle turned as stated in window after window.
-    where = taken == 20
+    where = taken == 21
     if np.any(where):
         _learn(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # STARTING: the angle turned as stated: half a turn from there nothing must be better.
-    where = taken == 21
+    where = taken == 22
     if np.any(where):
         _count_good(s, f, phase, where, math)
         _guess_half_turn(s, f, phase, where, math)
@@ -1703,7 +1710,7 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: the angle turned, not as stated: half a turn from there may be better.
-    where = taken == 22
+    where = taken == 23
     if np.any(where):
         _count_none(s, f, phase, where, math)
         _guess_half_turn(s, f, phase, where, math)
@@ -1714,7 +1721,7 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # STARTING: nothing turned: a quarter of a turn from there may be better.
-    where = taken == 23
+    where = taken == 24
     if np.any(where):
         _count_none(s, f, phase, where, math)
         _guess_aside(s, f, phase, where, math)
@@ -1725,54 +1732,54 @@ def supervise(s, f, status, phase, reference, math):
         _begin_window(s, f, phase, where, math)
         _go(s, STARTING, where)
     # RUNNING: a current is too large.
-    where = taken == 24
+    where = taken == 25
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_CURRENT, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a phase is open: turn after turn goes by without a current in it.
-    where = taken == 25
+    where = taken == 26
     if np.any(where):
         s.reason = np.where(where, REASON_PHASE, s.reason)[()]
         _go(s, FAULT, where)
     # RUNNING: the filter is blind.
-    where = taken == 26
+    where = taken == 27
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_BLIND, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: no motor turns as fast as is estimated.
-    where = taken == 27
+    where = taken == 28
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RUNAWAY, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: currents, voltages and motor do not fit.
-    where = taken == 28
+    where = taken == 29
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_DIVERGED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the filter began anew.
-    where = taken == 29
+    where = taken == 30
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_RESTARTED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: the angle does not turn as the speed says: the filter may be half a turn off.
-    where = taken == 30
+    where = taken == 31
     if np.any(where):
         _fail(s, f, phase, where, math)
         s.reason = np.where(where, REASON_SLIPPED, s.reason)[()]
         _go(s, RESTING, where)
     # RUNNING: a window is over, and the next one begins.
-    where = taken == 31
+    where = taken == 32
     if np.any(where):
         _count_steady(s, f, phase, where, math)
         _begin_window(s, f, phase, where, math)
         _go(s, RUNNING, where)
     # FAULT: the fault is acknowledged.
-    where = taken == 32
+    where = taken == 33
     if np.any(where):
         _forget(s, f, phase, where, math)
         _go(s, RESTING, where)

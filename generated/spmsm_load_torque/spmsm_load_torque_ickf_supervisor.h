@@ -46,8 +46,7 @@ typedef struct {
     int acknowledged; /* set it to 1 to leave FAULT */
     int since; /* interrupts in this mode, or in a window of it */
     int quiet; /* samples in a row, RESTING: both currents read zero */
-    int readings; /* currents from zero voltage that were read: 1, then 2 */
-    int gap; /* samples since the first */
+    int readings; /* currents from zero voltage that were read; MAX_READINGS: it is known which way the rotor turns */
     int rejected; /* inputs rejected in a row */
     int diverged; /* steps in a row */
     int excess; /* samples in a row beyond the trip current */

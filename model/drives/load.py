@@ -81,7 +81,7 @@ def cautions(drive: Drive) -> list[str]:
             f"{' and '.join(model.adaptive)} away within {min(kept, 1):.0%} of the motor's own; "
             f"{RETURN_LIMIT * 2**24.5 * model.sample_time:.2g} s or less returns."
         )
-    return lines + _beyond_the_box(drive) + _of_tolerance(drive)
+    return lines + _beyond_the_box(drive) + _beyond_the_limits(drive) + _of_tolerance(drive)
 
 
 def _of_tolerance(drive: Drive) -> list[str]:
@@ -101,6 +101,21 @@ def _of_tolerance(drive: Drive) -> list[str]:
                 "rotor. Let the filter learn it: adaptive = ['stator_resistance']."
             )
     return lines
+
+
+def _beyond_the_limits(drive: Drive) -> list[str]:
+    """What is rated and is not allowed: a line each."""
+    c, rated = drive.control, drive.rated
+    if rated is None:
+        return []
+    power = rated.torque * rated.speed
+    compared = [("torque", rated.torque, c.max_torque, "N m"), ("torque times rated.speed", power, c.max_power, "W")]
+    return [
+        f"drive '{drive.name}': rated.{what} = {value:.4g} {unit} is beyond control.max_{limit} = {most:g} {unit}: "
+        "the controller will not reach it. Raise the limit, or state a smaller task."
+        for (what, value, most, unit), limit in zip(compared, ("torque", "power"), strict=True)
+        if most is not None and value > most
+    ]
 
 
 def _beyond_the_box(drive: Drive) -> list[str]:

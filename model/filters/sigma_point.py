@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 from model.filters.cubature import (
@@ -29,8 +30,9 @@ from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
 
 
+@lru_cache(maxsize=4)
 def time_update(model: StateSpaceModel, rule: Rule = CUBATURE) -> Block:
-    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred.
+    """Eq. 13-17: x, P, Q, u -> x_pred, P_pred. CKF and ICKF share it, so it is built once a model.
 
     Parameters
     ----------

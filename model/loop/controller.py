@@ -9,7 +9,7 @@ where the model has it, by the same number V_d: the drive file's, or the filter'
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import casadi as ca
@@ -28,6 +28,8 @@ from model.schema import Drive
 LEAST_LINK = 1.0
 #: rad: a sensed angle beyond is none; up to here the error of sine and cosine is proved.
 SENSED_MAX = 1000.0
+#: rad/s: the largest power is no limit of the torque of a rotor that is slower.
+LEAST_SPEED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -48,11 +50,26 @@ class Gains:
     dead_current: float  # A: below it the compensation fades, as the sign of a noisy current is no sign
     advance: float  # s
     weakening: float  # A/V^2 per sample
+    max_torque: float | None = None  # N m, only where the drive file states one
+    max_power: float | None = None  # W, mechanical, only where the drive file states one
 
     @property
     def values(self) -> tuple[float, ...]:
         """The gains in the order of the struct."""
-        return astuple(self)
+        every = (getattr(self, field.name) for field in fields(self))
+        return tuple(value for value in every if value is not None)
+
+    @classmethod
+    def of(cls, drive: Drive, values: list[Any]) -> Gains:
+        """The gains of a drive, by name.
+
+        Parameters
+        ----------
+        drive : Drive
+        values : list
+            In the order of the struct.
+        """
+        return cls(**dict(zip(cls._stated(drive), values, strict=True)))
 
     @classmethod
     def names(cls, drive: Drive | None = None) -> list[str]:
@@ -61,10 +78,17 @@ class Gains:
         Parameters
         ----------
         drive : Drive, optional
-            Where its model has V_d, what stands in the place of ``dead_share`` is a share of that.
+            Where its model has V_d, what stands in the place of ``dead_share`` is a share of that; limits of torque and
+            power stand behind the others where it states them.
         """
         own = {"dead_share": "compensation"} if drive is not None and takes_voltage(drive) else {}
-        return [own.get(field.name, field.name) for field in fields(cls)]
+        return [own.get(name, name) for name in cls._stated(drive)]
+
+    @classmethod
+    def _stated(cls, drive: Drive | None) -> list[str]:
+        """The fields that a drive has: what may be None only where its file states it."""
+        stated = drive.control.model_dump(exclude_none=True) if drive is not None else {}
+        return [field.name for field in fields(cls) if field.default is not None or field.name in stated]
 
 
 def design(drive: Drive, delay: int = 0) -> Gains:
@@ -89,6 +113,8 @@ def design(drive: Drive, delay: int = 0) -> Gains:
         dead_current=compensation_current(drive),
         advance=(0.5 + delay) * T,
         weakening=weakening_gain(drive),
+        max_torque=c.max_torque,
+        max_power=c.max_power,
     )
 
 
@@ -172,7 +198,7 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     i = b.input("i", ["i_alpha", "i_beta"])
     omega, theta, *estimated = b.input("rotor", ["omega", "theta", *([STATE] if STATE in drive.model.adaptive else [])])
     omega_ref, v_dc = b.input("command", ["omega_ref", "v_dc"])
-    gain = Gains(*b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
+    gain = Gains.of(drive, b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
     z_speed, z_d, z_q, z_weak = b.input("integrator", [f"integral_{of}" for of in ("speed", "d", "q", "weakening")])
     L_d, L_q, psi_m, pole_pairs = _motor(drive, constants)
     i_d, i_q = Rotor.at(theta).to_rotor((i[0], i[1]))
@@ -182,7 +208,8 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     omega_e = pole_pairs * omega
     record(b, "", {"omega_e": omega_e})
     reach = within_reach(b, drive, constants, gain.max_current, z_weak, omega_e)
-    torque_ref, z_speed = _speed_regulator(b, gain, reach.torque, error_omega, z_speed)
+    limit = _stated_limit(b, constants, gain, reach.torque, omega)
+    torque_ref, z_speed = _speed_regulator(b, gain, limit, error_omega, z_speed)
     i_d_ref, i_q_ref = current_reference(b, drive, constants, torque_ref, reach)
     feed_forward = (-omega_e * (L_q * i_q), omega_e * (L_d * i_d + psi_m))
     error = (i_d_ref - i_d, i_q_ref - i_q)
@@ -228,6 +255,22 @@ def _on_circle(b: BlockBuilder, v_d: Any, v_q: Any, v_link: Any) -> Pair:
     named = {"v_link": v_link, "v_max": v_max, "shrink": shrink, "v_d": limited[0], "v_q": limited[1]}
     record(b, "voltage hexagon's inner circle", named)
     return limited
+
+
+def _stated_limit(b: BlockBuilder, constants: Constants, gain: Gains, within_reach: Any, omega: Any) -> Any:
+    """The largest torque: what current and voltage make, or what the drive file states, or its power at this speed."""
+    limits: dict[str, Any] = {}
+    torque = within_reach
+    if gain.max_torque is not None:
+        limits["torque_allowed"] = torque = ca.fmin(torque, gain.max_torque)
+    if gain.max_power is not None:
+        least = constants("LEAST_SPEED", ca.SX(LEAST_SPEED), "rad/s: at a lower one the power is no limit")
+        limits["speed"] = ca.fmax(ca.fmax(omega, -omega), least)
+        limits["torque_of_power"] = ca.fmin(torque, gain.max_power / limits["speed"])
+        torque = limits["torque_of_power"]
+    if limits:
+        record(b, "largest torque and power that are stated", limits)
+    return torque
 
 
 def _speed_regulator(b: BlockBuilder, gain: Any, limit: Any, error: Any, integral: Any) -> tuple[Any, Any]:

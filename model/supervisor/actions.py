@@ -44,7 +44,6 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
             (Set(probe[1], Operation("+", probe[1], Number(1.0))),),
             (Set(probe[1], Number(0.0)),),
         ),
-        Count("gap", "MOST_SAMPLES"),
         If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),
         _eased(),
         If(
@@ -165,6 +164,7 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
     """A current that zero voltage let flow."""
     named = ("reading", "first", "probe", "towards", "guess")
     reading, first, probe, towards, guess = ([Entry(name, k) for k in range(4)] for name in named)
+    known = Set(Entry("readings"), Name("MAX_READINGS"))
     forward = Compare(">", reading[3], Name("LEAST_SINE"))
     backward = Compare(">", _minus(reading[3]), Name("LEAST_SINE"))
     return (
@@ -172,15 +172,16 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
         Action("take_reading", "The current's direction and size.", (Call(reading_block()),)),
         Action(
             "keep_reading",
-            "The first reading, from which the second one's time and angle count.",
-            (Set(first[0], reading[0]), Set(first[1], reading[1]), _mark("readings"), _clear("gap")),
+            "The first reading, from which the later ones' angle counts.",
+            (Set(first[0], reading[0]), Set(first[1], reading[1]), _mark("readings")),
         ),
         Action(
             "guess_from_probe",
-            "The rotor turns as the current turned, if that was far enough; else as the reference says.",
+            "The rotor turns as the current turned, if that was far enough; in the end as the reference says.",
             (
-                If(forward, (Set(probe[0], Number(1.0)),)),
-                If(backward, (Set(probe[0], Number(-1.0)),)),
+                Count("readings", "MAX_READINGS"),
+                If(forward, (Set(probe[0], Number(1.0)), known)),
+                If(backward, (Set(probe[0], Number(-1.0)), known)),
                 Call(probe_block(drive)),
                 Set(guess[2], towards[2]),
                 Set(guess[3], towards[3]),
@@ -188,7 +189,6 @@ def _reading(drive: Drive) -> tuple[Action, ...]:
                 If(Compare("<", towards[1], Number(0.0)), (Set(guess[3], _minus(guess[3])),)),
                 _clear("mirrored"),
                 *_spread("UNKNOWN_SPEED", "UNKNOWN_ANGLE"),
-                Set(Entry("readings"), Whole(2)),
             ),
         ),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from model.machines.state_space import StateSpaceModel
-from model.rating import mtpa_torque
+from model.rating import allowed_torque
 from model.schema import Drive
 from model.supervisor.words import Limit
 
@@ -14,10 +14,11 @@ from model.supervisor.words import Limit
 BLIND_TIME, DIVERGED_TIME = 2e-3, 100e-3
 #: s: so long a phase is silent before it is open; as long as what is ridden through, which a stuck sensor may be.
 OPEN_TIME = 100e-3
-#: s. Currents must read zero for REST; zero voltage is tried for PROBE; the current of a first reading has WAIT to die
-#: out; the filter has CATCH to lock, of which its angle may jump for SETTLE, and must be content for LOCKED. Attempts
-#: are forgotten after STEADY of running.
-REST_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3
+#: s. Currents must read zero for REST, and do so before RESTLESS is over: windings are without current long before, and
+#: a rotor that its load drives so fast that diodes conduct does not slow down by itself; zero voltage is tried for
+#: PROBE; the current of a first reading has WAIT to die out; the filter has CATCH to lock, of which its angle may jump
+#: for SETTLE, and must be content for LOCKED. Attempts are forgotten after STEADY of running.
+REST_TIME, RESTLESS_TIME, PROBE_TIME, WAIT_TIME, CATCH_TIME, SETTLE_TIME = 2e-3, 0.5, 2e-3, 2e-3, 10e-3, 1e-3
 LOCKED_TIME, STEADY_TIME = 3e-3, 100e-3
 #: s, and time constants of the d axis: in the longer of these the torque comes of a rotor that was caught. So long the
 #: current regulators take to make up for what inductances off by tolerance leave of omega_e L i.
@@ -25,8 +26,9 @@ EASE_TIME, EASE_WINDINGS = 10e-3, 3.0
 #: s, rad electrical at the operating box's speed: two readings are so far apart, at most. Less than half a turn, so
 #: that the way that the current turned is the rotor's.
 GAP_TIME, GAP_TURN = 0.5e-3, 1.2
-#: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise.
-LEAST_SINE = 0.1
+#: Sine of the angle between two readings from which on it tells the direction: three sigmas of noise; and so many are
+#: taken at most. Rotors that turn just fast enough to be read turn so far by the fifth.
+LEAST_SINE, MAX_READINGS = 0.1, 8
 #: Samples in a row beyond the trip current; attempts in a row that failed, and such of a drive without a rival: it
 #: finds its angle by attempts.
 MAX_EXCESS, MAX_FAILURES, MAX_FAILURES_ALONE = 3, 10, 20
@@ -93,7 +95,7 @@ def window_time(drive: Drive) -> float:
     ----------
     drive : Drive
     """
-    torque = mtpa_torque(drive, start_share(drive) * drive.control.max_current)
+    torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     return max(WINDOW_TIME, math.sqrt(2.0 * drive.motor.inertia / (drive.motor.pole_pairs * torque)))
 
 
@@ -157,8 +159,10 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
             "MAX_FAILURES", MAX_FAILURES if rivals else MAX_FAILURES_ALONE, "attempts in a row that fail end in FAULT"
         ),
         samples("REST_SAMPLES", REST_TIME, "so long both currents must read zero before the inverter is enabled"),
+        samples("RESTLESS_SAMPLES", RESTLESS_TIME, "and if they do not for so long, something is wrong"),
         samples("PROBE_SAMPLES", PROBE_TIME, "without a current from zero voltage for so long the rotor stands"),
         samples("GAP_SAMPLES", gap, "at least, from one reading to the next: the rotor turns less than half a turn"),
+        Limit("MAX_READINGS", MAX_READINGS, "of a current: then the reference says which way the rotor turns"),
         samples("WAIT_SAMPLES", WAIT_TIME, "so long the current of a reading may take to die out"),
         samples("SETTLE_SAMPLES", SETTLE_TIME, "so long the angle may jump; then it must turn as the speed says"),
         samples("TWICE_SETTLE_SAMPLES", SETTLE_TIME, "or the guess is turned round", times=2),
@@ -192,7 +196,7 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
 
 
 def _starts(drive: Drive, load: bool) -> tuple[Limit, ...]:
-    torque = mtpa_torque(drive, start_share(drive) * drive.control.max_current)
+    torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     penalty = Limit("LOAD_PENALTY", LOAD_PENALTY / torque**2, "1/(N m)^2: what a load adds to a filter's score")
     return (
         _samples(drive, "WINDOW_SAMPLES", window_time(drive), "of STARTING at most: the rotor's time for a radian"),

@@ -1,12 +1,13 @@
 """The drive's modes, from power-up on and after a fault: the whole of what decides about the inverter.
 
 RESTING, inverter off, until the currents read zero; PROBING, zero voltage: a rotor that turns makes a current, which is
-read, and read again after WAITING, inverter off: so it shows where the back-EMF points, and which way it turns.
+read, and read again after WAITING, inverter off, until it has turned far enough to tell which way the rotor turns.
 CATCHING, once that current has died out, too: the filter runs without torque until it has found the rotor. Where no
 current comes the rotor stands, or nearly: STARTING, torque is on, and a rival filter half a turn away runs beside the
 filter; whichever expects the currents better is followed. RUNNING, in which a rotor that was caught gets its torque
 little by little: braking from beyond the rated speed, field weakening has to come first. And FAULT, inverter off, after
-too many attempts in a row. Read :func:`transitions` as a table: from a mode, where a guard holds, to a mode.
+too many attempts in a row, or where the currents never read zero. Read :func:`transitions` as a table: from a mode,
+where a guard holds, to a mode.
 
 Once an interrupt, after filter and controller where they ran. ``PMSM_NOT_CONVERGED`` is no reason to stop: the last
 iterate is kept and the next step goes on from it. ``PMSM_DIVERGED`` says that currents, voltages and motor do not fit
@@ -55,7 +56,7 @@ from model.supervisor.words import (
 
 #: A mode's place is its number in C: the one that not every drive has is the last.
 MODES = (
-    Mode("RESTING", "inverter off, until the currents read zero", lasting=True),
+    Mode("RESTING", "inverter off, until the currents read zero"),
     Mode("PROBING", "zero voltage, until a current shows where the back-EMF points", inverter=True),
     Mode("WAITING", "inverter off, until the current of a reading has died out"),
     Mode("CATCHING", "zero torque, until the filter has found the rotor that turns", inverter=True, runs=True),
@@ -97,8 +98,7 @@ FIELDS = (
     Field("acknowledged", "set it to 1 to leave FAULT"),
     Field("since", "interrupts in this mode, or in a window of it"),
     Field("quiet", "samples in a row, RESTING: both currents read zero"),
-    Field("readings", "currents from zero voltage that were read: 1, then 2"),
-    Field("gap", "samples since the first"),
+    Field("readings", "currents from zero voltage that were read; MAX_READINGS: it is known which way the rotor turns"),
     Field("rejected", "inputs rejected in a row"),
     Field("diverged", "steps in a row"),
     Field("excess", "samples in a row beyond the trip current"),
@@ -183,12 +183,21 @@ def _lost(source: str, guard: Condition, why: str, reason: str) -> Transition:
 def _from_rest(rivals: bool) -> tuple[Transition, ...]:
     """RESTING, PROBING and WAITING tell whether the rotor turns."""
     seen = Not(within("phase", "PROBE_SQUARED"))
+    known, none = at_least("readings", "MAX_READINGS"), within("phase", "ZERO_SQUARED")
     both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
     stands = (*both, "void_voltages") if rivals else ("start_at_rest", "void_voltages")
     return (
         Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),
         Transition(
             "RESTING", "PROBING", at_least("quiet", "REST_SAMPLES"), "the currents read zero", ("await_reading",)
+        ),
+        Transition(
+            "RESTING",
+            "FAULT",
+            at_least("since", "RESTLESS_SAMPLES"),
+            "the currents never read zero: a sensor is off, or the rotor so fast that diodes conduct",
+            (),
+            "CURRENT",
         ),
         _lost("PROBING", Not(within("phase", "TRIP_SQUARED")), "a current is too large, or no number", "CURRENT"),
         Transition(
@@ -202,7 +211,7 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
             "PROBING",
             "WAITING",
             seen,
-            "the second current shows which way the rotor turns",
+            "a later current shows which way the rotor turns, or not yet",
             ("take_reading", "guess_from_probe"),
         ),
         Transition(
@@ -215,15 +224,15 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         Transition(
             "WAITING",
             "CATCHING",
-            All((equals("readings", 2), within("phase", "ZERO_SQUARED"))),
-            "the second current has died out: the filter begins where the rotor is by now",
+            All((known, none)),
+            "the last current has died out: the filter begins where the rotor is by now",
             ("place", "start_filter", "void_voltages", "begin_anew"),
         ),
         Transition(
             "WAITING",
             "PROBING",
-            All((Not(equals("readings", 2)), at_least("gap", "GAP_SAMPLES"), within("phase", "ZERO_SQUARED"))),
-            "the first current has died out",
+            All((Not(known), at_least("since", "GAP_SAMPLES"), none)),
+            "the current has died out: it is read again",
         ),
         _lost("WAITING", at_least("since", "WAIT_SAMPLES"), "the current does not die out", "CURRENT"),
     )

@@ -44,6 +44,9 @@ def show_written(written: list[Written]) -> None:
         style = {"stale": "red", "unchanged": "dim"}.get(item.state, "green")
         table.add_row(item.drive, str(item.files), escape(str(item.folder)), f"[{style}]{item.state}[/{style}]")
     console.print(table)
+    for item in written:
+        if item.remark:
+            console.print(f"[yellow]{escape(item.remark)}[/yellow]", highlight=False, soft_wrap=True)
 
 
 def show_summary(proof: Proof) -> None:

@@ -41,7 +41,7 @@ def priced(design: Design, made: Package) -> Design:
 
 def _cycles(account: Account, prices: Prices, T: float, title: str) -> tuple[dict[str, Choice], list[str]]:
     """What filter and controller may take of a sample of T seconds, and what is to be said of it."""
-    spent, period = prices.total(account.controller.priced(prices), prices.factors[0]), T * prices.clock
+    spent, period = prices.total(account.controller.operations, prices.factors[0]), T * prices.clock
     budget: dict[str, Choice] = {}
     remarks: list[str] = []
     if spent <= period:

@@ -132,6 +132,8 @@ _GAIN_UNITS = {
     "dead_current": "A",
     "advance": "s",
     "weakening": "A/V^2",
+    "max_torque": "N m",
+    "max_power": "W",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -51,6 +52,8 @@ class FaultyRun(AgainstTruth):
     told V; x (N, n) the estimate; duty (N, 3); status, mode, reason (N,): the interrupt's; ``running`` (N,): mode
     RUNNING. Samples ``first`` <= k < ``after`` are the fault's; ``powered`` (N,) whether the processor was on;
     ``band`` r/min: an estimate of the speed no further off is right. ``gave_up``: the reason, where it ended in FAULT.
+    ``diodes`` rad/s: from this speed on the back-EMF between two phases is more than the DC link, and current flows
+    through the diodes of an inverter that is off.
     """
 
     kind: str
@@ -73,6 +76,7 @@ class FaultyRun(AgainstTruth):
     powered: Array
     band: float
     gave_up: str = ""
+    diodes: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -149,8 +153,6 @@ class FaultyLoop:
         self._play(motor, given, found, first, reacting)
         truth = dict(zip(("omega", "theta", "torque", "current", "told"), found.pop("out").T, strict=True))
         after = first + len(rows)
-        powered = np.ones(steps, dtype=bool)
-        powered[first:after] = (rows["what"] & POWER_OFF) == 0
         gave_up = found["mode"][-1] == self.module.FAULT
         return FaultyRun(
             self.kind,
@@ -161,9 +163,10 @@ class FaultyLoop:
             **truth,
             **found,
             running=found["mode"] == self.module.RUNNING,
-            powered=powered,
+            powered=_powered(steps, first, rows),
             band=scenario.least_band,
             gave_up=self.module.REASONS[found["reason"][-1]] if gave_up else "",
+            diodes=_diode_speed(self.folder.manifest["parameters"]),
         )
 
     def _play(
@@ -231,3 +234,16 @@ def _open(library: Path, controller: str, drive: str) -> tuple[Any, Any]:
         """
     )
     return ffi, open_library(ffi, library)
+
+
+def _powered(steps: int, first: int, rows: Array) -> Array:
+    """Whether the processor is on, sample by sample."""
+    powered = np.ones(steps, dtype=bool)
+    powered[first : first + len(rows)] = (rows["what"] & POWER_OFF) == 0
+    return powered
+
+
+def _diode_speed(parameters: Mapping[str, Any]) -> float:
+    """The speed (rad/s) at which sqrt(3) p omega psi_m is the DC link."""
+    motor = parameters["motor"]
+    return float(parameters["control"]["dc_link"] / (math.sqrt(3.0) * motor["pole_pairs"] * motor["magnet_flux"]))

@@ -11,7 +11,7 @@ from rich.text import Text
 from runtime.drive.scenario import LATE, REACHED_OF_RATED
 from runtime.faults.standstill import BACK_TIME, SLIP_SHARE
 from runtime.faults.starts import Start, Starts, largest, times
-from runtime.faults.survey import ANGLE_BAND, Outcome, Recovery, column
+from runtime.faults.survey import ALONE_SEEDS, ANGLE_BAND, Outcome, Recovery, column
 from runtime.style.tables import columns_table
 
 LEGEND = (
@@ -19,7 +19,7 @@ LEGEND = (
     f"of rated speed and {ANGLE_BAND:g} degrees electrical of the truth, median (worst). Since the fault began, worst "
     "of all runs: errors of the estimate while the drive had torque, dip of the true speed, current. said: status bits "
     "in the fault and 10 ms behind it, and in how many runs a bit or a reaction came, if not in all; at: its sample, "
-    "the latest. alone: the generated controller without the example interrupt's reaction."
+    f"the latest. alone: the generated controller without the example interrupt's reaction, {ALONE_SEEDS} runs at most."
 )
 
 COLUMNS = ("fault", "recovered", "recovery, ms", "r/min", "deg", "dip", "A", "said", "at")

@@ -29,7 +29,7 @@ PIECE = 6
 #: Where the rotor of the start is, rad electrical.
 ANGLE = 2.0
 #: Counts of which the interrupt makes one more: they stand one before their limit, others at it.
-COUNTED = ("since", "quiet", "gap", "rejected", "diverged", "excess", "open", "content")
+COUNTED = ("since", "quiet", "rejected", "diverged", "excess", "open", "content")
 #: rad: how far the angle turned, and should have by the speed.
 AGREE, DIFFER = (1.2, 1.2), (1.2, -1.2)
 #: rad/s: no motor turns so fast; and A^2: variances of the sensors by which the filter keeps what it begins with.
@@ -82,13 +82,20 @@ def _lost(mode: str) -> tuple[Case, ...]:
 CASES = (
     Case("RESTING", ends={"failures": "MAX_FAILURES"}),
     Case("RESTING", ends={"quiet": "REST_SAMPLES"}),
-    Case("RESTING", TELLS, {"since": "MOST_SAMPLES", "gap": "MOST_SAMPLES"}),
+    Case("RESTING", TELLS, {"since": "RESTLESS_SAMPLES"}),
+    Case("RESTING", TELLS, {"since": "MOST_SAMPLES"}),
     Case("PROBING", TRIPS),
     Case("PROBING", TELLS),
     Case("PROBING", TELLS, given={"readings": 1, "first[0]": 0.6, "first[1]": -0.8, "probe[1]": 2}),
+    Case("PROBING", TELLS, given={"readings": 1, "first[0]": 0.8, "first[1]": 0.6, "probe[1]": 2}),
+    Case("PROBING", TELLS, given={"readings": 1, "first[0]": 1.0, "first[1]": 0.05, "probe[1]": 2}),
     Case("PROBING", ends={"since": "PROBE_SAMPLES"}),
-    Case("WAITING", given={"readings": 2, "guess[2]": -20.0, "guess[3]": 3.1, "spread[0]": 100.0, "spread[1]": 0.01}),
-    Case("WAITING", ends={"gap": "GAP_SAMPLES"}),
+    Case(
+        "WAITING",
+        ends={"readings": "MAX_READINGS"},
+        given={"guess[2]": -20.0, "guess[3]": 3.1, "spread[0]": 100.0, "spread[1]": 0.01},
+    ),
+    Case("WAITING", ends={"since": "GAP_SAMPLES"}),
     Case("WAITING", TELLS, {"since": "WAIT_SAMPLES"}),
     Case("CATCHING", TRIPS, {"excess": "MAX_EXCESS"}),
     Case("CATCHING", ends={"since": "SETTLE_SAMPLES"}),
@@ -110,7 +117,7 @@ CASES = (
     Case("RUNNING", ends={"since": "LOCKED_SAMPLES"}, given=_turned(DIFFER)),
     Case("RUNNING", ends={"since": "LOCKED_SAMPLES", "steady": "STEADY_WINDOWS"}, given={"failures": 3}),
     Case("FAULT", given={"acknowledged": 1}),
-    Case("FAULT", ends={"since": "MOST_SAMPLES", "gap": "MOST_SAMPLES"}),
+    Case("FAULT", ends={"since": "MOST_SAMPLES"}),
     Case(len(MODES)),
 )
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from codegen.evidence.budget import check_budget
+from codegen.evidence.budget import Account, check_budget, late
 from codegen.evidence.measure import Measurer, kept_records
 from codegen.generate import FORMS, generate
 from codegen.ir.graph import UnsupportedOperationError
@@ -24,13 +24,17 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Written:
-    """One drive's outcome: ``state`` is new, updated, unchanged or stale; ``diff`` what changed."""
+    """One drive's outcome: ``state`` is new, updated, unchanged or stale; ``diff`` what changed.
+
+    ``remark``: what the user should know of it; else empty.
+    """
 
     drive: str
     folder: Path
     state: str
     files: int
     diff: str
+    remark: str = ""
 
 
 def generate_drives(
@@ -86,7 +90,7 @@ def generate_drives(
         if diff and not check:
             progress(f"{named.word}: writing")
             write_folder(folder, package.files, force)
-        results.append(Written(package.name, folder, state, len(package.files), diff))
+        results.append(Written(package.name, folder, state, len(package.files), diff, package.remark))
     return results
 
 
@@ -108,6 +112,7 @@ class InMemory:
 
     name: str
     files: dict[str, str]
+    remark: str = ""
 
 
 def _generate_all(
@@ -137,4 +142,16 @@ def _generate(named: NamedDrive, out: Path | None, check: bool, form: str) -> In
         raise UserError(f"drive '{drive.name}': {error}") from None
     if form == "fast":  # the literal form is for reading and proving, not for the chip
         check_budget(drive, package.accounts)
-    return InMemory(package.drive.name, package.files)
+    return InMemory(package.drive.name, package.files, _too_long(drive, package.accounts))
+
+
+def _too_long(drive: Drive, accounts: Mapping[str, Account]) -> str:
+    """What takes longer than the sample time on the target, in one line; empty where nothing does."""
+    shares = late(drive, accounts)
+    if not shares:
+        return ""
+    said = ", ".join(f"{what} {100 * part:.0f} %" for what, part in shares.items())
+    return (
+        f"drive '{drive.name}': longer than its sample time on the {find_target(drive.target_name).title}, at the "
+        f"worst and by an estimate from published cycles: {said}. REPORT.md, Budget, says what helps."
+    )

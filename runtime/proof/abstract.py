@@ -233,7 +233,7 @@ class Interrupt:
                 if value is not None and most is not None and value < most:
                     self.values[node.counter] = value + 1
             elif isinstance(node, Set):
-                value = node.value.value if isinstance(node.value, Whole) else None
+                value = self._integer(node.value) if isinstance(node.value, (Whole, Name)) else None
                 reason = self._reason("REASON_NONE") if node.target.name == "reason" and value == 0 else value
                 self._set(node.target.name, reason)
 

@@ -15,8 +15,8 @@ from runtime.proof.inverter import make_inverter
 Array = NDArray[Any]
 
 #: Where dead-time compensation of a drive that says nothing of its inverter reaches its full size, A; least DC link, V;
-#: largest sensed angle, rad.
-DEAD_CURRENT, LEAST_LINK, SENSED_MAX = 0.3, 1.0, 1000.0
+#: largest sensed angle, rad; a slower rotor's torque is not limited by power, rad/s.
+DEAD_CURRENT, LEAST_LINK, SENSED_MAX, SLOWEST = 0.3, 1.0, 1000.0, 1e-3
 #: The field is weakened from this share of the largest voltage on, with at most this share of the largest current, this
 #: much slower than the currents are regulated; of the magnet's torque per ampere so much is left at least.
 ROOM, DEEPEST, SLOWER, LEAST_FLUX = 0.95, 0.95, 0.1, 0.05
@@ -30,7 +30,8 @@ THIRD = np.exp(2j * math.pi / 3)
 def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
     """Pole placement, in the order of the struct.
 
-    Speed p, i; current p on d, on q, i; limit; dead time's share and current; advance; weakening.
+    Speed p, i; current p on d, on q, i; limit; dead time's share and current; advance; weakening; then the largest
+    torque and the largest power, of those that are stated.
 
     Parameters
     ----------
@@ -49,7 +50,8 @@ def gains_of(parameters: Mapping[str, Any], delay: int) -> Array:
     base_speed = room / abs(m["magnet_flux"] + 1j * m["inductance_q"] * c["max_current"])  # electrical
     by_volt = SLOWER * current * T / (base_speed * m["inductance_d"])  # A a sample
     advance = T / 2 + delay * T
-    return np.array([*regulators, current * R * T, c["max_current"], *dead, advance, by_volt / (2 * room)])
+    stated = [c[key] for key in ("max_torque", "max_power") if c.get(key) is not None]
+    return np.array([*regulators, current * R * T, c["max_current"], *dead, advance, by_volt / (2 * room), *stated])
 
 
 def clarke(phase: Array) -> complex:
@@ -105,7 +107,7 @@ def control(
         The filter's state, where V_d may be in it, V.
     command : ndarray, (2,)
         Speed reference, rad/s, and DC link, V.
-    gain : ndarray, (10,)
+    gain : ndarray, (10,) or more
         In the order of the struct.
     integrator : ndarray, (4,)
         Of speed, N m, of d and q current, V, and what the field is weakened by, A.
@@ -113,12 +115,13 @@ def control(
         d current of the least current that makes the torque, A; by default it is found.
     """
     m = parameters["motor"]
-    speed_p, speed_i, d_p, q_p, current_i, most, dead_share, dead_current, advance, weakening = gain
+    speed_p, speed_i, d_p, q_p, current_i, most, dead_share, dead_current, advance, weakening, *stated = gain
     omega, theta = rotor
     error = command[0] - omega
     wanted = speed_p * error + integrator[0]
     omega_e = m["pole_pairs"] * omega
     limit, deepest = within_reach(m, most, omega_e, integrator[3])
+    limit = stated_limit(parameters["control"], list(stated), limit, omega)
     torque = float(np.clip(wanted, -limit, limit))
     z_speed = integrator[0] + speed_i * error + min(speed_i / speed_p, 1.0) * (torque - wanted)
     if i_d_best is None:
@@ -138,6 +141,29 @@ def control(
     v_stator = limited * np.exp(1j * (theta + omega_e * advance))
     duty, told = modulated(parameters, v_stator, i, x, link, dead_share, dead_current)
     return Sample(duty, told, np.array([z_speed, z_d, z_q, z_weakening]), limit, torque, i_ref)
+
+
+def stated_limit(control: Mapping[str, Any], stated: list[float], torque: float, omega: float) -> float:
+    """The torque (N m) that keeps within what the drive file states.
+
+    Parameters
+    ----------
+    control : mapping
+        The drive file's section: which limits there are.
+    stated : list of float
+        The gains behind the others: largest torque, N m, and power, W, of those that there are.
+    torque : float
+        What current and voltage make, N m.
+    omega : float
+        Speed, rad/s.
+    """
+    left = list(stated)
+    if control.get("max_torque") is not None and torque > left[0]:
+        torque = left[0]
+    if control.get("max_power") is None:
+        return torque
+    speed = max(abs(omega), SLOWEST)
+    return torque * min(1.0, left[-1] / (torque * speed)) if torque > 0 else torque
 
 
 def modulated(

@@ -15,15 +15,18 @@ from dataclasses import dataclass, field
 from model.filters.conditions import Compare, Entry, Name
 from model.supervisor.words import Supervisor
 from runtime.proof.abstract import Machine, State, Taken, liveness, relevant
+from runtime.proof.mode_numbers import READINGS
 from runtime.proof.result import Link, Row
 
 #: Where no gate may be on, whatever else is declared.
 OFF = ("RESTING", "WAITING", "FAULT")
 #: Reasons that no further attempt can mend.
-AT_ONCE = ("PHASE",)
+AT_ONCE = (("RUNNING", "PHASE"), ("RESTING", "CURRENT"))
 #: What a count's limit becomes: so large that a count can be none, some and enough, and a start has its good window
 #: and the one that ends it.
 ENOUGH = 2
+#: So many readings of a current: none, the first, one that does not tell which way the rotor turns, and enough.
+ENOUGH_READINGS = 3
 #: Where every count ends, beyond all limits.
 LAST = "MOST_SAMPLES"
 #: States after which the search gives up: the machine has some thousands.
@@ -98,6 +101,7 @@ def small_limits(machine: Supervisor) -> dict[str, float]:
     times = sorted({limits[name] for name in timed})
     small = {name: min(value, ENOUGH) for name, value in limits.items() if isinstance(value, int)}
     small |= {name: 1 + times.index(limits[name]) for name in timed}
+    small["MAX_READINGS"] = ENOUGH_READINGS
     return limits | small | {LAST: len(times) + ENOUGH}
 
 
@@ -259,7 +263,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     What no attempt can mend ends there at once.
     """
     rows = enumerate(found.machine.machine.transitions, start=1)
-    at_once = {number for number, row in rows if row.target == "FAULT" and row.reason in AT_ONCE}
+    at_once = {number for number, row in rows if row.target == "FAULT" and (row.source, row.reason) in AT_ONCE}
     most = found.machine.limits["MAX_FAILURES"]
     uncounted = forgotten = missed = entered = 0
     for state, edges in found.edges.items():
@@ -280,7 +284,7 @@ def _failures(found: Explored) -> Iterator[Row]:
     yield _row("only success or an acknowledgement forgets", "interrupts that do else", forgotten, count)
     missed += entered == 0
     yield _row(
-        "so many failures in a row, or an open phase, and nothing else, end in FAULT",
+        "so many failures in a row, an open phase, or currents that never rest, and nothing else, end in FAULT",
         "interrupts that do else",
         missed,
         entered,
@@ -290,13 +294,15 @@ def _failures(found: Explored) -> Iterator[Row]:
 def _times(machine: Supervisor, sample_time: float, promised: Mapping[str, int]) -> Iterator[Row]:
     """Every mode that must end ends in time; and the attempt as a whole."""
     must_end = tuple(mode.name for mode in machine.modes if not mode.lasting)
+    attempt = tuple(mode for mode in must_end if mode != "RESTING")
     for mode in must_end:
         stay = longest_stay(machine, (mode,))
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
         yield Row("-", f"{mode} ends: {took}", "samples beside the promise", abs(stay - promised.get(mode, 0)), 0.0, 1)
     first = "PROBING"
     if first in must_end:
-        twice = promised[first] + promised.get("WAITING", 0)  # a turning rotor is read twice, and its current dies out
-        stay, allowed = longest_stay(machine, (first, *must_end)), sum(promised.values()) + twice
+        again = (READINGS - 1) * (promised[first] + promised.get("WAITING", 0))  # each reading's current dies out
+        stay = longest_stay(machine, (first, *attempt))
+        allowed = sum(promised[mode] for mode in attempt) + again
         took = f"{stay:.0f} samples, {1e3 * sample_time * stay:.4g} ms"
         yield Row("-", f"from {first} to RUNNING or RESTING: {took}", "samples", stay, float(allowed), 1)

@@ -278,7 +278,7 @@ class Judge:
 
     def _state(self, name: str, wanted: list[Any], found: list[float], i: tuple[float, float], event: str) -> None:
         """State or guess: what carries the currents is judged by the currents, an arc tangent by its own bound."""
-        read = event == "PROBING: turns this way" and name == "guess"
+        read = event == "PROBING: turned" and name == "guess"
         if wanted[0] is CARRIES:
             h = self.motor.h(np.array([*found[:4], *self.slow]))
             known, scale = bool(np.isfinite(i).all()), max(self.hand.most, abs(i[0]), abs(i[1]))

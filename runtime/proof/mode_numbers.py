@@ -13,7 +13,7 @@ from runtime.proof.control import best_currents, of_current, torque_of
 
 #: s: currents must read zero; zero voltage is tried; a first current dies out; the filter locks; its angle settles; it
 #: is content, a rival the better one, or a window lasts; blind; beside the motor's data; steady.
-REST, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
+REST, RESTLESS, PROBE, WAIT, CATCH, SETTLE, LOCKED = 2e-3, 0.5, 2e-3, 2e-3, 10e-3, 1e-3, 3e-3
 BLIND, ADRIFT, STEADY = 2e-3, 100e-3, 100e-3
 #: The torque of a rotor that was caught comes in within the longer of: s, and of L_d / R.
 EASE, EASE_WINDINGS = 10e-3, 3.0
@@ -22,8 +22,9 @@ ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: Samples beyond the trip; attempts, and those of a drive that finds its angle by nothing else; windows of a start, and
 #: those that must have been good before the last.
 EXCESS, ATTEMPTS, ATTEMPTS_ALONE, WINDOWS, GOOD = 3, 10, 20, 20, 1
-#: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction.
-GAP, GAP_TURN, TELLS = 0.5e-3, 1.2, 0.1
+#: Between two readings: s, and rad electrical at the box's speed. Sine of the angle that tells the direction; readings
+#: at most, after which the reference tells it.
+GAP, GAP_TURN, TELLS, READINGS = 0.5e-3, 1.2, 0.1, 8
 #: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.
@@ -68,7 +69,9 @@ class Numbers:
         ratio = abs(self.motor["inductance_q"] - self.motor["inductance_d"])
         #: Share of the largest current: where reluctance could take all of the magnet's torque it may take half.
         self.share = min(SHARE, self.motor["magnet_flux"] / ratio / self.most) if ratio else SHARE
-        self.torque = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
+        by_current = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
+        stated = parameters["control"].get("max_torque")
+        self.torque = by_current if stated is None or stated > by_current else stated
 
     def samples(self, seconds: float, times: int = 1) -> int:
         """Seconds as samples, the nearest number, one at least; ``times`` as many.
@@ -133,8 +136,9 @@ class Numbers:
 
         The rotor may be looked for twice, at either guess; a start has its windows, and gives up a sample later.
         """
+        rest = {"RESTING": self.samples(RESTLESS)}
         twice = {"PROBING": self.samples(PROBE), "WAITING": self.samples(WAIT), "CATCHING": 2 * self.samples(CATCH)}
-        return twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
+        return rest | twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
 
     @property
     def unseen(self) -> float:

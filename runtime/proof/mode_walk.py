@@ -172,8 +172,9 @@ class Walk:
     def _times(self, mode: str) -> list[int]:
         n = self.known
         ends = {
+            "RESTING": [n.samples(numbers.RESTLESS)],
             "PROBING": [n.samples(numbers.PROBE)],
-            "WAITING": [n.samples(numbers.WAIT)],
+            "WAITING": [n.samples(numbers.WAIT), n.gap],
             "CATCHING": [n.samples(numbers.CATCH), n.samples(numbers.SETTLE), n.samples(numbers.SETTLE, 2)],
             "STARTING": [n.window, n.window, n.samples(numbers.LOCKED)],
             "RUNNING": [n.samples(numbers.LOCKED)],
@@ -183,7 +184,6 @@ class Walk:
     def _ends(self) -> Mapping[str, int]:
         n = self.known
         ends = {
-            "gap": n.gap,
             "quiet": n.samples(numbers.REST),
             "rejected": n.samples(numbers.BLIND),
             "diverged": n.samples(numbers.ADRIFT),
@@ -193,7 +193,7 @@ class Walk:
             "failures": n.attempts,
             "steady": round(numbers.STEADY / numbers.LOCKED),
             "windows": numbers.WINDOWS,
-            "readings": 2,
+            "readings": numbers.READINGS,
             **dict.fromkeys(("good", "side", "mirrored", "fresh", "anew"), 1),
         }
         return {name: limit for name, limit in ends.items() if hasattr(self.s, name)}

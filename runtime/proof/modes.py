@@ -31,7 +31,9 @@ from runtime.proof.mode_numbers import (
     PROBE,
     READ_ANGLE,
     READ_SPEED,
+    READINGS,
     REST,
+    RESTLESS,
     RUN_JOLT,
     RUNAWAY_SPEED,
     SETTLE,
@@ -53,8 +55,8 @@ OFF = ("RESTING", "WAITING", "FAULT")
 RUNNING, TORQUE = ("CATCHING", "STARTING", "RUNNING"), ("STARTING", "RUNNING")
 #: What may happen in each mode.
 EVENTS = {
-    "RESTING": ("gave up", "no current"),
-    "PROBING": ("lost, CURRENT", "turns", "turns this way", "stands"),
+    "RESTING": ("gave up", "no current", "restless"),
+    "PROBING": ("lost, CURRENT", "turns", "turned", "stands"),
     "WAITING": ("begins there", "died out", "lost, CURRENT"),
     "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
     "STARTING": (
@@ -125,7 +127,7 @@ class Modes(Numbers):
 
     def _count(self, m: Memory, f: Filter, said: Said, phase: Sequence[float], reference: float) -> None:
         n = m.whole
-        n["since"], n["gap"] = (n[name] + 1 if n[name] < MOST else n[name] for name in ("since", "gap"))
+        n["since"] += n["since"] < MOST
         zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
         m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
         if m.mode == "WAITING":  # the rotor turns on
@@ -192,7 +194,11 @@ class Modes(Numbers):
             self._go(m, "FAULT")
             return "gave up"
         if m.whole["quiet"] < self.samples(REST):
-            return ""
+            if m.whole["since"] < self.samples(RESTLESS):
+                return ""
+            m.reason = "CURRENT"
+            self._go(m, "FAULT")
+            return "restless"
         m.whole["readings"] = 0
         self._go(m, "PROBING")
         return "no current"
@@ -212,21 +218,23 @@ class Modes(Numbers):
         first, way = complex(*m.arrays["first"]), i / abs(i)
         m.arrays["reading"] = [way.real, way.imag, abs(i), (first.conjugate() * way).imag]
         if not m.whole["readings"]:
-            m.arrays["first"], m.whole["readings"], m.whole["gap"] = [way.real, way.imag], 1, 0
+            m.arrays["first"], m.whole["readings"] = [way.real, way.imag], 1
             self._go(m, "WAITING")
             return "turns"
         sine = m.arrays["reading"][3]
-        direction = math.copysign(1.0, sine) if abs(sine) > TELLS else m.arrays["probe"][0]
+        tells = abs(sine) > TELLS
+        direction = math.copysign(1.0, sine) if tells else m.arrays["probe"][0]
         # i = -(t / L_q) e, and e = j omega_e psi_m exp(j theta)
         theta = cmath.phase(direction * 1j * i)
         seconds = max(m.arrays["probe"][1], 1.0) * self.T
         e = abs(i) * self.motor["inductance_q"] / seconds  # V
         m.arrays["probe"][0] = direction
-        m.whole["mirrored"], m.whole["readings"] = 0, 2
+        m.whole["mirrored"] = 0
+        m.whole["readings"] = READINGS if tells else min(m.whole["readings"] + 1, READINGS)
         m.arrays["guess"][2:] = direction * e / (self.motor["magnet_flux"] * self.p), theta
         m.arrays["spread"] = [(READ_SPEED * self.speed) ** 2, READ_ANGLE]
         self._go(m, "WAITING")
-        return "turns this way"
+        return "turned"
 
     def _stands(self, m: Memory, f: Filter) -> None:
         """Torque for a rotor that stands: with a rival where the angle is unknown, else as the drive file says."""
@@ -254,14 +262,15 @@ class Modes(Numbers):
 
     def _waiting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         none, n = self._inside(phase, ZERO), m.whole
-        if none and n["readings"] == 2:
+        last = n["readings"] >= READINGS
+        if none and last:
             speed, angle = m.arrays["spread"]
             self._begin(m, f, tuple(m.arrays["guess"][2:]), (speed, angle))
             n["fresh"] = 1
             self._regulators_anew(m)
             self._go(m, "CATCHING")
             return "begins there"
-        if none and n["gap"] >= self.gap and n["readings"] != 2:
+        if none and n["since"] >= self.gap and not last:
             self._go(m, "PROBING")
             return "died out"
         return self._lost(m, "CURRENT") if m.whole["since"] >= self.samples(WAIT) else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import queue
@@ -92,8 +93,13 @@ def say(text: str) -> None:
         _words.put(text)
 
 
+#: New objects after which a worker looks for circles among them; Python's 700 has it look through what it still loads.
+COLLECTED_EVERY = 20_000
+
+
 def _begin(scratch: str, words: Any) -> None:
     global _words
+    gc.set_threshold(COLLECTED_EVERY, 20, 20)
     _words = words
     os.environ["TMPDIR"] = tempfile.tempdir = scratch
     threading.Thread(target=_end_with_the_command, daemon=True).start()

@@ -17,10 +17,14 @@ from tests.codegen.board import Board, on_board
 REJECTED, NOT_CONVERGED, COMMAND, REPAIRED, DIVERGED, RESTARTED = 1, 2, 4, 8, 16, 32
 #: Seconds, and shares of the maximum current.
 REST, PROBE, WAIT, BLIND, ADRIFT, SETTLE, LOCKED, CATCH = 2e-3, 2e-3, 2e-3, 2e-3, 100e-3, 1e-3, 3e-3, 10e-3
+#: s: so long currents may flow that the inverter does not make.
+RESTLESS = 0.5
 OPEN = 100e-3
 ZERO, SHOWS, TRIP = 0.05, 0.1, 1.5
 #: From one reading to the next: s, and rad electrical at the operating box's speed, whichever is less.
 GAP, GAP_TURN = 0.5e-3, 1.2
+#: Of a current, at most; then the reference says which way the rotor turns.
+READINGS = 8
 #: Attempts in a row that end in FAULT, and such without a rival; seconds of running, in windows of LOCKED, after which
 #: they are forgotten.
 ATTEMPTS, ATTEMPTS_ALONE, STEADY = 10, 20, 99e-3

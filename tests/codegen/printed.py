@@ -18,15 +18,15 @@ from model.drives.load import load_drive
 from model.schema import Drive
 
 DRIVES = ("ipmsm_flux", "paper_spmsm")
-PRICES = {"div": 25, "sqrt": 29, "sincos": 44}
+PRICES = {"div": 25, "sqrt": 29, "branch": 7, "call": 12}
 KS = (2.5, 4, 5)
-OPERATIONS = ["add", "mul", "div", "sqrt", "sincos", "compare", "select"]
+OPERATIONS = ["add", "mul", "div", "sqrt", "compare", "select", "branch", "call", "sincos"]
 CLOCK = 150e6
 
 
 def price(operations: Mapping[str, float], k: float) -> int:
     """The published formula, 60 cycles for the interrupt with it."""
-    cheap = operations["add"] + operations["mul"]
+    cheap = sum(operations[name] for name in ("add", "mul", "compare", "select"))
     return round(k * cheap + sum(PRICES[name] * operations[name] for name in PRICES) + 60)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from codegen.evidence.budget import Account, BudgetError, check_budget
+from codegen.evidence.budget import Account, BudgetError, check_budget, late
 from codegen.generate import count, generate_bare
 from codegen.targets.find import default_target
 from model.drives.load import load_drive
@@ -39,8 +39,10 @@ def refusal(drive: Drive, accounts: dict[str, Account]) -> str:
 
 
 def test_the_formula_is_the_published_one() -> None:
-    operations = {"add": 100, "mul": 60, "div": 2, "sqrt": 3, "sincos": 4, "compare": 9, "select": 9}
-    assert [cycles(operations, k) for k in (2.5, 4, 5)] == [160 * k + 50 + 87 + 176 + 60 for k in (2.5, 4, 5)]
+    operations = {"add": 100, "mul": 60, "div": 2, "sqrt": 3, "compare": 9, "select": 7, "branch": 8, "call": 5}
+    told = {"sincos": 4}  # their arithmetic is among the rest
+    expected = [176 * k + 50 + 87 + 56 + 60 + 60 for k in (2.5, 4, 5)]
+    assert [cycles(operations | told, k) for k in (2.5, 4, 5)] == expected
 
 
 def test_shipped_budgets_hold_with_margin(drive: Drive) -> None:
@@ -48,7 +50,7 @@ def test_shipped_budgets_hold_with_margin(drive: Drive) -> None:
     assert refusal(drive, accounts) == ""
     allowed = drive.budget.controller_cycles
     if allowed is not None:
-        assert max(cycles(a.controller.calls, drive.budget.k) for a in accounts.values()) < 0.9 * allowed
+        assert max(cycles(a.controller.operations, drive.budget.k) for a in accounts.values()) < 0.9 * allowed
 
 
 def test_no_budget_allows_anything(flux: dict[str, Account]) -> None:
@@ -56,7 +58,7 @@ def test_no_budget_allows_anything(flux: dict[str, Account]) -> None:
 
 
 def test_the_dearest_filter_is_named_with_what_would_help(flux: dict[str, Account]) -> None:
-    ckf, ickf = (cycles(flux[kind].filter.calls, 2.5) for kind in ("ckf", "ickf"))
+    ckf, ickf = (cycles(flux[kind].filter.operations, 2.5) for kind in ("ckf", "ickf"))
     assert refusal(limited(cycles=max(ckf, ickf)), flux) == ""
     with pytest.raises(BudgetError) as caught:
         check_budget(limited(cycles=max(ckf, ickf) - 1), flux)
@@ -72,13 +74,13 @@ def test_the_dearest_filter_is_named_with_what_would_help(flux: dict[str, Accoun
 def test_the_offered_number_of_iterations_really_fits(flux: dict[str, Account]) -> None:
     """Three are offered where three take all that is allowed, and generated they take it."""
     three = variant(FLUX, filter={"max_iterations": 3})
-    allowed = cycles(count(three, generate_bare(three).files)["ickf"].filter.calls, 2.5)
+    allowed = cycles(count(three, generate_bare(three).files)["ickf"].filter.operations, 2.5)
     assert f"filter.max_iterations = 3 ({allowed} cycles)" in refusal(limited(cycles=allowed), flux)
     assert "filter.max_iterations = 2 (" in refusal(limited(cycles=allowed - 1), flux)
 
 
 def test_k_and_the_controller_count(flux: dict[str, Account]) -> None:
-    cost = cycles(flux["ickf"].controller.calls, 5)
+    cost = cycles(flux["ickf"].controller.operations, 5)
     assert refusal(limited(controller_cycles=cost, k=5.0), flux) == ""
     with pytest.raises(BudgetError, match=rf"the controller with filter 'ickf' takes {cost} cycles a step \(k = 5"):
         check_budget(limited(controller_cycles=cost - 1, k=5.0), flux)
@@ -94,3 +96,16 @@ def test_ram(flux: dict[str, Account]) -> None:
     assert refusal(limited(ram_words=words), flux) == ""
     with pytest.raises(BudgetError, match=rf"keeps {words} 16-bit words of RAM, budget.ram_words is {words - 1}"):
         check_budget(limited(ram_words=words - 1), flux)
+
+
+def test_what_takes_longer_than_the_sample_time_is_found(flux: dict[str, Account]) -> None:
+    """At the typical price; just as long is in time."""
+    longest = cycles(flux["ickf"].interrupts["STARTING"].operations, 2.5)
+    for more, expected in ((0, set()), (1, {"ickf, STARTING"})):
+        period = (longest - more) / 150e6
+        found = late(variant(FLUX, model={"sample_time": period}), flux)
+        assert set(found) == expected
+        assert all(found[what] == pytest.approx(longest / (longest - more)) for what in expected)
+    everything = late(variant(FLUX, model={"sample_time": 1e-6}), flux)
+    assert [*everything][:3] == ["ckf", "ckf and controller", "ckf, CATCHING"]
+    assert everything["ckf"] == pytest.approx(cycles(flux["ckf"].filter.operations, 2.5) / 150)

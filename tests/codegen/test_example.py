@@ -1,7 +1,7 @@
 """The example interrupt: both variants are strict C89, run with stubs for the hardware, and do what they say.
 
 With the generated filter first, then with a scripted one (`board.c`). What its modes do is in test_modes_start,
-test_modes_run and test_modes_rival.
+test_modes_read, test_modes_run and test_modes_rival.
 """
 
 from __future__ import annotations
@@ -271,7 +271,7 @@ def test_a_second_power_up_forgets_what_was_counted(board: Board, status: int, c
     spin(board, 2 * board.interrupts(SETTLE), omega, ratio=-1.0, status=status)
     board.interrupt(phase=(1.01 * ampere(board, TRIP), 0.0))
     assert board.gates
-    usual = {"mode", "inverter", "runs", "ticks", "since", "gap", "readings", "excess", "mirrored"}
+    usual = {"mode", "inverter", "runs", "ticks", "since", "readings", "excess", "mirrored"}
     assert board.counted() == usual | (counted or {"content"})
     assert board.setup(filter_code=code) == -code
     assert not board.gates

@@ -27,6 +27,7 @@ from tests.codegen.modes import (
     REPAIRED,
     REST,
     RESTARTED,
+    RESTLESS,
     SETTLE,
     SHOWS,
     START_SHARE,
@@ -276,7 +277,7 @@ def test_the_limits_themselves_are_within(board: Board) -> None:
     assert board.mode == "WAITING"
     board.interrupt(gap(board), phase=(zero, -zero))
     assert board.mode == "PROBING"
-    board.interrupt(phase=(trip, 0.0))
+    board.interrupt(phase=(0.0, trip))
     assert board.mode == "WAITING"
     board.interrupt(phase=(zero, -zero))
     assert board.gates
@@ -304,6 +305,18 @@ def test_so_many_attempts_in_a_row_that_fail_end_in_fault(board: Board) -> None:
         assert "s" not in events
         assert list(board.now.duty) == [0.5, 0.5, 0.5]
     assert (board.mode, board.reason) == ("FAULT", "NOT_CAUGHT")
+
+
+@pytest.mark.parametrize("share", [0.06, 1.0, float("nan")])
+def test_currents_that_never_rest_end_in_fault(board: Board, share: float) -> None:
+    """A sensor that is off, or a rotor so fast that diodes conduct: half a second, and it is said."""
+    last = board.interrupts(RESTLESS)
+    for k in range(last):
+        assert (board.mode, board.reason) == ("RESTING", "NONE"), k
+        assert "1" not in board.interrupt(phase=(0.0, share * ampere(board, 1.0)))
+    assert (board.mode, board.reason) == ("FAULT", "CURRENT")
+    board.keep("acknowledged", 1)
+    running(board)
 
 
 def test_a_fault_that_is_acknowledged_is_forgotten(board: Board) -> None:

@@ -35,17 +35,13 @@ def made(request: pytest.FixtureRequest) -> Made:
 
 def test_operations_are_those_of_the_text(made: Made) -> None:
     table = made.table("step", "add", "mul")
-    assert table["step"] == [*OPERATIONS, "add, expanded", "mul, expanded"]
+    assert table["step"] == OPERATIONS
     for row, function, facts, _ in subjects(made):
         stem = function.removesuffix("_foc_step").removesuffix("_step")
         program = Program(made.files, f"{stem}.c", f"{stem}_foc.c")
-        called, expanded = (
-            program.count(function, made.drive.filter.max_iterations, expand) for expand in (False, True)
-        )
-        numbers = [called[name] for name in OPERATIONS] + [expanded["add"], expanded["mul"]]
-        assert [int(cell) for cell in table[row]] == numbers
-        assert facts["operations"] == {name: called[name] for name in OPERATIONS}
-        assert facts["operations_sincos_expanded"] == {name: expanded[name] for name in OPERATIONS}
+        counted = program.count(function, made.drive.filter.max_iterations)
+        assert [int(cell) for cell in table[row]] == [counted[name] for name in OPERATIONS]
+        assert facts["operations"] == {name: counted[name] for name in OPERATIONS}
     assert made.facts["filters"]["ckf"]["operations"]["add"] < made.facts["filters"]["ckf"]["controller"][
         "operations"]["add"]  # fmt: skip
     assert f"every loop over N_max taken {made.drive.filter.max_iterations} times" in made.report
@@ -67,7 +63,7 @@ def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
             ops, found = program.count(f"{stem}_drive_step", n, given=given), facts["interrupt"][mode]
             assert {name: ops[name] for name in found["operations"]} == found["operations"]
             least = controller + filter_step if mode == "STARTING" else controller
-            assert all(least[name] <= ops[name] for name in ("add", "mul", "div", "sqrt", "sincos")), mode
+            assert all(least[name] <= ops[name] for name in OPERATIONS), mode
             assert ops["mul"] < least["mul"] + (filter_step["mul"] if mode != "STARTING" else 100)
             copied = 3 * program.find(f"{stem}_step")[0].words(f"{stem}_t") if mode == "STARTING" else 0
             assert ops["copied"] == copied
@@ -75,34 +71,31 @@ def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
             assert found["cycles"] == dict(zip(("2.5", "4", "5"), cycles, strict=True))
             assert found["share_of_sample"] == pytest.approx(cycles[0] / (CLOCK * T), abs=1e-4)
             cells = table[f"{kind}, {mode}"]
-            numbers = [ops[name] for name in ("add", "mul", "div", "sqrt", "sincos")]
-            assert [int(cell) for cell in cells[:6]] == [*numbers, copied]
-            assert [int(cell) for cell in cells[6].split(" / ")] == cycles
-            assert [int(cell) for cell in cells[7].split(" / ")] == [round(100 * c / round(CLOCK * T)) for c in cycles]
+            assert [int(cell) for cell in cells[:10]] == [*(ops[name] for name in OPERATIONS), copied]
+            assert [int(cell) for cell in cells[10].split(" / ")] == cycles
+            assert [int(cell) for cell in cells[11].split(" / ")] == [round(100 * c / round(CLOCK * T)) for c in cycles]
             assert (
-                int(cells[8]) == found["state_words"] == program.find(f"{stem}_drive_step")[0].words(f"{stem}_drive_t")
+                int(cells[12]) == found["state_words"] == program.find(f"{stem}_drive_step")[0].words(f"{stem}_drive_t")
             )
-            assert cells[9:] == [str(record["stack_bytes"]), str(record["text_bytes"])]
+            assert cells[13:] == [str(record["stack_bytes"]), str(record["text_bytes"])]
             head = f"a whole interrupt, {mode}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div"
             assert head in made.words(f"{stem}_drive.c")
 
 
 def test_cycles_are_the_sum_of_prices(made: Made) -> None:
-    table = made.table("step", "cycles, k = 2.5 / 4 / 5", "expanded")
+    table = made.table("step", "cycles, k = 2.5 / 4 / 5")
     T = made.drive.model.sample_time
     periods = [("10 kHz", 1e-4), ("20 kHz", 5e-5), ("50 kHz", 2e-5), (f"T = {T * 1e6:g} us", T)]
-    assert table["step"][2:] == [f"% of {name} ({CLOCK * period:.0f})" for name, period in periods]
+    assert table["step"][1:] == [f"% of {name} ({CLOCK * period:.0f})" for name, period in periods]
     for row, _, facts, _ in subjects(made):
-        called = [price(facts["operations"], k) for k in KS]
-        expanded = [price(facts["operations_sincos_expanded"], k) for k in KS]
-        assert facts["cycles"] == dict(zip(("2.5", "4", "5"), called, strict=True))
-        assert facts["cycles_sincos_expanded"] == dict(zip(("2.5", "4", "5"), expanded, strict=True))
-        assert facts["estimated_cycles"] == called[0]
+        cycles = [price(facts["operations"], k) for k in KS]
+        assert facts["cycles"] == dict(zip(("2.5", "4", "5"), cycles, strict=True))
+        assert facts["estimated_cycles"] == cycles[0]
         cells = [[int(value) for value in cell.split(" / ")] for cell in table[row]]
-        shares = [[round(100 * value / round(CLOCK * period)) for value in called] for _, period in periods]
-        assert cells == [called, expanded, *shares]
-    assert "`k (add + mul) + 25 div + 29 sqrt + 44 sincos + 60`" in made.report
-    assert "TI's fastRTS figures and 60 for the interrupt" in made.report
+        shares = [[round(100 * value / round(CLOCK * period)) for value in cycles] for _, period in periods]
+        assert cells == [cycles, *shares]
+    assert "`k (add + mul + compare + select) + 25 div + 29 sqrt + 7 branch + 12 call + 60`" in made.report
+    assert "TI's fastRTS figures for division and root, and 60 for the interrupt" in made.report
     assert "at 150 MHz, for the three k in turn" in made.report
 
 
@@ -110,12 +103,27 @@ def test_the_heads_of_the_c_say_what_the_manifest_says(made: Made) -> None:
     for row, function, facts, struct in subjects(made):
         text, ops = made.words(f"{struct.removesuffix('_t')}.c"), facts["operations"]
         title = "Cost at most, with the filter" if "controller" in row else "Cost at most"
+        counts = ", ".join(f"{ops[name]} {name}" for name in OPERATIONS if name != "sincos")
         says = (
-            f"{title}: {ops['add']} add, {ops['mul']} mul, {ops['div']} div, {ops['sqrt']} sqrt, "
-            f"{ops['sincos']} sincos; estimated {price(ops, 2.5)} cycles on C28x + FPU32 (k = 2.5; "
+            f"{title}: {counts}; estimated {price(ops, 2.5)} cycles on C28x + FPU32 (k = 2.5; "
             f"{price(ops, 5)} at k = 5; from published cycles, not measured), {facts['state_words']} words of state."
         )
         assert says in text, function
+
+
+def test_what_takes_longer_than_the_sample_time_is_said(made: Made) -> None:
+    """In one sentence, each with its share."""
+    period, late = CLOCK * made.drive.model.sample_time, []
+    for kind in made.drive.filter.kinds:
+        facts = made.facts["filters"][kind]
+        costs = {kind: facts, f"{kind} and controller": facts["controller"]}
+        costs |= {f"{kind}, {mode}": found for mode, found in facts["interrupt"].items()}
+        shares = {what: found["cycles"]["2.5"] / period for what, found in costs.items()}
+        late += [f"{what} ({100 * share:.0f} %)" for what, share in shares.items() if share > 1]
+    limit = f"T = {made.drive.model.sample_time * 1e6:g} us"
+    assert late
+    assert f"**Longer than {limit}, at the worst and by this estimate (k = 2.5): {', '.join(late)}.**" in made.report
+    assert "every step ends within" not in made.report
 
 
 def struct_words(made: Made, struct: str) -> int:

@@ -58,8 +58,8 @@ def test_cost_of_three_uncertain_data() -> None:
     drive, sums = load_drive("spmsm_load_torque"), []
     for tolerance in (None, ALL):
         made = draft(tolerant(drive, tolerance))
-        calls = count(drive, print_c(made.about, made.steps, made.listings))["ckf"].filter.calls
-        sums.append((calls["add"] + calls["mul"], calls["div"], calls["sincos"]))
+        found = count(drive, print_c(made.about, made.steps, made.listings))["ckf"].filter.operations
+        sums.append((found["add"] + found["mul"], found["div"], found["sincos"]))
     (plain, *others), (more, *same) = sums
     assert plain < more <= 1.1 * plain
     assert same == others

@@ -308,10 +308,8 @@ def test_every_value_has_its_reason_in_the_file() -> None:
 def test_cost_of_a_design_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     """150 cycles a microsecond; half of a sample where that is enough, else all; words in steps of 32, upwards."""
     for spent, budget, said in ((7000, 7500, ""), (9000, 15000, "9000 of 15000"), (16000, None, "of 107 us or more")):
-        calls = {"copied": spent - default_target().prices.interrupt}  # type: ignore[union-attr]
-        account = SimpleNamespace(
-            controller=SimpleNamespace(priced=lambda prices, calls=calls: calls), filter=SimpleNamespace(words=65)
-        )
+        operations = {"copied": spent - default_target().prices.interrupt}  # type: ignore[union-attr]
+        account = SimpleNamespace(controller=SimpleNamespace(operations=operations), filter=SimpleNamespace(words=65))
         monkeypatch.setattr(runtime.design.cost, "count", lambda drive, files, account=account: {"ckf": account})
         drive = SimpleNamespace(model=SimpleNamespace(sample_time=1e-4), target_name="f28335")
         made = SimpleNamespace(drive=drive, files={})

@@ -12,10 +12,13 @@ import pytest
 import runtime.compare.subject
 import runtime.drive.simulate
 import runtime.folders.generate
+from model.drives.load import load_drive
 from runtime.drive.motor import parse_factors
 from runtime.drive.simulation import Conditions, Run
+from runtime.estimator.folder import find_folder
 from runtime.folders.generate import InMemory
 from runtime.system.errors import UserError
+from tests.conftest import shipped_accounts
 from tests.judges.made import POINTS, RPM, Kept, command, read_json, run
 
 T = 1e-3
@@ -130,3 +133,19 @@ def test_generate_check_ends_with_1_on_any_difference(here: Path, monkeypatch: p
         assert (code, said.count("stale"), said.count("unchanged")) == (1, 1, 1), said
         assert "a.c" in said
     assert not path.exists()
+
+
+def test_generate_says_what_takes_longer_than_the_sample_time(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the drive that it is true of, with the shares; nothing fails for it, and nothing is said of the other."""
+    generate = runtime.folders.generate
+    remarks = {}
+    for name in ("paper_spmsm", "spmsm_load_torque"):
+        remarks[name] = generate._too_long(load_drive(name), shipped_accounts(name))
+    made = [InMemory(name, {"a.c": "one\n", "manifest.json": "{}\n"}, remark) for name, remark in remarks.items()]
+    monkeypatch.setattr(generate, "_generate_all", lambda *rest: made)
+    code, said = command("generate", *remarks, "--out", "g")
+    assert (code, said.count("longer than its sample time")) == (0, 1), said
+    shares = find_folder("paper_spmsm").manifest["filters"]["ickf"]["interrupt"]
+    assert "drive 'paper_spmsm': longer than its sample time on the TI TMS320F28335, at the worst" in said
+    for mode, facts in shares.items():
+        assert f"ickf, {mode} {100 * facts['share_of_sample']:.0f} %" in said

@@ -149,7 +149,7 @@ def test_json_of_an_outcome() -> None:
     assert [run["current"] for run in facts["runs"]] == [12.0, 12.0, 11.0, 13.0]
     assert [run["deviation"] for run in facts["alone"]] == [30.0]
     first = {"time": 0.01, "told": 3, "status": 8, "speed_error": 5.0, "angle_error": 2.0, "deviation": 30.0}
-    assert facts["runs"][0] == {**first, "current": 12.0, "idle": 0.004, "gave_up": ""}
+    assert facts["runs"][0] == {**first, "current": 12.0, "idle": 0.004, "gave_up": "", "driven_off": False}
 
 
 @pytest.mark.parametrize(
@@ -163,6 +163,18 @@ def test_where_a_fault_lasts_to_give_up_and_say_why_is_safe(lasting: float, gave
     assert replace(found, fault=replace(found.fault, lasting=lasting)).recovered is good
     assert lost.safe is bool(gave_up)
     assert judge(faulty_run(gave_up=gave_up), T).gave_up == gave_up
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("share", "gave_up", "good"), [(1.01, "CURRENT", True), (0.99, "CURRENT", False), (1.01, "", False)]
+)
+def test_a_rotor_that_its_load_drives_off_may_be_given_up(sign: int, share: float, gave_up: str, good: bool) -> None:
+    """Only where its back-EMF is beyond the DC link in the end, and only with the reason said."""
+    run = faulty_run(gave_up=gave_up, diodes=200.0, mode=np.zeros(len(faulty_run().t), int))
+    found = judge(replace(run, omega=np.append(run.omega[:-1], sign * share * 200.0)), T)
+    assert not found.recovered
+    assert outcome(recovery(), found).recovered is good
 
 
 def test_the_table_of_faults() -> None:

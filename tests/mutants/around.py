@@ -14,7 +14,7 @@ from tests.mutants.emitted import GENERATED, SEED, Code, Edit, Operator, _patter
 from tests.mutants.mutant import Mutant
 
 EXAMPLE = (
-    "pytest tests/codegen/test_example.py tests/codegen/test_modes_start.py "
+    "pytest tests/codegen/test_example.py tests/codegen/test_modes_start.py tests/codegen/test_modes_read.py "
     "tests/codegen/test_modes_rival.py -k {drive}"
 )
 WORDS = "pytest tests/codegen/test_selftest_words.py -k '{drive}-foc'"

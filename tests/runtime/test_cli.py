@@ -196,15 +196,15 @@ def test_coarse_euler_is_cautioned(tmp_path: Path) -> None:
 
 
 def test_a_budget_exceeded_writes_nothing_and_exits_1(tmp_path: Path) -> None:
-    text = PAPER.replace("paper_spmsm", "tight").replace("\ncycles = 1500", "\ncycles = 500")
-    assert text.count("cycles = 500") == 1
+    text = PAPER.replace("paper_spmsm", "tight").replace("\ncycles = 3000 ", "\ncycles = 700 ")
+    assert text.count("cycles = 700") == 1
     (tmp_path / "tight.toml").write_text(text)
     done = call("generate", "paper_spmsm", "tight.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 1
     (line,) = done.stderr.strip().splitlines()
-    assert re.search(r"drive 'tight': filter '\w+' takes \d+ cycles a step .*, budget.cycles is 500\. What would", line)
+    assert re.search(r"drive 'tight': filter '\w+' takes \d+ cycles a step .*, budget.cycles is 700\. What would", line)
     assert not (tmp_path / "out").exists()
-    (tmp_path / "tight.toml").write_text(text.replace("cycles = 500", "cycles = 20000"))
+    (tmp_path / "tight.toml").write_text(text.replace("cycles = 700", "cycles = 20000"))
     assert call("generate", "tight.toml", "--out", "out", cwd=tmp_path).returncode == 0
     report = (tmp_path / "out" / "tight" / "REPORT.md").read_text()
     assert "The drive file allows: cycles = 20000" in report

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import runtime.commands.terminal as terminal
-from runtime.cli import GROUPS, app, main
+from runtime.cli import GROUPS, load_command, main
 from runtime.system.needs import DISTRIBUTION, EXTRAS, PROGRAMS, extra_lacks
 
 ROOT = Path(__file__).parents[2]
@@ -32,13 +32,12 @@ def ended(*words: str) -> int:
 
 
 def test_every_command_is_in_a_group_and_takes_quiet(capsys: pytest.CaptureFixture[str]) -> None:
-    names = [info.name or info.callback.__name__ for info in app.registered_commands if info.callback]
-    assert len(names) + len(app.registered_groups) == sum(len(commands) for commands in GROUPS.values())
-    shown = [(name,) for name in names]
-    for group in app.registered_groups:
-        assert group.typer_instance
-        of = group.typer_instance.registered_commands
-        shown += [(str(group.name), str(info.name or info.callback.__name__)) for info in of if info.callback]
+    shown: list[tuple[str, ...]] = []
+    for word in (word for words in GROUPS.values() for word in words):
+        of = load_command(word).registered_commands
+        names = [str(info.name or info.callback.__name__) for info in of if info.callback]
+        shown += [(word,)] if names == [word] else [(word, name) for name in names]
+    assert {("generate",), ("export", "fmu"), ("study", "map")} <= set(shown)
     for words in shown:
         assert ended(*words, "--help") == 0
         assert "--quiet" in capsys.readouterr().out, words

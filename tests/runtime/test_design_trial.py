@@ -204,14 +204,14 @@ def test_blame_names_the_highest_speed_a_fact_is_short_of(outrunner: tuple[Facts
 def test_a_budget_is_set_where_the_step_fits_and_said_where_not(outrunner: tuple[Facts, Design]) -> None:
     facts, _ = outrunner
     budgets = {}
-    for T in (200e-6, 25e-6, 10e-6):
+    for T in (200e-6, 50e-6, 10e-6):
         chosen = design(replace(facts, T=T, dead_time=0.0))
         dear = priced(chosen, package(chosen))
         budgets[T] = (dear.sections["budget"], dear.remarks[len(chosen.remarks) :])
     assert budgets[200e-6][0]["controller_cycles"].value == 15_000
     assert budgets[200e-6][1] == []
-    assert budgets[25e-6][0]["controller_cycles"].value == 3750
-    assert "of 3750 cycles" in budgets[25e-6][1][0]
+    assert budgets[50e-6][0]["controller_cycles"].value == 7500
+    assert "of 7500 cycles" in budgets[50e-6][1][0]
     assert "controller_cycles" not in budgets[10e-6][0]
     assert "a faster processor" in budgets[10e-6][1][0]
 

@@ -143,16 +143,20 @@ def all_gone(mark: str) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "code", "after"),
-    [(signal.SIGTERM, 143, "reference along"), *thoroughly((signal.SIGKILL, -signal.SIGKILL, "compiling"))],
+    ("command", "number", "code", "after"),
+    [
+        ("verify", signal.SIGTERM, 143, "reference along"),
+        ("generate", signal.SIGTERM, 143, "generating"),
+        *thoroughly(("verify", signal.SIGKILL, -signal.SIGKILL, "compiling")),
+        *thoroughly(("generate", signal.SIGKILL, -signal.SIGKILL, "generating")),
+    ],
 )
-def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, tmp_path: Path) -> None:
+def test_an_ended_command_leaves_no_process(command: str, number: int, code: int, after: str, tmp_path: Path) -> None:
     """A signal to the command alone, as a scheduler sends it: no worker goes on, nor what a worker has started."""
     mark = f"{tmp_path}"
     environment = {MARK: mark, "PMSM_ICKF_CACHE": str(tmp_path)}
-    process = start(
-        "-m", "runtime", "verify", "paper_spmsm", "spmsm_load_torque", cwd=tmp_path, environment=environment
-    )
+    words = ["paper_spmsm", "spmsm_load_torque", *(("--out", str(tmp_path / "made")) if command == "generate" else ())]
+    process = start("-m", "runtime", command, *words, cwd=tmp_path, environment=environment)
     assert process.stdout is not None
     for line in process.stdout:
         if after in line:
@@ -161,3 +165,4 @@ def test_an_ended_command_leaves_no_process(number: int, code: int, after: str, 
     process.send_signal(number)
     assert finish(process)[0] == code
     assert all_gone(mark), descendants_of(mark)
+    assert not (tmp_path / "made").exists(), "every drive is generated before a folder is written"

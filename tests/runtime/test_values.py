@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from runtime.cli import app
+from runtime.cli import GROUPS, app, load_command
 from runtime.drive.motor import parse_factors
 from runtime.study.statement import parse_range
 from runtime.system.errors import UserError
@@ -21,21 +20,20 @@ from tests.runtime.processes import PAPER
 from tests.runtime.test_cli import call
 
 
-def options(commands: typer.Typer, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def options() -> Iterator[tuple[str, ...]]:
     """Every option of every command that takes a float, as the words that name it."""
-    for group in commands.registered_groups:
-        assert group.typer_instance is not None
-        yield from options(group.typer_instance, (*path, str(group.name)))
-    for command in commands.registered_commands:
-        assert command.callback is not None
-        name = command.name or command.callback.__name__.replace("_", "-")
-        for word, hint in get_type_hints(command.callback, include_extras=True).items():
-            kind, *_ = get_args(hint) or (hint,)
-            if float in (kind, *get_args(kind)):
-                yield *path, name, f"--{word.replace('_', '-')}"
+    for command in (word for words in GROUPS.values() for word in words):
+        for info in load_command(command).registered_commands:
+            assert info.callback is not None
+            name = info.name or info.callback.__name__.replace("_", "-")
+            path = (command,) if name == command else (command, name)
+            for word, hint in get_type_hints(info.callback, include_extras=True).items():
+                kind, *_ = get_args(hint) or (hint,)
+                if float in (kind, *get_args(kind)):
+                    yield *path, f"--{word.replace('_', '-')}"
 
 
-NUMBERS = list(options(app))
+NUMBERS = list(options())
 
 
 def test_options_are_found() -> None:

@@ -116,7 +116,7 @@ def test_a_folder_names_its_target_and_prices_nothing_unpublished(target: str, t
     assert facts["filters"]["ickf"]["chip_model"] is None
     assert "estimated_cycles" not in facts["filters"]["ickf"]
     assert facts["filters"]["ickf"]["state_words"] == 2 * len(subjects_of(made, tmp_path)[1].struct_words)
-    check_budget(made.drive, made.accounts)  # the file allows 1500 cycles, which nobody can count here
+    check_budget(made.drive, made.accounts)  # the file allows 3000 cycles, which nobody can count here
     subject = SimpleNamespace(label="x", drive=made.drive, folder=GeneratedFolder(tmp_path / "d"), manifest=facts)
     cost = costs([subject])[0]  # type: ignore[list-item]
     assert cost_cells(cost, cost)[7:11] == ("-", "-", "-", "-")

@@ -71,22 +71,35 @@ ARITHMETIC = Arithmetic(
     selftest="on the C28x, where they are Newton steps",
 )
 
-#: Division, root and sincos as TI publishes them for its fastRTS library (with the call); 60 is the interrupt's entry
-#: and exit; a 16-bit word of a struct that is copied takes a cycle (MOV32 loads and stores two words).
+#: At k: additions and multiplications, with the delay slot that each has (SPRUEO2), and what else the FPU does to
+#: numbers in one cycle, between loads and a store: a comparison (CMPF32; MOVST0, which hands its flags on, takes the
+#: slot's place) and a selection (MOV32 on a condition). MAXF32 or MINF32 would do both at once; a compiler that makes a
+#: branch of a selection takes a few cycles more. Division and root are TI's figures for its fastRTS library, with the
+#: call. Sine and cosine are not that library's but the text's own, whose arithmetic is counted. A branch takes 7 cycles
+#: where it is taken and 4 where it is not (SPRU430): 7 either way; a side of 4 that ends in a jump of 4 over the other
+#: would be a cycle more. A call is LCR 4 and LRETR 8 (SPRU430). 60 is the interrupt's entry and exit; a 16-bit word of
+#: a struct that is copied takes a cycle (MOV32 loads and stores two words).
+#:
+#: Are branches and calls in k already? The parts that are published of it are two loads, the operation, its delay slot
+#: and the store: 5 in all, the bound, of which 2.5 remain where results stay in registers. None is a jump, so branches
+#: and calls are counted beside it. If the listings from which 2.5 was taken had jumps in them, or a compiler expands
+#: small functions in place, or uses BF (4 cycles, taken or not), the chip is faster than the sum: it errs upwards.
 PRICES = Prices(
     clock=150e6,
     factors=(2.5, 4.0, 5.0),
-    cycles={"div": 25, "sqrt": 29, "sincos": 44, "copied": 1},
+    at_k=("add", "mul", "compare", "select"),
+    cycles={"div": 25, "sqrt": 29, "branch": 7, "call": 12, "copied": 1},
     interrupt=60,
     on="C28x + FPU32",
-    formula="with TI's fastRTS figures and 60 for the interrupt",
+    formula="with TI's fastRTS figures for division and root, and 60 for the interrupt",
     k=(
         "k covers loads, the operation, its delay slot and the store: 2.5 is typical of published compiler listings of "
-        "float motor code, 4 high, 5 the bound."
+        "float motor code, 4 high, 5 the bound. It has nothing of branches and calls. Not in the sum: arithmetic of "
+        "whole numbers, copies of single numbers, registers that functions save, wait states of flash."
     ),
     sources=(
-        "the C28x FPU fastRTS library user guide (division, root, sincos, with the call), SPRUEO2 (FPU32 "
-        "instructions), SPRU514 (sizes and alignment of types)"
+        "the C28x FPU fastRTS library user guide (division, root, with the call), SPRUEO2 (FPU32 instructions), "
+        "SPRU430 (branches, calls), SPRU514 (sizes and alignment of types)"
     ),
 )
 

@@ -47,12 +47,12 @@ assert F28335.prices is not None
 PRICES = replace(
     F28335.prices,
     clock=200e6,
-    cycles={"div": 5, "sqrt": 5, "sine": 4, "copied": 1},
+    cycles={"div": 5, "sqrt": 5, "sine": 4, "branch": 7, "call": 12, "copied": 1},
     on="C28x + FPU32 + TMU",
-    formula="with the TMU's pipeline cycles and 60 for the interrupt; `sin_cos` is counted as it is emitted",
+    formula="with the TMU's pipeline cycles and 60 for the interrupt",
     sources=(
-        "SPRS880 (pipeline cycles of the TMU's instructions), SPRUEO2 (FPU32 instructions), SPRU514 (sizes and "
-        "alignment of types)"
+        "SPRS880 (pipeline cycles of the TMU's instructions), SPRUEO2 (FPU32 instructions), SPRU430 (branches, calls), "
+        "SPRU514 (sizes and alignment of types)"
     ),
 )
 

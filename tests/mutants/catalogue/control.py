@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.mutants.mutant import Mutant
 
+LIMITED = ("pytest tests/runtime/test_torque_limits.py -k both",)
 SURFACE, SALIENT = ("controller paper_spmsm",), ("controller ipmsm_flux",)
 FINITE = ("pytest tests/model/test_controller.py -k finite",)
 OPTIMUM = ("pytest tests/model/test_controller.py -k least_current",)
@@ -131,6 +132,14 @@ _WEAKENING = (
     ("torque left: reluctance's sign", "ca.fmax(1 - ratio * i_d, least)", "ca.fmax(1 + ratio * i_d, least)", SALIENT),
 )  # fmt: skip
 
+_LIMITS = (
+    ("any torque", "torque = ca.fmin(torque, gain.max_torque)", "torque = torque + 0.0 * gain.max_torque", LIMITED),
+    ("any power", "ca.fmin(torque, gain.max_power / limits", "ca.fmin(torque, 1e9 * gain.max_power / limits", LIMITED),
+    ("power of a rotor that turns back", "ca.fmax(ca.fmax(omega, -omega), least)", "ca.fmax(omega, least)", LIMITED),
+    ("power by electrical speed", "reach.torque, omega)", "reach.torque, omega_e)", LIMITED),
+    ("torque for power", "max_torque=c.max_torque", "max_torque=c.max_power", LIMITED),
+)
+
 _PLANT = (
     ("weights of RK4", "k1[j] + 2 * (k2[j] + k3[j]) + k4[j]", "k1[j] + (k2[j] + k3[j]) + k4[j]", PLANT),
     ("reach of the third slope", "enumerate((0.0, 0.5, 0.5, 1.0))", "enumerate((0.0, 0.5, 1.0, 1.0))", PLANT),
@@ -154,6 +163,7 @@ def _of(kind: str, file: str, rows: tuple[tuple[str, str, str, tuple[str, ...]],
 
 CONTROL = (
     *_of("controller", "model/loop/controller.py", _ROWS),
+    *_of("controller", "model/loop/controller.py", _LIMITS),
     *_of("controller", "model/loop/references.py", _REFERENCES),
     *_of("controller", "model/loop/weakening.py", _WEAKENING),
     *_of("plant", "model/loop/plant.py", _PLANT),

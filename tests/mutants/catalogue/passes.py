@@ -98,8 +98,8 @@ PASS = (
         "codegen/passes/products.py",
         (
             "a factor once",
-            "            found[index] += 1\n    return found",
-            "            found[index] = 1\n    return found",
+            "    return Counter(found)",
+            "    return Counter(dict.fromkeys(found, 1))",
             pass_checks("share_products"),
         ),
         (

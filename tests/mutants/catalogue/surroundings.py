@@ -11,7 +11,7 @@ Row = tuple[str, str, str, tuple[str, ...]]
 
 # --- the example interrupt
 
-_TESTS = "tests/codegen/test_example.py tests/codegen/test_modes_start.py -k"
+_TESTS = "tests/codegen/test_example.py tests/codegen/test_modes_start.py tests/codegen/test_modes_read.py -k"
 WHOLE = (f"example paper_spmsm {_TESTS} paper_spmsm-1",)
 ALONE = (f"example paper_spmsm {_TESTS} paper_spmsm-0",)
 LINKED = ("example paper_spmsm tests/codegen/test_modes_run.py -k 'dc_link and paper_spmsm-0'",)
@@ -152,7 +152,7 @@ _REPORT_TEMPLATE: tuple[Row, ...] = (
     ("stack and code exchanged", "{{ row.subject }} | {{ row.ledger.words * per_word }} | {{ row.stack }} | {{ row.text }}", "{{ row.subject }} | {{ row.ledger.words * per_word }} | {{ row.text }} | {{ row.stack }}", FIGURES),
     ("heads of stack and code exchanged", "| step | RAM, {{ memory }} | stack, bytes ({{ stand_in.short }}) | code, bytes ({{ stand_in.short }})", "| step | RAM, {{ memory }} | code, bytes ({{ stand_in.short }}) | stack, bytes ({{ stand_in.short }})", FIGURES),
     ("RAM in bytes", '("words", 1) if target', '("words", 2) if target', FIGURES),
-    ("called and expanded exchanged", '{{ row.cycles | join(" / ") }} | {{ row.expanded | join(" / ") }}', '{{ row.expanded | join(" / ") }} | {{ row.cycles | join(" / ") }}', FIGURES),
+    ("longest first, whatever is late", '{{ budget.late | join(", ") }}', '{{ budget.late | first }}', FIGURES),
     ("x_0 and P_0 exchanged", "{{ s.x_0 }} | {{ s.P_0 }}", "{{ s.P_0 }} | {{ s.x_0 }}", FIGURES),
     ("P_0 and Q exchanged", "| {{ s.P_0 }} | {{ s.Q }} |", "| {{ s.Q }} | {{ s.P_0 }} |", FIGURES),
     ("unit of the noise", '| join(", ") }} A^2.', '| join(", ") }} A.', FIGURES),
@@ -161,14 +161,13 @@ _REPORT_TEMPLATE: tuple[Row, ...] = (
     ("chip's certificate is the host's", 'certificate(kind ~ ", chip", f.chip.fpu32)', 'certificate(kind ~ ", chip", f.certificate)', FIGURES),
     ("current of the box in V", "{{ \"%g\" | format(drive.operating_box.current) }} A", "{{ \"%g\" | format(drive.operating_box.current) }} V", FIGURES),
     ("sine: proved and seen exchanged", 'error proved <= {{ "%.1e" | format(trig.proved) }}', 'error proved <= {{ "%.1e" | format(trig.seen) }}', FIGURES),
-    ("price of a division", "+ {{ price }} {{ name }}", "+ {{ name }} {{ price }}", FIGURES),
-    ("expanded add is mul", "{{ row.ledger.expanded.add }} | {{ row.ledger.expanded.mul }}", "{{ row.ledger.expanded.mul }} | {{ row.ledger.expanded.add }}", FIGURES),
+    ("counts of an interrupt backwards", "{% for name in budget.operations %}{{ row.ledger.operations[name] }} | {% endfor %}", "{% for name in budget.operations | reverse %}{{ row.ledger.operations[name] }} | {% endfor %}", FIGURES),
 )  # fmt: skip
 
 _FIGURES = {
     "codegen/render/templates/report.md.j2": _REPORT_TEMPLATE,
     "codegen/render/report.py": (
-        ("shares of the expanded", "for value in called] for period", "for value in expanded] for period", FIGURES),
+        ("late as a share of one", "({100 * part:.0f} %)", "({part:.0f} %)", FIGURES),
         ("shares per mille", "round(100 * value / period)", "round(1000 * value / period)", FIGURES),
         ("row of the step's record", "_row(subject, ledger, measured[function], prices, periods)", '_row(subject, ledger, measured[f"{account.name}_step"], prices, periods)', FIGURES),
         ("controller's ledger for the filter's", '(kind, account.filter, f"{account.name}_step")', '(kind, account.controller, f"{account.name}_step")', FIGURES),
@@ -176,8 +175,7 @@ _FIGURES = {
     ),
     "codegen/render/notes.py": (
         ("k = 5 with k = 4's cycles", "prices.factors[0], prices.factors[-1]", "prices.factors[0], prices.factors[1]", FIGURES),
-        ("expanded cost for the called", "    ops = ledger.calls\n", "    ops = ledger.expanded\n", FIGURES),
-        ("mul and add exchanged", "{ops['add']} add, {ops['mul']} mul", "{ops['mul']} add, {ops['add']} mul", FIGURES),
+        ("operations named by their successors", 'f"{ops[name]} {name}" for name in OPERATIONS', 'f"{ops[name]} {after}" for name, after in zip(OPERATIONS, OPERATIONS[1:] + OPERATIONS[:1])', FIGURES),
         ("P's 99 % for its worst", "P {certificate.P:.1e} relative (99 %: {certificate.P_99:.1e})", "P {certificate.P_99:.1e} relative (99 %: {certificate.P:.1e})", FIGURES),
         ("chip says flush to zero", "{_deviation(states, chip.fpu32)}", "{_deviation(states, chip.flushed)}", FIGURES),
         ("units one state on", '"{state.name} {error:.1e} {state.unit}" for state', '"{state.name} {error:.1e} {states[0].unit}" for state', FIGURES),
@@ -187,6 +185,9 @@ _FIGURES = {
         ("k of the bound", "factors=(2.5, 4.0, 5.0)", "factors=(2.5, 4.0, 6.0)", FIGURES),
         ("clock of another chip", "clock=150e6", "clock=100e6", FIGURES),
         ("copies for nothing", '"copied": 1}', '"copied": 0}', FIGURES),
+        ("branches for nothing", '"branch": 7,', '"branch": 0,', FIGURES),
+        ("calls without their return", '"call": 12,', '"call": 4,', FIGURES),
+        ("selections for nothing", '"compare", "select"),', '"compare"),', FIGURES),
         ("a long of one word", '"int": 1, "long": 2, "float": 2', '"int": 1, "long": 2, "float": 1', FIGURES),
     ),
     "codegen/targets/description.py": (
@@ -194,6 +195,9 @@ _FIGURES = {
         ("20 kHz at 100 us", "for f in (10, 20, 50)", "for f in (10, 10, 50)", FIGURES),
     ),
     "codegen/evidence/budget.py": (
+        ("late at the bound", "    return prices.total(operations, prices.factors[0]) /", "    return prices.total(operations, prices.factors[-1]) /", (BUDGET,)),
+        ("just in time is late", "if part > 1}", "if part >= 1}", (BUDGET,)),
+        ("late without its modes", "            ledgers |= {f\"{kind}, {mode}\"", "            _ = {f\"{kind}, {mode}\"", (BUDGET,)),
         ("a rival's step in every mode", '"rivals": mode.rivals}', '"rivals": True}', FIGURES),
         ("modes without a filter are priced", "if mode.runs and (rivals", "if (rivals", FIGURES),
         ("STARTING of who has no rival", "(rivals or not mode.rivals)", "(True or rivals)", FIGURES),
@@ -204,9 +208,9 @@ _FIGURES = {
         ("iterations that do not fit are offered", "<= budget]\n", "<= 2 * budget]\n", (BUDGET,)),
     ),
     "codegen/facts.py": (
-        ("estimated at k = 4", "prices.total(ledger.priced(prices), prices.factors[0])", "prices.total(ledger.priced(prices), prices.factors[1])", FIGURES),
+        ("estimated at k = 4", "prices.total(ledger.operations, prices.factors[0])", "prices.total(ledger.operations, prices.factors[1])", FIGURES),
         ("filter's cost for the controller's", "_cost_facts(accounts[kind].controller, accounts", "_cost_facts(accounts[kind].filter, accounts", FIGURES),
-        ("share of another mode", "round(share(ledger.priced(prices), drive, prices), 4)", "round(share(ledger.expanded, drive, prices), 4)", FIGURES),
+        ("share of another mode", "round(share(ledger.operations, drive, prices), 4)", "round(2 * share(ledger.operations, drive, prices), 4)", FIGURES),
         ("three digits", '[float(f"{value:.1e}") for value', '[float(f"{value:.0e}") for value', FIGURES),
         ("self-test of the controller", "tests[kind].vectors,", 'tests[f"{kind}_foc"].vectors,', HEADERS),
     ),
@@ -241,6 +245,8 @@ DIVISIONS, EVA = "pytest tests/target/test_divisions.py", "pytest tests/target/t
 EVA_MODES = "pytest tests/target/test_eva_modes.py"
 REPLAYED = "pytest tests/target/test_link_ef.py -k 'replayed or largest or subjects'"
 MEASURE, LEDGER, FPU = (f"pytest tests/codegen/test_{name}.py" for name in ("measure", "ledger", "fpu32"))
+#: The other count, of what is executed; the ledger's own tests come first, since it takes longer.
+COUNTED = "pytest tests/codegen/test_counted.py -m 'not thorough'"
 
 _EVIDENCE = {
     "codegen/evidence/certificate.py": (
@@ -272,9 +278,14 @@ _EVIDENCE = {
         ("what is given decides the other way", "(value == other) is (condition.op ==", "(value != other) is (condition.op ==", (LEDGER,)),
         ("what is given decides nothing", "        if holds is not None:\n", "        if holds is not None and False:\n", (LEDGER,)),
         ("copies not counted", "own[COPIED] += self.unit.words", "own[COPIED] += 0 * self.unit.words", (LEDGER,)),
-        ("cheaper side of a branch", "return self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))\n\n    def _count_DoWhile", "return self.count(node.cond) + (self.count(node.iftrue) & self.count(node.iffalse))\n\n    def _count_DoWhile", (LEDGER,)),
+        ("cheaper side of a branch", "return self._asked(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))\n\n    def _count_DoWhile", "return self._asked(node.cond) + (self.count(node.iftrue) & self.count(node.iffalse))\n\n    def _count_DoWhile", (LEDGER,)),
         ("a loop once", "bound * number for name, number in once", "number for name, number in once", (LEDGER,)),
-        ("minus not counted", '"-": "add", "*": "mul"', '"*": "mul"', (LEDGER,)),
+        ("minus not counted", '"-": "add", "*": "mul"', '"*": "mul"', (LEDGER, COUNTED)),
+        ("branches not counted", "+ Counter({\"branch\": 1})\n\n    def _loop", "+ Counter()\n\n    def _loop", (LEDGER, COUNTED)),
+        ("&& for nothing", 'return Counter({"branch": 1}) + self._children(node)', "return self._children(node)", (LEDGER, COUNTED)),
+        ("calls not counted", 'total += Counter({"call": 1} |', 'total += Counter({"call": 0} |', (LEDGER, COUNTED)),
+        ("whole numbers chosen for nothing", '"float" else "branch": 1})', '"float" else "branch": 0})', (LEDGER, COUNTED)),
+        ("leaves and their neighbours", "_LEAVES = (c_ast.ID, c_ast.Constant)", "_LEAVES = (c_ast.ID, c_ast.Constant, c_ast.UnaryOp)", (LEDGER,)),
     ),
     "codegen/evidence/fpu32.py": (
         ("one Newton step", "    y = seed = reciprocal_seed(b)\n    for _ in range(2):", "    y = seed = reciprocal_seed(b)\n    for _ in range(1):", (FPU,)),
