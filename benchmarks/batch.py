@@ -17,6 +17,7 @@ import numpy as np
 import runtime
 from runtime.estimator.c_backend import CBackend
 from runtime.estimator.folder import GeneratedFolder, find_folder
+from runtime.estimator.lanes import OPTIMISATION, USUAL
 from runtime.estimator.threads import VARIABLE
 
 FILTERS, STEPS, ROUNDS = 1000, 1000, 15
@@ -41,8 +42,8 @@ def batches(folder: GeneratedFolder, kind: str) -> dict[str, Batch]:
     words = np.repeat(module.pack(np.diag(module.DEFAULTS["P_0"])).astype(np.float32)[:, None], FILTERS, axis=1)
     u, y = currents(folder)
 
-    def batch(lanes: bool, last_only: bool, threads: int) -> Batch:
-        backend = CBackend(folder, kind, "float32", lanes=lanes)
+    def batch(lanes: bool, last_only: bool, threads: int, optimisation: tuple[str, ...] = OPTIMISATION) -> Batch:
+        backend = CBackend(folder, kind, "float32", lanes=lanes, lane_flags=optimisation)
         backend.reset(x0, words)
 
         def run() -> tuple[Any, ...]:
@@ -53,6 +54,7 @@ def batches(folder: GeneratedFolder, kind: str) -> dict[str, Batch]:
 
     return {
         "scalar": batch(False, True, 1),
+        "half vectors": batch(True, True, 1, USUAL),
         "1 thread": batch(True, True, 1),
         "2 threads": batch(True, True, 2),
         "1, all": batch(True, False, 1),
@@ -109,14 +111,21 @@ def filterpy_ukf() -> Any:
 def show_batches() -> None:
     print(f"{FILTERS} filters, {STEPS} steps, float32: million steps a second, best (median) of {ROUNDS} runs.")
     print(
-        "scalar: the firmware's C in a loop, one thread; 1, 2 threads: lane form, keep='last'; all: every step kept.\n"
+        "scalar: the firmware's C in a loop, one thread; 1, 2 threads: lane form, keep='last'; all: every step kept;\n"
+        "half vectors: 1 thread without -mprefer-vector-width=512, which is the same where there is no AVX-512.\n"
     )
     for drive, kind in CASES:
         found = rates(batches(find_folder(drive), kind))
         if (drive, kind) == CASES[0]:
-            print(f"{'':<24}" + "".join(f"{name:>15}" for name in found) + f"{'1 thread/scalar':>18}")
+            print(
+                f"{'':<24}" + "".join(f"{name:>15}" for name in found) + f"{'1 thread/scalar':>18}{'1 thread/half':>15}"
+            )
         row = "".join(f"{f'{best:.1f} ({median:.1f})':>15}" for best, median in found.values())
-        print(f"{f'{drive} {kind}':<24}{row}{found['1 thread'][0] / found['scalar'][0]:>18.1f}")
+
+        def ratio(other: str, found: dict[str, tuple[float, float]] = found) -> float:
+            return found["1 thread"][0] / found[other][0]
+
+        print(f"{f'{drive} {kind}':<24}{row}{ratio('scalar'):>18.1f}{ratio('half vectors'):>15.2f}")
 
 
 def show_single_steps() -> None:

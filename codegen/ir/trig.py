@@ -27,6 +27,10 @@ COS_COEFFICIENTS = (0.0416666557299502, -0.0013888568213324846, 2.47692406766921
 ARGUMENT_LIMIT = 1000.0
 
 
+#: Just below pi: an angle that is no larger lies inside already, and subtracting turns would leave it alone.
+INSIDE = 3.14159
+
+
 @dataclass(frozen=True)
 class Precision:
     """Properties of a floating-point format that the arithmetic uses."""
@@ -152,7 +156,7 @@ def _sine_cosine(g: Graph, r: int, precision: Precision = SINGLE) -> tuple[int, 
 
 @cache
 def wrap_listing(precision: Precision) -> Listing:
-    """The angle in [-pi, pi): subtract the nearest whole number of turns.
+    """The angle in [-pi, pi): itself where it is inside, as it nearly always is, else less the nearest number of turns.
 
     Parameters
     ----------
@@ -164,18 +168,12 @@ def wrap_listing(precision: Precision) -> Listing:
     turns, r = _reduce(g, x, two_pi, 1 / (2 * math.pi), precision)
     bound = g.const(precision.below_pi, "BELOW_PI")
     lower = g.const(-precision.below_pi)
-    capped = g.op("min", r, bound)
-    result = g.op("max", capped, lower)
-    names = {
-        x: "x",
-        turns: "turns",
-        r: "r",
-        capped: "capped",
-        bound: "BELOW_PI",
-        g.const(precision.rounding, "ROUND"): "ROUND",
-    }
-    section = Section("", "r = x - 2 pi turns, kept inside [-pi, pi)", [])
-    section.statements = [Statement(turns, "turns"), Statement(r, "r"), Statement(capped, "capped")]
+    outside = g.op("max", g.op("min", r, bound), lower)
+    size = g.op("max", x, g.op("neg", x))
+    result = g.op("select", size, g.const(INSIDE), x, outside)
+    names = {x: "x", turns: "turns", r: "r", bound: "BELOW_PI", g.const(precision.rounding, "ROUND"): "ROUND"}
+    heading = "r = x - 2 pi turns, kept inside, where x is not inside itself"
+    section = Section("", heading, [Statement(turns, "turns"), Statement(r, "r")])
     return helper_listing("wrap_angle", g, names, [section], {"wrapped": [result]})
 
 

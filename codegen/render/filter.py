@@ -13,10 +13,11 @@ from typing import Any, TypeVar
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
-from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, coefficients, small_angle_bound
+from codegen.ir.small_angle import LIMIT, UNKNOWN, coefficients, small_angle_bound
 from codegen.ir.trig import wrap_listing
 from codegen.render.fill import render
-from codegen.render.printers.c import STRUCT_FIELDS, CPrinter
+from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
+from codegen.render.printers.expression import wrap_line
 from codegen.render.trig import sin_cos_text, trig_note
 from codegen.targets.description import Sections, Target
 from codegen.targets.find import find_target
@@ -271,11 +272,14 @@ def small_angle_note(numbers: NumberFormat, n: float) -> list[str]:
     lines = [
         f"How far a column of L turns an angle, from z = d^2 / {n:g}: sin(d) / d = 1 + SINC_1 z + ..., "
         "cos(d) - 1 = COSM1_1 z + ...",
-        f"for d up to {LIMIT**0.5:.2g} rad.",
+        f"for d up to {LIMIT**0.5:.2g} rad; WIDE_ ones for d up to pi.",
     ]
     if numbers.generated_trig:
-        bound = small_angle_bound(n)
-        lines.append(f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of d^2 / 2.")
+        bound, wide = small_angle_bound(n), small_angle_bound(n, wide=True)
+        lines.append(
+            f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of d^2 / 2; "
+            f"wide {wide.sinc:.1e}, {wide.cosm1:.1e}."
+        )
     return lines
 
 
@@ -286,18 +290,20 @@ def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
         "spread": f"{n:g}",
         "turn_constants": [
             {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
-            for prefix, part in zip(("SINC", "COSM1"), coefficients(printer.numbers.precision, n), strict=True)
+            for prefix, part in zip(
+                ("SINC", "COSM1", "WIDE_SINC", "WIDE_COSM1"),
+                (*coefficients(printer.numbers.precision, n), *coefficients(printer.numbers.precision, n, wide=True)),
+                strict=True,
+            )
             for k, value in enumerate(part, start=1)
         ],
         "small_turn": printer.format_literal(LIMIT / n),
-        "widest_turn": printer.format_literal(WIDEST / n),
         "unknown_turn": printer.format_literal(UNKNOWN / n),
-        "doublings": DOUBLINGS,
-        "quarter": printer.format_literal(0.25),
         "half": printer.format_literal(0.5),
-        "two": printer.format_literal(2.0),
-        "sinc_text": printer.format_turn("SINC", "part"),
-        "cosm1_text": printer.format_turn("COSM1", "part"),
+        "wide_turns": [
+            wrap_line(f"turn[{place}] = {printer.format_turn(prefix, 'part')};", INDENT * 2, INDENT)
+            for place, prefix in (("2 * k", "WIDE_SINC"), ("(2 * k) + 1", "WIDE_COSM1"))
+        ],
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
-from codegen.ir.small_angle import DOUBLINGS, LIMIT, UNKNOWN, WIDEST, small_angle_listing
+from codegen.ir.small_angle import LIMIT, UNKNOWN, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, named_constants, tuning
@@ -67,7 +67,7 @@ def render_module(
         seldom=["\n".join(printer.format_seldom(node)) for node in seldom],
         sane_limit=repr(about.sane_limit),
         per_sane_limit=repr(1.0 / about.sane_limit),
-        small_angle="\n\n".join(_python_small_angle(printer, n) for n in spreads),
+        small_angle="\n\n\n".join(_python_small_angle(printer, n) for n in spreads),
         covariance=covariance,
         packing=render("packing.py.j2", covariance=covariance),
         **around,
@@ -89,18 +89,9 @@ def _constants(about: Description, listings: dict[str, Listing], around: dict[st
 
 
 def _python_small_angle(printer: PythonPrinter, n: float) -> str:
-    """Both precisions of small_angle: the polynomials, and beyond the limit the doubled angle."""
-    return "\n\n".join(
-        render(
-            "small_angle.py.j2",
-            name=f"small_angle_{n:g}_{tag}",
-            n=f"{n:g}",
-            limit=LIMIT / n,
-            widest=WIDEST / n,
-            doublings=DOUBLINGS,
-            polynomials=printer.format_helper(small_angle_listing(precision, n), tag).replace(
-                "def _", "def _polynomial_"
-            ),
-        )
+    """The polynomials of small and of wide turns, in both precisions."""
+    return "\n\n\n".join(
+        printer.format_helper(small_angle_listing(precision, n, wide), tag)
         for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))
+        for wide in (False, True)
     )

@@ -123,7 +123,7 @@ def _larger(a, b):
     return np.where(a > b, a, b)[()]
 
 
-def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
+def _widen(words, z, turn, where, status, math, wide_turn, small, unknown):
     """Turns that are not all small, where the columns together turn by more than ``small``.
 
     Beyond ``unknown`` the points would alias: the angle is unknown, what it had in common with states before it is given
@@ -143,7 +143,7 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
         words[ANGLE_ROW + k] = np.where(wide & lost, left, words[ANGLE_ROW + k])[()]
         z[k] = np.where(lost, left, z[k])[()]
     for entry in z:
-        wider = [*wider, *small_angle(entry)]
+        wider = [*wider, *wide_turn(entry)]
     turn = tuple(np.where(wide, new, old)[()] for new, old in zip(wider, turn))
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
@@ -201,49 +201,40 @@ def _sin_cos_f32(x):
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.141592502593994)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.1415926535897927)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
-def _polynomial_small_angle_6_f32(z):
+def _small_angle_6_f32(z):
     sinc = (0.2950672864865532 * z + -0.9998732033797002) * z + 1.0
     cosm1 = ((-0.29600900042680117 * z + 1.499875598862522) * z + -2.999999425136231) * z
     return sinc, cosm1
 
 
-def _small_angle_6_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 6, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 5.333333333333333), 0
-    for _ in range(3):
-        halved = part > 0.08333333333333333
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_6_f32(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_6_f32(z):
+    sinc = (((((-0.0001615280972666458 * z + 0.003513233322544021) * z + -0.04281026751992067) * z +
+        0.299983430296308) * z + -0.999998093506923) * z + 1.0)
+    cosm1 = (((((-0.0017766626656876064 * z + 0.03163246008310276) * z + -0.29970540100869403) * z +
+        1.499940180085768) * z + -2.9999980539668805) * z)
     return sinc, cosm1
 
 
-def _polynomial_small_angle_6_f64(z):
+def _small_angle_6_f64(z):
     sinc = (((((((((-8.284506294236502e-11 * z + 4.722168587714806e-09) * z + -2.140716426430712e-07) * z +
         7.492507492507492e-06) * z + -0.0001948051948051948) * z + 0.0035714285714285718) * z +
         -0.04285714285714286) * z + 0.3) * z + -1.0) * z + 1.0)
@@ -253,18 +244,17 @@ def _polynomial_small_angle_6_f64(z):
     return sinc, cosm1
 
 
-def _small_angle_6_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 6, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 5.333333333333333), 0
-    for _ in range(3):
-        halved = part > 0.08333333333333333
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_6_f64(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_6_f64(z):
+    sinc = (((((((((((((((-5.718037339053282e-23 * z + 8.862957875532587e-21) * z +
+        -1.1994536324887434e-18) * z + 1.40336075001183e-16) * z + -1.40336075001183e-14) * z +
+        1.1835008991766431e-12) * z + -8.284506294236502e-11) * z + 4.722168587714806e-09) * z +
+        -2.140716426430712e-07) * z + 7.492507492507492e-06) * z + -0.0001948051948051948) * z +
+        0.0035714285714285718) * z + -0.04285714285714286) * z + 0.3) * z + -1.0) * z + 1.0)
+    cosm1 = (((((((((((((((-1.772591575106517e-21 * z + 2.5702577839044503e-19) * z +
+        -3.2385248077196077e-17) * z + 3.508401875029575e-15) * z + -3.227729725027209e-13) * z +
+        2.4853518882709507e-11) * z + -1.5740561959049353e-09) * z + 8.027686599115171e-08) * z +
+        -3.211074639646068e-06) * z + 9.74025974025974e-05) * z + -0.0021428571428571425) * z +
+        0.03214285714285714) * z + -0.3) * z + 1.5) * z + -3.0) * z)
     return sinc, cosm1
 
 
@@ -274,8 +264,8 @@ class Float32:
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
-    turn_6 = staticmethod(_polynomial_small_angle_6_f32)
-    small_angle_6 = staticmethod(_small_angle_6_f32)
+    turn_6 = staticmethod(_small_angle_6_f32)
+    wide_turn_6 = staticmethod(_wide_angle_6_f32)
 
 
 class Float64:
@@ -284,8 +274,8 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
-    turn_6 = staticmethod(_polynomial_small_angle_6_f64)
-    small_angle_6 = staticmethod(_small_angle_6_f64)
+    turn_6 = staticmethod(_small_angle_6_f64)
+    wide_turn_6 = staticmethod(_wide_angle_6_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
@@ -855,7 +845,7 @@ def ckf_step(f, u, y, math, stages=None):
     v, g = inverter(x, u_held, math, stages)
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_6, SMALL_TURN_6, UNKNOWN_TURN_6
+        LD, z, turn, True, status, math, math.wide_turn_6, SMALL_TURN_6, UNKNOWN_TURN_6
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, v, g, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.

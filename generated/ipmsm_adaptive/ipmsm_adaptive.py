@@ -127,7 +127,7 @@ def _larger(a, b):
     return np.where(a > b, a, b)[()]
 
 
-def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
+def _widen(words, z, turn, where, status, math, wide_turn, small, unknown):
     """Turns that are not all small, where the columns together turn by more than ``small``.
 
     Beyond ``unknown`` the points would alias: the angle is unknown, what it had in common with states before it is given
@@ -147,7 +147,7 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
         words[ANGLE_ROW + k] = np.where(wide & lost, left, words[ANGLE_ROW + k])[()]
         z[k] = np.where(lost, left, z[k])[()]
     for entry in z:
-        wider = [*wider, *small_angle(entry)]
+        wider = [*wider, *wide_turn(entry)]
     turn = tuple(np.where(wide, new, old)[()] for new, old in zip(wider, turn))
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
@@ -205,49 +205,40 @@ def _sin_cos_f32(x):
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.141592502593994)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.1415926535897927)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
-def _polynomial_small_angle_7_f32(z):
+def _small_angle_7_f32(z):
     sinc = (0.401619362162253 * z + -1.166518737276317) * z + 1.0
     cosm1 = ((-0.4700513293814481 * z + 2.0414973428962107) * z + -3.499999329325603) * z
     return sinc, cosm1
 
 
-def _small_angle_7_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 7, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 4.571428571428571), 0
-    for _ in range(3):
-        halved = part > 0.07142857142857142
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_7_f32(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_7_f32(z):
+    sinc = (((((-0.0003491258655813421 * z + 0.0065086984625217555) * z + -0.06798111925617031) * z +
+        0.40831078012553035) * z + -1.1666644424247434) * z + 1.0)
+    cosm1 = (((((-0.0038400680841321508 * z + 0.058603037545933434) * z + -0.4759210766017687) * z +
+        2.0415852451167393) * z + -3.499997729628027) * z)
     return sinc, cosm1
 
 
-def _polynomial_small_angle_7_f64(z):
+def _small_angle_7_f64(z):
     sinc = (((((((((-3.317322840326263e-10 * z + 1.6207491591308312e-08) * z + -6.297768161194087e-07) * z +
         1.889330448358226e-05) * z + -0.000421050785634119) * z + 0.006616512345679013) * z +
         -0.06805555555555555) * z + 0.4083333333333333) * z + -1.1666666666666665) * z + 1.0)
@@ -257,18 +248,17 @@ def _polynomial_small_angle_7_f64(z):
     return sinc, cosm1
 
 
-def _small_angle_7_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 7, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 4.571428571428571), 0
-    for _ in range(3):
-        halved = part > 0.07142857142857142
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_7_f64(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_7_f64(z):
+    sinc = (((((((((((((((-5.773628438557313e-22 * z + 7.670677782654715e-20) * z + -8.89798622787947e-18) * z
+        + 8.923409045673412e-16) * z + -7.648636324862924e-14) * z + 5.5288714005437715e-12) * z +
+        -3.317322840326263e-10) * z + 1.6207491591308312e-08) * z + -6.297768161194087e-07) * z +
+        1.889330448358226e-05) * z + -0.000421050785634119) * z + 0.006616512345679013) * z +
+        -0.06805555555555555) * z + 0.4083333333333333) * z + -1.1666666666666665) * z + 1.0)
+    cosm1 = (((((((((((((((-1.789824815952767e-20 * z + 2.2244965569698676e-18) * z +
+        -2.402456281527457e-16) * z + 2.2308522614183532e-14) * z + -1.7591863547184729e-12) * z +
+        1.1610629941141919e-10) * z + -6.3029133966198984e-09) * z + 2.755273570522413e-07) * z +
+        -9.446652241791131e-06) * z + 0.00024561295828656943) * z + -0.004631558641975308) * z +
+        0.05954861111111111) * z + -0.4763888888888889) * z + 2.0416666666666665) * z + -3.5) * z)
     return sinc, cosm1
 
 
@@ -278,8 +268,8 @@ class Float32:
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
-    turn_7 = staticmethod(_polynomial_small_angle_7_f32)
-    small_angle_7 = staticmethod(_small_angle_7_f32)
+    turn_7 = staticmethod(_small_angle_7_f32)
+    wide_turn_7 = staticmethod(_wide_angle_7_f32)
 
 
 class Float64:
@@ -288,8 +278,8 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
-    turn_7 = staticmethod(_polynomial_small_angle_7_f64)
-    small_angle_7 = staticmethod(_small_angle_7_f64)
+    turn_7 = staticmethod(_small_angle_7_f64)
+    wide_turn_7 = staticmethod(_wide_angle_7_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
@@ -1388,7 +1378,7 @@ def ckf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
+        LD, z, turn, True, status, math, math.wide_turn_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
@@ -1397,7 +1387,7 @@ def ckf_step(f, u, y, math, stages=None):
     status = status | np.where(clear, 0, COVARIANCE_REPAIRED)[()]
     z_pred, turn_pred = ckf_measurement_update_turns(LD_pred, math, stages)
     LD_pred, turn_pred, status = _widen(
-        LD_pred, z_pred, turn_pred, accepted, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
+        LD_pred, z_pred, turn_pred, accepted, status, math, math.wide_turn_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x, LD, nis = ckf_measurement_update(x_pred, LD_pred, f.R, y, turn_pred, math, stages)
     f.nis = np.where(accepted, f.nis + f.nis_weight * (nis[0] - f.nis), f.nis)[()]
@@ -1426,7 +1416,7 @@ def ickf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_7, SMALL_TURN_7, UNKNOWN_TURN_7
+        LD, z, turn, True, status, math, math.wide_turn_7, SMALL_TURN_7, UNKNOWN_TURN_7
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.

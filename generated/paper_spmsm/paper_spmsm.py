@@ -98,7 +98,7 @@ def _larger(a, b):
     return np.where(a > b, a, b)[()]
 
 
-def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
+def _widen(words, z, turn, where, status, math, wide_turn, small, unknown):
     """Turns that are not all small, where the columns together turn by more than ``small``.
 
     Beyond ``unknown`` the points would alias: the angle is unknown, what it had in common with states before it is given
@@ -118,7 +118,7 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
         words[ANGLE_ROW + k] = np.where(wide & lost, left, words[ANGLE_ROW + k])[()]
         z[k] = np.where(lost, left, z[k])[()]
     for entry in z:
-        wider = [*wider, *small_angle(entry)]
+        wider = [*wider, *wide_turn(entry)]
     turn = tuple(np.where(wide, new, old)[()] for new, old in zip(wider, turn))
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
@@ -176,49 +176,40 @@ def _sin_cos_f32(x):
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.141592502593994)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.1415926535897927)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
-def _polynomial_small_angle_4_f32(z):
+def _small_angle_4_f32(z):
     sinc = (0.13114101621624588 * z + -0.6665821355864668) * z + 1.0
     cosm1 = ((-0.08770637049682997 * z + 0.6666113772722321) * z + -1.9999996167574874) * z
     return sinc, cosm1
 
 
-def _small_angle_4_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 4, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 8.0), 0
-    for _ in range(3):
-        halved = part > 0.125
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_4_f32(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_4_f32(z):
+    sinc = (((((-2.1271189763508913e-05 * z + 0.0006939720143296832) * z + -0.012684523709606123) * z +
+        0.13332596902058133) * z + -0.666665395671282) * z + 1.0)
+    cosm1 = (((((-0.00023396380782717452 * z + 0.006248387176909187) * z + -0.0888016002988723) * z +
+        0.666640080038119) * z + -1.999998702644587) * z)
     return sinc, cosm1
 
 
-def _polynomial_small_angle_4_f64(z):
+def _small_angle_4_f64(z):
     sinc = (((((((((-2.1549902060910882e-12 * z + 1.8425166262078804e-10) * z + -1.2529113058213587e-08) * z +
         6.577784355562133e-07) * z + -2.565335898669232e-05) * z + 0.0007054673721340388) * z +
         -0.012698412698412698) * z + 0.13333333333333333) * z + -0.6666666666666666) * z + 1.0)
@@ -228,18 +219,17 @@ def _polynomial_small_angle_4_f64(z):
     return sinc, cosm1
 
 
-def _small_angle_4_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 4, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 8.0), 0
-    for _ in range(3):
-        halved = part > 0.125
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_4_f64(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_4_f64(z):
+    sinc = (((((((((((((((-1.30580432032975e-25 * z + 3.035995044766669e-23) * z + -6.163069940876338e-21) * z
+        + 1.0816187746237974e-18) * z + -1.622428161935696e-16) * z + 2.0523716248486557e-14) * z +
+        -2.1549902060910882e-12) * z + 1.8425166262078804e-10) * z + -1.2529113058213587e-08) * z +
+        6.577784355562133e-07) * z + -2.565335898669232e-05) * z + 0.0007054673721340388) * z +
+        -0.012698412698412698) * z + 0.13333333333333333) * z + -0.6666666666666666) * z + 1.0)
+    cosm1 = (((((((((((((((-4.047993393022225e-24 * z + 8.80438562982334e-22) * z +
+        -1.6640288840366114e-19) * z + 2.7040469365594935e-17) * z + -3.731584772452101e-15) * z +
+        4.3099804121821766e-13) * z + -4.0944813915730674e-11) * z + 3.132278264553397e-09) * z +
+        -1.879366958732038e-07) * z + 8.551119662230774e-06) * z + -0.0002821869488536155) * z +
+        0.006349206349206349) * z + -0.08888888888888889) * z + 0.6666666666666666) * z + -2.0) * z)
     return sinc, cosm1
 
 
@@ -249,8 +239,8 @@ class Float32:
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
-    turn_4 = staticmethod(_polynomial_small_angle_4_f32)
-    small_angle_4 = staticmethod(_small_angle_4_f32)
+    turn_4 = staticmethod(_small_angle_4_f32)
+    wide_turn_4 = staticmethod(_wide_angle_4_f32)
 
 
 class Float64:
@@ -259,8 +249,8 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
-    turn_4 = staticmethod(_polynomial_small_angle_4_f64)
-    small_angle_4 = staticmethod(_small_angle_4_f64)
+    turn_4 = staticmethod(_small_angle_4_f64)
+    wide_turn_4 = staticmethod(_wide_angle_4_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
@@ -624,7 +614,7 @@ def ckf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
+        LD, z, turn, True, status, math, math.wide_turn_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
@@ -657,7 +647,7 @@ def ickf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_4, SMALL_TURN_4, UNKNOWN_TURN_4
+        LD, z, turn, True, status, math, math.wide_turn_4, SMALL_TURN_4, UNKNOWN_TURN_4
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.

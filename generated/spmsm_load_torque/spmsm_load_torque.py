@@ -115,7 +115,7 @@ def _larger(a, b):
     return np.where(a > b, a, b)[()]
 
 
-def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
+def _widen(words, z, turn, where, status, math, wide_turn, small, unknown):
     """Turns that are not all small, where the columns together turn by more than ``small``.
 
     Beyond ``unknown`` the points would alias: the angle is unknown, what it had in common with states before it is given
@@ -135,7 +135,7 @@ def _widen(words, z, turn, where, status, math, small_angle, small, unknown):
         words[ANGLE_ROW + k] = np.where(wide & lost, left, words[ANGLE_ROW + k])[()]
         z[k] = np.where(lost, left, z[k])[()]
     for entry in z:
-        wider = [*wider, *small_angle(entry)]
+        wider = [*wider, *wide_turn(entry)]
     turn = tuple(np.where(wide, new, old)[()] for new, old in zip(wider, turn))
     return tuple(words), turn, status | np.where(wide & lost, COVARIANCE_REPAIRED, 0)[()]
 
@@ -193,49 +193,40 @@ def _sin_cos_f32(x):
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.141592502593994)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
-    # --- r = x - 2 pi turns, kept inside [-pi, pi)
+    # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    capped = _smaller(r, BELOW_PI)
-    return _larger(capped, -3.1415926535897927)
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
     return np.sin(x), np.cos(x)
 
 
-def _polynomial_small_angle_5_f32(z):
+def _small_angle_5_f32(z):
     sinc = (0.2049078378378842 * z + -0.8332276694830836) * z + 1.0
     cosm1 = ((-0.17130150487662105 * z + 1.0415802769878626) * z + -2.4999995209468593) * z
     return sinc, cosm1
 
 
-def _small_angle_5_f32(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 6.4), 0
-    for _ in range(3):
-        halved = part > 0.1
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_5_f32(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_5_f32(z):
+    sinc = (((((-6.491451954195835e-05 * z + 0.0016942676131095782) * z + -0.02477446037032446) * z +
+        0.20832182659465834) * z + -0.8333317445891025) * z + 1.0)
+    cosm1 = (((((-0.0007140008783788284 * z + 0.015254851506125945) * z + -0.17344062558373496) * z +
+        1.041625125059561) * z + -2.4999983783057336) * z)
     return sinc, cosm1
 
 
-def _polynomial_small_angle_5_f64(z):
+def _small_angle_5_f64(z):
     sinc = (((((((((-1.6055928216063142e-11 * z + 1.098225489978719e-09) * z + -5.974346665484231e-08) * z +
         2.509225599503377e-06) * z + -7.828783870450537e-05) * z + 0.0017223324514991183) * z +
         -0.0248015873015873) * z + 0.20833333333333334) * z + -0.8333333333333333) * z + 1.0)
@@ -245,18 +236,18 @@ def _polynomial_small_angle_5_f64(z):
     return sinc, cosm1
 
 
-def _small_angle_5_f64(z):
-    """sin(d) / d and cos(d) - 1 of z = d^2 / 5, lane by lane: d is halved until it is small, then doubled again."""
-    part, doublings = _smaller(z, 6.4), 0
-    for _ in range(3):
-        halved = part > 0.1
-        doublings = np.where(halved, doublings + 1, doublings)[()]
-        part = np.where(halved, 0.25 * part, part)[()]
-    sinc, cosm1 = _polynomial_small_angle_5_f64(part)
-    for j in range(3):
-        more = j < doublings
-        sinc = np.where(more, sinc * (cosm1 + 1.0), sinc)[()]
-        cosm1 = np.where(more, _larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0), cosm1)[()]
+def _wide_angle_5_f64(z):
+    sinc = (((((((((((((((-3.711319096537835e-24 * z + 6.903053519560374e-22) * z +
+        -1.1210558915766047e-19) * z + 1.5739624717735532e-17) * z + -1.8887549661282636e-15) * z +
+        1.911420025721803e-13) * z + -1.6055928216063142e-11) * z + 1.098225489978719e-09) * z +
+        -5.974346665484231e-08) * z + 2.509225599503377e-06) * z + -7.828783870450537e-05) * z +
+        0.0017223324514991183) * z + -0.0248015873015873) * z + 0.20833333333333334) * z +
+        -0.8333333333333333) * z + 1.0)
+    cosm1 = (((((((((((((((-1.1505089199267289e-22 * z + 2.0018855206725085e-20) * z +
+        -3.026850907256833e-18) * z + 3.934906179433883e-16) * z + -4.3441364220950066e-14) * z +
+        4.013982054015786e-12) * z + -3.050626361051997e-10) * z + 1.8669833329638225e-08) * z +
+        -8.961519998226347e-07) * z + 3.2619932793543904e-05) * z + -0.000861166225749559) * z +
+        0.015500992063492064) * z + -0.1736111111111111) * z + 1.0416666666666665) * z + -2.5) * z)
     return sinc, cosm1
 
 
@@ -266,8 +257,8 @@ class Float32:
     dtype = np.float32
     sin_cos = staticmethod(_sin_cos_f32)
     wrap = staticmethod(_wrap_angle_f32)
-    turn_5 = staticmethod(_polynomial_small_angle_5_f32)
-    small_angle_5 = staticmethod(_small_angle_5_f32)
+    turn_5 = staticmethod(_small_angle_5_f32)
+    wide_turn_5 = staticmethod(_wide_angle_5_f32)
 
 
 class Float64:
@@ -276,8 +267,8 @@ class Float64:
     dtype = np.float64
     sin_cos = staticmethod(_sin_cos_f64)
     wrap = staticmethod(_wrap_angle_f64)
-    turn_5 = staticmethod(_polynomial_small_angle_5_f64)
-    small_angle_5 = staticmethod(_small_angle_5_f64)
+    turn_5 = staticmethod(_small_angle_5_f64)
+    wide_turn_5 = staticmethod(_wide_angle_5_f64)
 
 
 MATH = {"float32": Float32, "float64": Float64}
@@ -740,7 +731,7 @@ def ckf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
+        LD, z, turn, True, status, math, math.wide_turn_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.
@@ -774,7 +765,7 @@ def ickf_step(f, u, y, math, stages=None):
     status = np.where(accepted, 0, INPUT_REJECTED)[()]
     z, turn = time_update_turns(LD, math, stages)
     LD, turn, status = _widen(
-        LD, z, turn, True, status, math, math.small_angle_5, SMALL_TURN_5, UNKNOWN_TURN_5
+        LD, z, turn, True, status, math, math.wide_turn_5, SMALL_TURN_5, UNKNOWN_TURN_5
     )
     x_pred, LD_pred, check = time_update(x, LD, f.Q, u_held, turn, math, stages)
     # Exact arithmetic never has a pivot of P at its bound; where one is, it was raised.

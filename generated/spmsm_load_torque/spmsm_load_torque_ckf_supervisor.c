@@ -152,11 +152,10 @@ static float32 larger(float32 a, float32 b)
 /* The same angle in [-pi, pi). */
 static float32 wrap_angle(float32 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    const float32 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415925f);
+    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* Where the rotor of the guess is a sample later */

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -43,6 +44,7 @@ class CBackend:
         dtype: str,
         optimisation: tuple[str, ...] = ("-O2",),
         lanes: bool = True,
+        lane_flags: tuple[str, ...] | None = None,
     ) -> None:
         prefix, sources = c_sources(folder, kind, dtype)
         self._covariance: str = folder.module.COVARIANCE
@@ -54,7 +56,8 @@ class CBackend:
         self._init = getattr(self._library, f"{prefix}_init")
         self._reset = getattr(self._library, f"{prefix}_reset")
         self._real = "float *" if dtype == "float32" else "double *"
-        self._lane_form = partial(open_lanes, folder, kind, self._ffi) if lanes and dtype == "float32" else None
+        flags = () if lane_flags is None else (lane_flags,)
+        self._lane_form = partial(open_lanes, folder, kind, self._ffi, *flags) if lanes and dtype == "float32" else None
         self._lane_library: Any = None
 
     def reset(self, x0: Array, words: Array) -> None:
@@ -148,8 +151,8 @@ class CBackend:
         """Bind a single filter's step, see :meth:`Backend.bound_step`."""
         call, function = self._call, self._library.runner_step
         estimate: Callable[[], Array] = self._x[0].copy
-        raw = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs")))
-        inputs = raw.cast("B").cast(_FORMATS[self.dtype.name])
+        inputs = memoryview(self._ffi.buffer(self._ffi.addressof(call, "inputs")))
+        put = struct.Struct(f"4{_FORMATS[self.dtype.name]}").pack_into
         array, numbers = np.ndarray, _NUMBERS  # looked up once, and types tested by `is` first: nanoseconds count here
 
         def step(u: Any, y: Any) -> Array | None:
@@ -166,15 +169,16 @@ class CBackend:
             try:
                 v_alpha, v_beta = u
                 i_alpha, i_beta = y
-            except (TypeError, ValueError):
+                if not (
+                    type(v_alpha) is type(v_beta) is type(i_alpha) is type(i_beta) is float
+                    or numbers.issuperset((type(v_alpha), type(v_beta), type(i_alpha), type(i_beta)))
+                ):
+                    return None
+                put(inputs, 0, v_alpha, v_beta, i_alpha, i_beta)
+            except (TypeError, ValueError, struct.error):  # not a pair, or an integer beyond all floats
                 return None
-            if type(v_alpha) is type(v_beta) is type(i_alpha) is type(i_beta) is float or (
-                numbers.issuperset((type(v_alpha), type(v_beta), type(i_alpha), type(i_beta)))
-            ):
-                inputs[0], inputs[1], inputs[2], inputs[3] = v_alpha, v_beta, i_alpha, i_beta
-                self._codes = function(call)
-                return estimate()
-            return None
+            self._codes = function(call)
+            return estimate()
 
         return step
 

@@ -24,6 +24,8 @@ LIBRARY = ("-fPIC", "-shared")
 #: -march=native, unless it is told what every one of the kind can do.
 PACKAGED = ("-fno-sanitize=undefined",)
 ANY_PROCESSOR = "-mcpu=baseline"
+#: GCC and clang may take half of an AVX-512 register unless they are told to take all of it; the bits are the same.
+WIDE = "-mprefer-vector-width=512"
 
 #: Seconds after which a compiler is taken to hang; each file needs a few.
 PATIENCE = 300.0
@@ -309,10 +311,24 @@ def _identity(compiler: list[str]) -> str:
 
 def _processor(flags: list[str]) -> str:
     """-march=native code belongs to one kind of processor; a cache may travel."""
-    if "-march=native" not in flags:
-        return ""
+    return _instructions() if "-march=native" in flags else ""
+
+
+def _instructions() -> str:
+    """What Linux says of the processor's instructions; nothing elsewhere."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return ""
     return next((line for line in lines if line.startswith("flags")), "")
+
+
+def wide_vectors() -> tuple[str, ...]:
+    """The flag for whole AVX-512 registers; none where this processor does not have them.
+
+    Returns
+    -------
+    tuple of str
+        To go with ``-march=native``.
+    """
+    return (WIDE,) if "avx512f" in _instructions().split() else ()

@@ -100,8 +100,8 @@ class Kernel:
         self.equations = equations
         self._ffi = cffi.FFI()
         self._ffi.cdef("void innovate_run(int steps, const double *, const double *, double *, double *);")
-        flags = (*OPTIMISATION, "-mprefer-vector-width=512") if _has_wide_registers() else OPTIMISATION
-        self._library = open_library(self._ffi, build_library({"innovate.c": kernel_text(equations)}, {}, flags))
+        library = build_library({"innovate.c": kernel_text(equations)}, {}, OPTIMISATION)
+        self._library = open_library(self._ffi, library)
 
     def run(self, rows: Array, parameters: Array, state: Array) -> Array:
         """Innovations of all rows, and their covariances.
@@ -137,10 +137,3 @@ class Kernel:
             list(pool.map(work, range(groups)))
         state[:] = states.swapaxes(0, 1).reshape(len(state), -1)[:, :sets]
         return np.asarray(told.transpose(1, 2, 0, 3).reshape(steps, len(TOLD), -1)[:, :, :sets])
-
-
-def _has_wide_registers() -> bool:
-    try:
-        return "avx512f" in Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        return False

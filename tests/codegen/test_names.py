@@ -67,7 +67,7 @@ def test_a_hint_finds_its_value_in_another_form() -> None:
 #: Texts of a drive with arithmetic in them, and the functions whose coefficients are a polynomial's or a reduction's.
 AROUND = [path for end in ("foc", "supervisor", "drive") for path in GENERATED.glob(f"*/*_{end}.c")]
 TEXTS = sorted([*FILTERS, *AROUND, *GENERATED.glob("*/host/*.c"), *GENERATED.glob("*/*.py")])
-POLYNOMIALS = re.compile(r"(sin_cos|wrap_angle|small_angle|_polynomial)")
+POLYNOMIALS = re.compile(r"(sin_cos|wrap_angle|small_angle|wide_angle)")
 
 
 def nameless(source: str) -> set[float]:

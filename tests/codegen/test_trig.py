@@ -126,5 +126,6 @@ def test_wrapped_angles_lie_in_one_turn_and_are_congruent(angle: float) -> None:
 def test_wrapping_leaves_an_angle_inside_alone(wrap: Any, dtype: Any) -> None:
     inside = np.linspace(-3.1415, 3.1415, 1001).astype(dtype)
     np.testing.assert_array_equal(wrap(inside), inside)
-    edge = wrap(np.array([math.pi, -math.pi, 3 * math.pi], dtype=dtype)).astype(float)
+    near = math.pi + np.linspace(-1e-6, 1e-6, 101)
+    edge = wrap(np.concatenate([[math.pi, 3 * math.pi], near, -near]).astype(dtype)).astype(float)
     assert np.all((edge >= -math.pi) & (edge < math.pi))

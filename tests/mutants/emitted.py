@@ -208,9 +208,7 @@ C_OPERATORS: dict[str, Operator] = {
         steering=True,
     ),
     "status not returned": _pattern(r"return status;", lambda m: "return 0;", steering=True),
-    "loop one short": _pattern(
-        r"(?<=k < )(N_STATES|count|2|DOUBLINGS)(?=; k\+\+)", lambda m: f"{m[1]} - 1", steering=True
-    ),
+    "loop one short": _pattern(r"(?<=k < )(N_STATES|count|2)(?=; k\+\+)", lambda m: f"{m[1]} - 1", steering=True),
 }
 
 PYTHON_OPERATORS: dict[str, Operator] = {

@@ -20,7 +20,7 @@ _TURNED = {"<=": ">", "<": ">=", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
 _MET = {"<=": "<", "<": "<=", ">": ">=", ">=": ">"}
 _COMPARED = r" (<=|>=|==|!=|<|>) (?=[\w(-])"
 _LIMITS = (
-    *("SANE_LIMIT", "PER_SANE_LIMIT", "SMALL_TURN", "WIDEST_TURN", "UNKNOWN_TURN", "MOST_REPAIRS", "SENSED_MAX"),
+    *("SANE_LIMIT", "PER_SANE_LIMIT", "SMALL_TURN", "UNKNOWN_TURN", "MOST_REPAIRS", "SENSED_MAX"),
     *("f->nis_max", "f->tolerance", "f->max_iterations", "f->nis_weight"),
     *("f.nis_max", "f.tolerance", "f.max_iterations", "f.nis_weight"),
 )
@@ -64,7 +64,7 @@ OPERATORS: dict[str, Operator] = {
         steering=True,
     ),
     "a loop one short": _pattern(
-        r"(?<= < )(N_STATES|N_WORDS|LANES|count|doublings|[2-9])(?=; )", lambda m: f"{m[1]} - 1", steering=True
+        r"(?<= < )(N_STATES|N_WORDS|LANES|count|[2-9])(?=; )", lambda m: f"{m[1]} - 1", steering=True
     ),
 }
 _OTHER = {"&&": "||", "||": "&&", "&": "|", "|": "&"}

@@ -63,6 +63,10 @@ class CPrinter(FlowPrinter):
         """Spell the smaller or the larger of two values."""
         return f"{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
+    def format_select(self, value: str, limit: str, inside: str, outside: str) -> str:
+        """Spell one of two values, by a comparison."""
+        return f"({value} <= {limit}) ? {inside} : {outside}"
+
     # --- statements
 
     def format_statement(self, listing: Listing, statement: Statement) -> list[str]:
@@ -83,11 +87,11 @@ class CPrinter(FlowPrinter):
         return []
 
     def format_turn(self, prefix: str, variable: str) -> str:
-        """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), its coefficients by name."""
-        s, c = coefficients(self.numbers.precision)  # how many: n does not change it
-        if prefix == "SINC":
-            return f"{horner('SINC_', len(s), variable)} + {self.format_literal(1.0)}"
-        return horner("COSM1_", len(c), variable)
+        """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), or a ``WIDE_`` one, its coefficients by name."""
+        s, c = coefficients(self.numbers.precision, wide=prefix.startswith("WIDE_"))  # how many: n does not change it
+        if prefix.endswith("SINC"):
+            return f"{horner(f'{prefix}_', len(s), variable)} + {self.format_literal(1.0)}"
+        return horner(f"{prefix}_", len(c), variable)
 
     def _declaration(self, name: str, expression: str) -> str:
         return wrap_line(f"const {self.numbers.real} {name} = {expression};", INDENT, INDENT)

@@ -69,6 +69,16 @@ class ExpressionPrinter:
         """
         raise NotImplementedError
 
+    def format_select(self, value: str, limit: str, inside: str, outside: str) -> str:
+        """``inside`` where value <= limit, else, and where they do not compare, ``outside``.
+
+        Parameters
+        ----------
+        value, limit, inside, outside : str
+            Text of four expressions.
+        """
+        raise NotImplementedError
+
     def reference(self, listing: Listing, node: int) -> str:
         """The node's name if it has one, else its expression.
 
@@ -92,7 +102,7 @@ class ExpressionPrinter:
         return self._format(listing, node, expand=True)[0]
 
     def _format(self, listing: Listing, index: int, expand: bool = False) -> tuple[str, int]:
-        """Text and precedence (4: an atom)."""
+        """Text and precedence (4: an atom; 0: a choice, which binds least)."""
         node = listing.graph[index]
         if index in listing.names and not (expand and node.op not in {"input", "const"}):
             return listing.names[index], 4
@@ -112,6 +122,8 @@ class ExpressionPrinter:
             return self.format_wrap(args[0][0]), 4
         if node.op in {"min", "max"}:
             return self.format_extreme(node.op, args[0][0], args[1][0]), 4
+        if node.op == "select":
+            return self.format_select(*(text for text, _ in args)), 0
         raise ValueError(f"no printer for operation '{node.op}'")
 
     @staticmethod

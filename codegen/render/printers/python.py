@@ -64,6 +64,16 @@ class PythonPrinter(FlowPrinter):
         """
         return f"_{'smaller' if op == 'min' else 'larger'}({left}, {right})"
 
+    def format_select(self, value: str, limit: str, inside: str, outside: str) -> str:
+        """Spell one of two values, by a comparison, lane by lane.
+
+        Parameters
+        ----------
+        value, limit, inside, outside : str
+            Text of four expressions.
+        """
+        return f"np.where({value} <= {limit}, {inside}, {outside})[()]"
+
     # --- statements
 
     def format_statement(self, listing: Listing, statement: Statement) -> str:
@@ -292,7 +302,7 @@ class PythonPrinter(FlowPrinter):
         return [
             f"{INDENT}{_call(block)}",
             f"{INDENT}{words}, {turn}, status = _widen(",
-            f"{INDENT * 2}{words}, {z}, {turn}, {where or 'True'}, status, math, math.small_angle_{n:g}, "
+            f"{INDENT * 2}{words}, {z}, {turn}, {where or 'True'}, status, math, math.wide_turn_{n:g}, "
             f"SMALL_TURN_{n:g}, UNKNOWN_TURN_{n:g}",
             f"{INDENT})",
         ]

@@ -87,7 +87,7 @@ static float64 larger(float64 a, float64 b)
 }
 
 /* How far a column of L turns an angle, from z = d^2 / 6: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
- * for d up to 0.71 rad. */
+ * for d up to 0.71 rad; WIDE_ ones for d up to pi. */
 #define SINC_1 -1.0
 #define SINC_2 0.3
 #define SINC_3 -0.04285714285714286
@@ -106,12 +106,40 @@ static float64 larger(float64 a, float64 b)
 #define COSM1_7 -3.211074639646068e-06
 #define COSM1_8 8.027686599115171e-08
 #define COSM1_9 -1.5740561959049353e-09
+#define WIDE_SINC_1 -1.0
+#define WIDE_SINC_2 0.3
+#define WIDE_SINC_3 -0.04285714285714286
+#define WIDE_SINC_4 0.0035714285714285718
+#define WIDE_SINC_5 -0.0001948051948051948
+#define WIDE_SINC_6 7.492507492507492e-06
+#define WIDE_SINC_7 -2.140716426430712e-07
+#define WIDE_SINC_8 4.722168587714806e-09
+#define WIDE_SINC_9 -8.284506294236502e-11
+#define WIDE_SINC_10 1.1835008991766431e-12
+#define WIDE_SINC_11 -1.40336075001183e-14
+#define WIDE_SINC_12 1.40336075001183e-16
+#define WIDE_SINC_13 -1.1994536324887434e-18
+#define WIDE_SINC_14 8.862957875532587e-21
+#define WIDE_SINC_15 -5.718037339053282e-23
+#define WIDE_COSM1_1 -3.0
+#define WIDE_COSM1_2 1.5
+#define WIDE_COSM1_3 -0.3
+#define WIDE_COSM1_4 0.03214285714285714
+#define WIDE_COSM1_5 -0.0021428571428571425
+#define WIDE_COSM1_6 9.74025974025974e-05
+#define WIDE_COSM1_7 -3.211074639646068e-06
+#define WIDE_COSM1_8 8.027686599115171e-08
+#define WIDE_COSM1_9 -1.5740561959049353e-09
+#define WIDE_COSM1_10 2.4853518882709507e-11
+#define WIDE_COSM1_11 -3.227729725027209e-13
+#define WIDE_COSM1_12 3.508401875029575e-15
+#define WIDE_COSM1_13 -3.2385248077196077e-17
+#define WIDE_COSM1_14 2.5702577839044503e-19
+#define WIDE_COSM1_15 -1.772591575106517e-21
 #define SMALL_TURN 0.08333333333333333 /* of z, rad^2 */
-#define DOUBLINGS 3
-#define WIDEST_TURN 5.333333333333333 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 #define UNKNOWN_TURN 1.6449340668482264 /* rad^2: d = pi, where the two points of a column meet */
 
-/* Turns that are not all small, far from a settled filter: d halved until it is, then doubled again. Where the columns
+/* Turns that are not all small, far from a settled filter: polynomials of more terms. Where the columns
  * together turn by more than UNKNOWN_TURN the points would alias: the angle is unknown, what it had in common with
  * states before it is given up, and half that much is left of its variance: so little that it can be learnt anew.
  * row: what of LD belongs to the angle. Returns the status. */
@@ -133,27 +161,15 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
         status = PMSM_COVARIANCE_REPAIRED;
     }
     for (k = 0; k < count; k++) {
-        float64 part = smaller(z[k], WIDEST_TURN);
-        float64 sinc;
-        float64 cosm1;
-        int doublings = 0;
-        int j;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (part > SMALL_TURN) {
-                part = 0.25 * part;
-                doublings++;
-            }
-        }
-        sinc = ((((((((SINC_9 * part + SINC_8) * part + SINC_7) * part + SINC_6) * part + SINC_5) * part + SINC_4) * part + SINC_3) * part + SINC_2) * part + SINC_1) * part + 1.0;
-        cosm1 = ((((((((COSM1_9 * part + COSM1_8) * part + COSM1_7) * part + COSM1_6) * part + COSM1_5) * part + COSM1_4) * part + COSM1_3) * part + COSM1_2) * part + COSM1_1) * part;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (j < doublings) {
-                sinc = sinc * (cosm1 + 1.0);
-                cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
-            }
-        }
-        turn[2 * k] = sinc;
-        turn[(2 * k) + 1] = cosm1;
+        const float64 part = z[k];
+        turn[2 * k] = ((((((((((((((WIDE_SINC_15 * part + WIDE_SINC_14) * part + WIDE_SINC_13) * part +
+            WIDE_SINC_12) * part + WIDE_SINC_11) * part + WIDE_SINC_10) * part + WIDE_SINC_9) * part +
+            WIDE_SINC_8) * part + WIDE_SINC_7) * part + WIDE_SINC_6) * part + WIDE_SINC_5) * part +
+            WIDE_SINC_4) * part + WIDE_SINC_3) * part + WIDE_SINC_2) * part + WIDE_SINC_1) * part + 1.0;
+        turn[(2 * k) + 1] = ((((((((((((((WIDE_COSM1_15 * part + WIDE_COSM1_14) * part + WIDE_COSM1_13) * part
+            + WIDE_COSM1_12) * part + WIDE_COSM1_11) * part + WIDE_COSM1_10) * part + WIDE_COSM1_9) * part +
+            WIDE_COSM1_8) * part + WIDE_COSM1_7) * part + WIDE_COSM1_6) * part + WIDE_COSM1_5) * part +
+            WIDE_COSM1_4) * part + WIDE_COSM1_3) * part + WIDE_COSM1_2) * part + WIDE_COSM1_1) * part;
     }
     return status;
 }
@@ -161,11 +177,10 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
 /* The same angle in [-pi, pi). */
 static float64 wrap_angle(float64 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    const float64 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values

@@ -99,7 +99,7 @@ static float64 larger(float64 a, float64 b)
 }
 
 /* How far a column of L turns an angle, from z = d^2 / 5: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
- * for d up to 0.71 rad. */
+ * for d up to 0.71 rad; WIDE_ ones for d up to pi. */
 #define SINC_1 -0.8333333333333333
 #define SINC_2 0.20833333333333334
 #define SINC_3 -0.0248015873015873
@@ -118,12 +118,40 @@ static float64 larger(float64 a, float64 b)
 #define COSM1_7 -8.961519998226347e-07
 #define COSM1_8 1.8669833329638225e-08
 #define COSM1_9 -3.050626361051997e-10
+#define WIDE_SINC_1 -0.8333333333333333
+#define WIDE_SINC_2 0.20833333333333334
+#define WIDE_SINC_3 -0.0248015873015873
+#define WIDE_SINC_4 0.0017223324514991183
+#define WIDE_SINC_5 -7.828783870450537e-05
+#define WIDE_SINC_6 2.509225599503377e-06
+#define WIDE_SINC_7 -5.974346665484231e-08
+#define WIDE_SINC_8 1.098225489978719e-09
+#define WIDE_SINC_9 -1.6055928216063142e-11
+#define WIDE_SINC_10 1.911420025721803e-13
+#define WIDE_SINC_11 -1.8887549661282636e-15
+#define WIDE_SINC_12 1.5739624717735532e-17
+#define WIDE_SINC_13 -1.1210558915766047e-19
+#define WIDE_SINC_14 6.903053519560374e-22
+#define WIDE_SINC_15 -3.711319096537835e-24
+#define WIDE_COSM1_1 -2.5
+#define WIDE_COSM1_2 1.0416666666666665
+#define WIDE_COSM1_3 -0.1736111111111111
+#define WIDE_COSM1_4 0.015500992063492064
+#define WIDE_COSM1_5 -0.000861166225749559
+#define WIDE_COSM1_6 3.2619932793543904e-05
+#define WIDE_COSM1_7 -8.961519998226347e-07
+#define WIDE_COSM1_8 1.8669833329638225e-08
+#define WIDE_COSM1_9 -3.050626361051997e-10
+#define WIDE_COSM1_10 4.013982054015786e-12
+#define WIDE_COSM1_11 -4.3441364220950066e-14
+#define WIDE_COSM1_12 3.934906179433883e-16
+#define WIDE_COSM1_13 -3.026850907256833e-18
+#define WIDE_COSM1_14 2.0018855206725085e-20
+#define WIDE_COSM1_15 -1.1505089199267289e-22
 #define SMALL_TURN 0.1 /* of z, rad^2 */
-#define DOUBLINGS 3
-#define WIDEST_TURN 6.4 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 #define UNKNOWN_TURN 1.9739208802178716 /* rad^2: d = pi, where the two points of a column meet */
 
-/* Turns that are not all small, far from a settled filter: d halved until it is, then doubled again. Where the columns
+/* Turns that are not all small, far from a settled filter: polynomials of more terms. Where the columns
  * together turn by more than UNKNOWN_TURN the points would alias: the angle is unknown, what it had in common with
  * states before it is given up, and half that much is left of its variance: so little that it can be learnt anew.
  * row: what of LD belongs to the angle. Returns the status. */
@@ -145,27 +173,15 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
         status = PMSM_COVARIANCE_REPAIRED;
     }
     for (k = 0; k < count; k++) {
-        float64 part = smaller(z[k], WIDEST_TURN);
-        float64 sinc;
-        float64 cosm1;
-        int doublings = 0;
-        int j;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (part > SMALL_TURN) {
-                part = 0.25 * part;
-                doublings++;
-            }
-        }
-        sinc = ((((((((SINC_9 * part + SINC_8) * part + SINC_7) * part + SINC_6) * part + SINC_5) * part + SINC_4) * part + SINC_3) * part + SINC_2) * part + SINC_1) * part + 1.0;
-        cosm1 = ((((((((COSM1_9 * part + COSM1_8) * part + COSM1_7) * part + COSM1_6) * part + COSM1_5) * part + COSM1_4) * part + COSM1_3) * part + COSM1_2) * part + COSM1_1) * part;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (j < doublings) {
-                sinc = sinc * (cosm1 + 1.0);
-                cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
-            }
-        }
-        turn[2 * k] = sinc;
-        turn[(2 * k) + 1] = cosm1;
+        const float64 part = z[k];
+        turn[2 * k] = ((((((((((((((WIDE_SINC_15 * part + WIDE_SINC_14) * part + WIDE_SINC_13) * part +
+            WIDE_SINC_12) * part + WIDE_SINC_11) * part + WIDE_SINC_10) * part + WIDE_SINC_9) * part +
+            WIDE_SINC_8) * part + WIDE_SINC_7) * part + WIDE_SINC_6) * part + WIDE_SINC_5) * part +
+            WIDE_SINC_4) * part + WIDE_SINC_3) * part + WIDE_SINC_2) * part + WIDE_SINC_1) * part + 1.0;
+        turn[(2 * k) + 1] = ((((((((((((((WIDE_COSM1_15 * part + WIDE_COSM1_14) * part + WIDE_COSM1_13) * part
+            + WIDE_COSM1_12) * part + WIDE_COSM1_11) * part + WIDE_COSM1_10) * part + WIDE_COSM1_9) * part +
+            WIDE_COSM1_8) * part + WIDE_COSM1_7) * part + WIDE_COSM1_6) * part + WIDE_COSM1_5) * part +
+            WIDE_COSM1_4) * part + WIDE_COSM1_3) * part + WIDE_COSM1_2) * part + WIDE_COSM1_1) * part;
     }
     return status;
 }
@@ -173,11 +189,10 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
 /* The same angle in [-pi, pi). */
 static float64 wrap_angle(float64 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    const float64 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values

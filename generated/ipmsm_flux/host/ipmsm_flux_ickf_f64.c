@@ -65,7 +65,7 @@ static float64 larger(float64 a, float64 b)
 }
 
 /* How far a column of L turns an angle, from z = d^2 / 4: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
- * for d up to 0.71 rad. */
+ * for d up to 0.71 rad; WIDE_ ones for d up to pi. */
 #define SINC_1 -0.6666666666666666
 #define SINC_2 0.13333333333333333
 #define SINC_3 -0.012698412698412698
@@ -84,12 +84,40 @@ static float64 larger(float64 a, float64 b)
 #define COSM1_7 -1.879366958732038e-07
 #define COSM1_8 3.132278264553397e-09
 #define COSM1_9 -4.0944813915730674e-11
+#define WIDE_SINC_1 -0.6666666666666666
+#define WIDE_SINC_2 0.13333333333333333
+#define WIDE_SINC_3 -0.012698412698412698
+#define WIDE_SINC_4 0.0007054673721340388
+#define WIDE_SINC_5 -2.565335898669232e-05
+#define WIDE_SINC_6 6.577784355562133e-07
+#define WIDE_SINC_7 -1.2529113058213587e-08
+#define WIDE_SINC_8 1.8425166262078804e-10
+#define WIDE_SINC_9 -2.1549902060910882e-12
+#define WIDE_SINC_10 2.0523716248486557e-14
+#define WIDE_SINC_11 -1.622428161935696e-16
+#define WIDE_SINC_12 1.0816187746237974e-18
+#define WIDE_SINC_13 -6.163069940876338e-21
+#define WIDE_SINC_14 3.035995044766669e-23
+#define WIDE_SINC_15 -1.30580432032975e-25
+#define WIDE_COSM1_1 -2.0
+#define WIDE_COSM1_2 0.6666666666666666
+#define WIDE_COSM1_3 -0.08888888888888889
+#define WIDE_COSM1_4 0.006349206349206349
+#define WIDE_COSM1_5 -0.0002821869488536155
+#define WIDE_COSM1_6 8.551119662230774e-06
+#define WIDE_COSM1_7 -1.879366958732038e-07
+#define WIDE_COSM1_8 3.132278264553397e-09
+#define WIDE_COSM1_9 -4.0944813915730674e-11
+#define WIDE_COSM1_10 4.3099804121821766e-13
+#define WIDE_COSM1_11 -3.731584772452101e-15
+#define WIDE_COSM1_12 2.7040469365594935e-17
+#define WIDE_COSM1_13 -1.6640288840366114e-19
+#define WIDE_COSM1_14 8.80438562982334e-22
+#define WIDE_COSM1_15 -4.047993393022225e-24
 #define SMALL_TURN 0.125 /* of z, rad^2 */
-#define DOUBLINGS 3
-#define WIDEST_TURN 8.0 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 #define UNKNOWN_TURN 2.4674011002723395 /* rad^2: d = pi, where the two points of a column meet */
 
-/* Turns that are not all small, far from a settled filter: d halved until it is, then doubled again. Where the columns
+/* Turns that are not all small, far from a settled filter: polynomials of more terms. Where the columns
  * together turn by more than UNKNOWN_TURN the points would alias: the angle is unknown, what it had in common with
  * states before it is given up, and half that much is left of its variance: so little that it can be learnt anew.
  * row: what of LD belongs to the angle. Returns the status. */
@@ -111,27 +139,15 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
         status = PMSM_COVARIANCE_REPAIRED;
     }
     for (k = 0; k < count; k++) {
-        float64 part = smaller(z[k], WIDEST_TURN);
-        float64 sinc;
-        float64 cosm1;
-        int doublings = 0;
-        int j;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (part > SMALL_TURN) {
-                part = 0.25 * part;
-                doublings++;
-            }
-        }
-        sinc = ((((((((SINC_9 * part + SINC_8) * part + SINC_7) * part + SINC_6) * part + SINC_5) * part + SINC_4) * part + SINC_3) * part + SINC_2) * part + SINC_1) * part + 1.0;
-        cosm1 = ((((((((COSM1_9 * part + COSM1_8) * part + COSM1_7) * part + COSM1_6) * part + COSM1_5) * part + COSM1_4) * part + COSM1_3) * part + COSM1_2) * part + COSM1_1) * part;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (j < doublings) {
-                sinc = sinc * (cosm1 + 1.0);
-                cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
-            }
-        }
-        turn[2 * k] = sinc;
-        turn[(2 * k) + 1] = cosm1;
+        const float64 part = z[k];
+        turn[2 * k] = ((((((((((((((WIDE_SINC_15 * part + WIDE_SINC_14) * part + WIDE_SINC_13) * part +
+            WIDE_SINC_12) * part + WIDE_SINC_11) * part + WIDE_SINC_10) * part + WIDE_SINC_9) * part +
+            WIDE_SINC_8) * part + WIDE_SINC_7) * part + WIDE_SINC_6) * part + WIDE_SINC_5) * part +
+            WIDE_SINC_4) * part + WIDE_SINC_3) * part + WIDE_SINC_2) * part + WIDE_SINC_1) * part + 1.0;
+        turn[(2 * k) + 1] = ((((((((((((((WIDE_COSM1_15 * part + WIDE_COSM1_14) * part + WIDE_COSM1_13) * part
+            + WIDE_COSM1_12) * part + WIDE_COSM1_11) * part + WIDE_COSM1_10) * part + WIDE_COSM1_9) * part +
+            WIDE_COSM1_8) * part + WIDE_COSM1_7) * part + WIDE_COSM1_6) * part + WIDE_COSM1_5) * part +
+            WIDE_COSM1_4) * part + WIDE_COSM1_3) * part + WIDE_COSM1_2) * part + WIDE_COSM1_1) * part;
     }
     return status;
 }
@@ -139,11 +155,10 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
 /* The same angle in [-pi, pi). */
 static float64 wrap_angle(float64 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    const float64 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)

@@ -89,7 +89,7 @@ static float64 larger(float64 a, float64 b)
 }
 
 /* How far a column of L turns an angle, from z = d^2 / 7: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
- * for d up to 0.71 rad. */
+ * for d up to 0.71 rad; WIDE_ ones for d up to pi. */
 #define SINC_1 -1.1666666666666665
 #define SINC_2 0.4083333333333333
 #define SINC_3 -0.06805555555555555
@@ -108,12 +108,40 @@ static float64 larger(float64 a, float64 b)
 #define COSM1_7 -9.446652241791131e-06
 #define COSM1_8 2.755273570522413e-07
 #define COSM1_9 -6.3029133966198984e-09
+#define WIDE_SINC_1 -1.1666666666666665
+#define WIDE_SINC_2 0.4083333333333333
+#define WIDE_SINC_3 -0.06805555555555555
+#define WIDE_SINC_4 0.006616512345679013
+#define WIDE_SINC_5 -0.000421050785634119
+#define WIDE_SINC_6 1.889330448358226e-05
+#define WIDE_SINC_7 -6.297768161194087e-07
+#define WIDE_SINC_8 1.6207491591308312e-08
+#define WIDE_SINC_9 -3.317322840326263e-10
+#define WIDE_SINC_10 5.5288714005437715e-12
+#define WIDE_SINC_11 -7.648636324862924e-14
+#define WIDE_SINC_12 8.923409045673412e-16
+#define WIDE_SINC_13 -8.89798622787947e-18
+#define WIDE_SINC_14 7.670677782654715e-20
+#define WIDE_SINC_15 -5.773628438557313e-22
+#define WIDE_COSM1_1 -3.5
+#define WIDE_COSM1_2 2.0416666666666665
+#define WIDE_COSM1_3 -0.4763888888888889
+#define WIDE_COSM1_4 0.05954861111111111
+#define WIDE_COSM1_5 -0.004631558641975308
+#define WIDE_COSM1_6 0.00024561295828656943
+#define WIDE_COSM1_7 -9.446652241791131e-06
+#define WIDE_COSM1_8 2.755273570522413e-07
+#define WIDE_COSM1_9 -6.3029133966198984e-09
+#define WIDE_COSM1_10 1.1610629941141919e-10
+#define WIDE_COSM1_11 -1.7591863547184729e-12
+#define WIDE_COSM1_12 2.2308522614183532e-14
+#define WIDE_COSM1_13 -2.402456281527457e-16
+#define WIDE_COSM1_14 2.2244965569698676e-18
+#define WIDE_COSM1_15 -1.789824815952767e-20
 #define SMALL_TURN 0.07142857142857142 /* of z, rad^2 */
-#define DOUBLINGS 3
-#define WIDEST_TURN 4.571428571428571 /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 #define UNKNOWN_TURN 1.4099434858699083 /* rad^2: d = pi, where the two points of a column meet */
 
-/* Turns that are not all small, far from a settled filter: d halved until it is, then doubled again. Where the columns
+/* Turns that are not all small, far from a settled filter: polynomials of more terms. Where the columns
  * together turn by more than UNKNOWN_TURN the points would alias: the angle is unknown, what it had in common with
  * states before it is given up, and half that much is left of its variance: so little that it can be learnt anew.
  * row: what of LD belongs to the angle. Returns the status. */
@@ -135,27 +163,15 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
         status = PMSM_COVARIANCE_REPAIRED;
     }
     for (k = 0; k < count; k++) {
-        float64 part = smaller(z[k], WIDEST_TURN);
-        float64 sinc;
-        float64 cosm1;
-        int doublings = 0;
-        int j;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (part > SMALL_TURN) {
-                part = 0.25 * part;
-                doublings++;
-            }
-        }
-        sinc = ((((((((SINC_9 * part + SINC_8) * part + SINC_7) * part + SINC_6) * part + SINC_5) * part + SINC_4) * part + SINC_3) * part + SINC_2) * part + SINC_1) * part + 1.0;
-        cosm1 = ((((((((COSM1_9 * part + COSM1_8) * part + COSM1_7) * part + COSM1_6) * part + COSM1_5) * part + COSM1_4) * part + COSM1_3) * part + COSM1_2) * part + COSM1_1) * part;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (j < doublings) {
-                sinc = sinc * (cosm1 + 1.0);
-                cosm1 = larger(2.0 * cosm1 * (cosm1 + 2.0), -2.0);
-            }
-        }
-        turn[2 * k] = sinc;
-        turn[(2 * k) + 1] = cosm1;
+        const float64 part = z[k];
+        turn[2 * k] = ((((((((((((((WIDE_SINC_15 * part + WIDE_SINC_14) * part + WIDE_SINC_13) * part +
+            WIDE_SINC_12) * part + WIDE_SINC_11) * part + WIDE_SINC_10) * part + WIDE_SINC_9) * part +
+            WIDE_SINC_8) * part + WIDE_SINC_7) * part + WIDE_SINC_6) * part + WIDE_SINC_5) * part +
+            WIDE_SINC_4) * part + WIDE_SINC_3) * part + WIDE_SINC_2) * part + WIDE_SINC_1) * part + 1.0;
+        turn[(2 * k) + 1] = ((((((((((((((WIDE_COSM1_15 * part + WIDE_COSM1_14) * part + WIDE_COSM1_13) * part
+            + WIDE_COSM1_12) * part + WIDE_COSM1_11) * part + WIDE_COSM1_10) * part + WIDE_COSM1_9) * part +
+            WIDE_COSM1_8) * part + WIDE_COSM1_7) * part + WIDE_COSM1_6) * part + WIDE_COSM1_5) * part +
+            WIDE_COSM1_4) * part + WIDE_COSM1_3) * part + WIDE_COSM1_2) * part + WIDE_COSM1_1) * part;
     }
     return status;
 }
@@ -163,11 +179,10 @@ static int widen(float64 row[], float64 z[], float64 turn[], int count)
 /* The same angle in [-pi, pi). */
 static float64 wrap_angle(float64 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    const float64 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values

@@ -84,30 +84,37 @@ INLINE float32 larger(float32 a, float32 b)
 /* The same angle in [-pi, pi). */
 INLINE float32 wrap_angle(float32 x)
 {
-    /* --- r = x - 2 pi turns, kept inside [-pi, pi) */
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    const float32 capped = smaller(r, BELOW_PI);
-    return larger(capped, -3.1415925f);
+    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 4 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 6 /* of LD: what belongs to theta */
 #define MOST_TURNS 4 /* of a block */
 
 /* How far a column of L turns an angle, from z = d^2 / 5: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
- * for d up to 0.71 rad.
- * Error proved: sinc 1.1e-06, cosm1 4.4e-07 of d^2 / 2. */
+ * for d up to 0.71 rad; WIDE_ ones for d up to pi.
+ * Error proved: sinc 1.1e-06, cosm1 4.4e-07 of d^2 / 2; wide 5.5e-07, 1.1e-06. */
 #define SINC_1 -0.8332277f
 #define SINC_2 0.20490783f
 #define COSM1_1 -2.4999995f
 #define COSM1_2 1.0415803f
 #define COSM1_3 -0.1713015f
+#define WIDE_SINC_1 -0.83333176f
+#define WIDE_SINC_2 0.20832182f
+#define WIDE_SINC_3 -0.02477446f
+#define WIDE_SINC_4 0.0016942676f
+#define WIDE_SINC_5 -6.491452e-05f
+#define WIDE_COSM1_1 -2.4999983f
+#define WIDE_COSM1_2 1.0416251f
+#define WIDE_COSM1_3 -0.17344062f
+#define WIDE_COSM1_4 0.015254851f
+#define WIDE_COSM1_5 -0.0007140009f
 #define SMALL_TURN 0.1f /* of z, rad^2 */
-#define DOUBLINGS 3
-#define WIDEST_TURN 6.4f /* rad^2: SMALL_TURN * 4^DOUBLINGS */
 #define UNKNOWN_TURN 1.9739208f /* rad^2: d = pi, where the two points of a column meet */
 
-/* Turns that are not all small, far from a settled filter: d halved until it is, then doubled again. Where the columns
+/* Turns that are not all small, far from a settled filter: polynomials of more terms. Where the columns
  * together turn by more than UNKNOWN_TURN the points would alias: the angle is unknown, what it had in common with
  * states before it is given up, and half that much is left of its variance: so little that it can be learnt anew.
  * row: what of LD belongs to the angle. Returns the status. */
@@ -129,27 +136,11 @@ static int widen(float32 row[], float32 z[], float32 turn[], int count)
         status = PMSM_COVARIANCE_REPAIRED;
     }
     for (k = 0; k < count; k++) {
-        float32 part = smaller(z[k], WIDEST_TURN);
-        float32 sinc;
-        float32 cosm1;
-        int doublings = 0;
-        int j;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (part > SMALL_TURN) {
-                part = 0.25f * part;
-                doublings++;
-            }
-        }
-        sinc = (SINC_2 * part + SINC_1) * part + 1.0f;
-        cosm1 = ((COSM1_3 * part + COSM1_2) * part + COSM1_1) * part;
-        for (j = 0; j < DOUBLINGS; j++) {
-            if (j < doublings) {
-                sinc = sinc * (cosm1 + 1.0f);
-                cosm1 = larger(2.0f * cosm1 * (cosm1 + 2.0f), -2.0f);
-            }
-        }
-        turn[2 * k] = sinc;
-        turn[(2 * k) + 1] = cosm1;
+        const float32 part = z[k];
+        turn[2 * k] = ((((WIDE_SINC_5 * part + WIDE_SINC_4) * part + WIDE_SINC_3) * part + WIDE_SINC_2) * part
+            + WIDE_SINC_1) * part + 1.0f;
+        turn[(2 * k) + 1] = ((((WIDE_COSM1_5 * part + WIDE_COSM1_4) * part + WIDE_COSM1_3) * part +
+            WIDE_COSM1_2) * part + WIDE_COSM1_1) * part;
     }
     return status;
 }

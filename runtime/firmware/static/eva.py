@@ -207,18 +207,19 @@ _TURNS = re.compile(r"^ *status \|= \w+_turns\([^;]*, (?P<turn>turn\w*)\);\n", r
 def with_turns(source: str) -> str:
     """The source with what is proved of small angles behind each call that computes some.
 
-    Up to the limit the polynomials are within their proved error of sin(d) / d, which falls from 1, and of
-    cos(d) - 1; beyond, sine and cosine are within theirs, and sin(d) / d has its least value -0.2173 at 4.493 rad.
+    The polynomials, small or wide, are within their proved error of sin(d) / d, which falls from 1 to 0 at d = pi,
+    beyond which no angle is taken, and of cos(d) - 1, which falls from 0 to -2; that error is one of d^2 / 2.
     """
     spread = re.search(r"from z = d\^2 / ([\d.]+):", source)
-    bound = small_angle_bound(float(spread[1]) if spread else 1.0)
-    error = sin_cos_bound().proved + bound.sinc + bound.cosm1
+    n = float(spread[1]) if spread else 1.0
+    bounds = [small_angle_bound(n, wide) for wide in (False, True)]
+    error = max(bound.sinc + bound.cosm1 * bound.limit / 2 for bound in bounds)
     sizes = {name: int(size) for name, size in re.findall(r"^    float32 (turn\w*)\[(\d+)\];", source, re.MULTILINE)}
 
     def add(match: re.Match[str]) -> str:
         turn = match["turn"]
         facts = [
-            f"-0.2173 - {error:.3e} <= {turn}[{2 * k}] <= 1.0 + {error:.3e} && "
+            f"-{error:.3e} <= {turn}[{2 * k}] <= 1.0 + {error:.3e} && "
             f"-2.0 - {error:.3e} <= {turn}[{2 * k + 1}] <= {error:.3e}"
             for k in range(sizes[turn] // 2)
         ]

@@ -135,6 +135,14 @@ class _PythonReader:
                 return _operation(_OPERATORS[type(op)], self.tree(left), self.tree(right))
             case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="wrap"), args=args):
                 return ("call", "wrap_angle", *map(self.tree, args))
+            case ast.Subscript(
+                value=ast.Call(
+                    func=ast.Attribute(value=ast.Name(id="np"), attr="where"),
+                    args=[ast.Compare(left=left, ops=[ast.LtE()], comparators=[right]), one, two],
+                ),
+                slice=ast.Tuple(elts=[]),
+            ):
+                return ("select", *map(self.tree, (left, right, one, two)))
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=args):
                 return ("call", _CALLS.get(name, name), *map(self.tree, args))
             case ast.Subscript(value=value, slice=ast.Constant(value=k)):
@@ -198,7 +206,7 @@ class _CReader:
                 self.straight = False
 
     def _returned(self, value: Any) -> None:
-        if isinstance(value, c_ast.FuncCall):
+        if isinstance(value, c_ast.FuncCall) or _is_select(value):
             self.function.outputs[0, 0] = self.tree(value)
         elif not (isinstance(value, c_ast.ID) and value.name == "result"):
             self.straight = False
@@ -243,6 +251,8 @@ class _CReader:
                 return _operation(op, self.tree(left), self.tree(right))
             case c_ast.FuncCall(name=c_ast.ID(name=name), args=args):
                 return ("call", _CALLS.get(name, name), *map(self.tree, args.exprs if args else ()))
+            case c_ast.TernaryOp(cond=c_ast.BinaryOp(op="<=", left=left, right=right), iftrue=one, iffalse=two):
+                return ("select", *map(self.tree, (left, right, one, two)))
             case c_ast.StructRef(name=pair, field=c_ast.ID(name="sine" | "cosine" as part)):
                 return ("index", self.tree(pair), ("sine", "cosine").index(part))
             case c_ast.ArrayRef(
@@ -252,6 +262,14 @@ class _CReader:
             case c_ast.ArrayRef(name=owner, subscript=c_ast.Constant(type="int", value=k)):
                 return ("index", self.tree(owner), int(k))
         return ("other", str(node), object())
+
+
+def _is_select(value: Any) -> bool:
+    """``(a <= b) ? c : d`` of numbers by their names; ``? 1 : 0`` is a truth."""
+    match value:
+        case c_ast.TernaryOp(cond=c_ast.BinaryOp(op="<="), iftrue=c_ast.ID()):
+            return True
+    return False
 
 
 def _is_lane_loop(statement: Any) -> bool:

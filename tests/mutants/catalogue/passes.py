@@ -194,7 +194,9 @@ ARITHMETIC = (
             "value = g.const(coefficients[0])\n    for c in coefficients[1:]",
             TRIG,
         ),
-        ("lower end cut", 'result = g.op("max", capped, lower)', 'result = g.op("max", capped, g.const(0.0))', TRIG),
+        ("lower end cut", 'g.op("min", r, bound), lower)', 'g.op("min", r, bound), g.const(0.0))', TRIG),
+        ("inside beyond pi", "INSIDE = 3.14159\n", "INSIDE = 3.1425\n", TRIG),
+        ("inside and outside exchanged", "g.const(INSIDE), x, outside)", "g.const(INSIDE), outside, x)", TRIG),
         ("rounds to twice as coarse", "return 1.5 * 2.0 ** (self.bits - 1)", "return 1.5 * 2.0 ** self.bits", TRIG),
     ),
     *of(
@@ -216,7 +218,9 @@ ARITHMETIC = (
             PAPER,
         ),
         ("too wide a polynomial", "LIMIT = 0.5\n", "LIMIT = 2.0\n", SMALL),
-        ("one doubling less", "DOUBLINGS = 3\n", "DOUBLINGS = 2\n", SMALL),
-        ("one term short", "terms = range(1, 10)", "terms = range(1, 5)", SMALL),
+        ("the wide sinc's last", "-2.0772646253426672e-08", "-2.0872646253426672e-08", SMALL),
+        ("the wide cosm1's second", "0.04166500500238244", "0.04165500500238244", SMALL),
+        ("one term short", "16 if wide else 10)", "16 if wide else 5)", SMALL),
+        ("wide ones with the small ones' terms", "16 if wide else 10)", "10)", SMALL),
     ),
 )
