@@ -22,8 +22,8 @@ from codegen.targets.description import Target
 from codegen.targets.find import default_target
 
 #: In the order tables show them. ``add``: additions, subtractions and negations; ``compare``, ``select``: of float32;
-#: ``branch``: an ``if``, each time a loop asks whether to go on, a selection of whole numbers, each ``&&`` and ``||``;
-#: ``call``: of a function of the text. A compiler may do without some of these.
+#: ``branch``: an ``if``, each time a loop asks whether to go on, a selection of whole numbers or with a side that
+#: computes, each ``&&`` and ``||``; ``call``: of a function of the text. A compiler may do without some of these.
 OPERATIONS = ("add", "mul", "div", "sqrt", "compare", "select", "branch", "call")
 #: Calls of sin_cos: told, and not priced, as its arithmetic is among the others.
 SINCOS = "sincos"
@@ -214,8 +214,9 @@ class _Body:
         return own + self._children(node)
 
     def _count_TernaryOp(self, node: Any) -> Count:
-        own = Counter({"select" if self._kind(node) == "float" else "branch": 1})
-        return own + self.count(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
+        sides = self.count(node.iftrue) | self.count(node.iffalse)
+        own = Counter({"branch" if sides or self._kind(node) != "float" else "select": 1})
+        return own + self.count(node.cond) + sides
 
     def _count_FuncCall(self, node: Any) -> Count:
         name = node.name.name

@@ -56,7 +56,7 @@ def count(body: str, n_max: int = 4, more: str = "") -> dict[str, int]:
         ("return twice(twice(a * b));", {"add": 2, "mul": 1, "call": 2}),
         ("return f->part.gain[1] * f->limit;", {"mul": 1}),
         ("return f->part.n * 2;", {}),
-        ("return a < b ? a + b : a * b;", {"compare": 1, "select": 1, "add": 1, "mul": 1}),
+        ("return a < b ? a + b : a * b;", {"compare": 1, "branch": 1, "add": 1, "mul": 1}),
         ("k = (k != 0) ? 1 : 2; return a;", {"branch": 1}),
         ("k = ((a < b) && (b < 0.0f)) ? 1 : 0; return a;", {"compare": 2, "branch": 2}),
         ("if (a < b && b > 0.0f) { a = a * b; } else { a = a * b * b; } return a;",

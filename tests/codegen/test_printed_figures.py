@@ -363,16 +363,19 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     if "How far a column of L turns" not in texts[0]:
         return
     small = re.search(
-        r"from z = d\^2 / (\d).*?for d up to (\S+) rad\. Error proved: sinc (\S+), cosm1 (\S+) of d\^2 / 2\.", texts[0]
+        r"from z = d\^2 / (\d).*?for d up to (\S+) rad; WIDE_ ones for d up to pi\. "
+        r"Error proved: sinc (\S+), cosm1 (\S+) of d\^2 / 2; wide (\S+), (\S+)\.",
+        texts[0],
     )
     assert small is not None
-    n, widest, sinc_bound, cosm1_bound = (float(word) for word in small.groups())
+    n, widest, *bounds = (float(word) for word in small.groups())
     limit = re.search(r"#define SMALL_TURN (\S+)f", made.files[f"{name}_ckf.c"])
     assert limit is not None
     assert widest == pytest.approx((n * float(limit[1])) ** 0.5, rel=0.01)
-    z = np.linspace(1e-4, (0.99 * widest) ** 2 / n, 20_000).astype(np.float32)
-    d = np.sqrt(n * z.astype(float))
-    sinc, cosm1 = getattr(module["MATH"]["float32"], f"small_angle_{n:g}")(z)
-    off = np.max(np.abs(sinc - np.sin(d) / d)), np.max(np.abs(cosm1 + 2 * np.sin(d / 2) ** 2) / (d**2 / 2))
-    assert off[0] <= sinc_bound <= 6 * off[0]
-    assert off[1] <= cosm1_bound <= 6 * off[1]
+    for word, end, proved in (("turn", 0.99 * widest, bounds[:2]), ("wide_turn", np.pi, bounds[2:])):
+        z = np.linspace(1e-4, end**2 / n, 20_000).astype(np.float32)
+        d = np.sqrt(n * z.astype(float))
+        sinc, cosm1 = getattr(module["MATH"]["float32"], f"{word}_{n:g}")(z)
+        off = np.max(np.abs(sinc - np.sin(d) / d)), np.max(np.abs(cosm1 + 2 * np.sin(d / 2) ** 2) / (d**2 / 2))
+        for bound, worst in zip(proved, off, strict=True):
+            assert worst <= bound <= 6 * worst

@@ -264,7 +264,7 @@ FAST_MUTANTS = [
     (r"(odd_theta_next_1 = \w+ \* \w+) \+", r"\1 -", "17"),
     (r"innovation_i_alpha = i_alpha_meas -", "innovation_i_alpha = i_alpha_meas +", "25, 34"),
     (r"D_new_i_beta = ", "D_new_i_beta = 1.000001 * ", "26, 32"),
-    (r"(def _polynomial_small_angle_4_f64.*?)-0\.6666666666666666", r"\1-0.66666", "17"),  # a coarse sine
+    (r"(def _small_angle_4_f64.*?)-0\.6666666666666666", r"\1-0.66666", "17"),  # a coarse sine
 ]
 
 

@@ -269,7 +269,9 @@ def test_a_count_that_an_int_of_16_bits_does_not_hold_is_seen() -> None:
     text = re.sub(r"(?<=#define MOST_SAMPLES )32000\b", "40000", subject.sources[file])
     assert text != subject.sources[file]
     wrong = replace(subject, sources={**subject.sources, file: text})
-    long = Recording((Segment(recording.segments[0].inputs, {"supervisor.since": 32766}),))
+    fault = find_folder("paper_spmsm").module.FAULT  # the mode that no count ends
+    fields = {"supervisor.mode": fault, "supervisor.since": 32766}
+    long = Recording((Segment(recording.segments[0].inputs, fields),))
     expected = run_on_host(wrong, long)
     assert expected[:, wrong.words.index("supervisor.since")].tolist() == [32767, 32768, 32769]
     for processor, differs in ((Avr(), True), (M4, False)):

@@ -284,7 +284,8 @@ _EVIDENCE = {
         ("branches not counted", "+ Counter({\"branch\": 1})\n\n    def _loop", "+ Counter()\n\n    def _loop", (LEDGER, COUNTED)),
         ("&& for nothing", 'return Counter({"branch": 1}) + self._children(node)', "return self._children(node)", (LEDGER, COUNTED)),
         ("calls not counted", 'total += Counter({"call": 1} |', 'total += Counter({"call": 0} |', (LEDGER, COUNTED)),
-        ("whole numbers chosen for nothing", '"float" else "branch": 1})', '"float" else "branch": 0})', (LEDGER, COUNTED)),
+        ("sides that compute chosen", 'sides or self._kind(node) != "float"', 'self._kind(node) != "float"', (LEDGER, COUNTED)),
+        ("whole numbers chosen for nothing", '"float" else "select": 1})', '"float" else "select": 0})', (LEDGER, COUNTED)),
         ("leaves and their neighbours", "_LEAVES = (c_ast.ID, c_ast.Constant)", "_LEAVES = (c_ast.ID, c_ast.Constant, c_ast.UnaryOp)", (LEDGER,)),
     ),
     "codegen/evidence/fpu32.py": (
