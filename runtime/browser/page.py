@@ -39,21 +39,25 @@ def compile_filter(folder: GeneratedFolder, kind: str) -> bytes:
     Raises
     ------
     UserError
-        clang or wasm-ld is missing, or they refuse the source.
+        A source is missing or was edited by hand; clang or wasm-ld is missing, or they refuse the source.
     """
+    name = f"{folder.drive}_{kind}"
+    sources = {file: folder.text(file) for file in (f"{name}.h", f"{name}.c", "pmsm_port.h")}
     missing = [name for name in ("clang", "wasm-ld") if shutil.which(name) is None]
     if missing:
         raise UserError(f"a page with a filter needs {' and '.join(missing)}: apt-get install clang lld.")
-    name = f"{folder.drive}_{kind}"
-    sources = [str(Path(__file__).with_name("browser.c")), str(folder.path / f"{name}.c")]
     with tempfile.TemporaryDirectory() as scratch:
+        for file, text in sources.items():
+            (Path(scratch) / file).write_text(text, encoding="utf-8")
         module = Path(scratch) / "filter.wasm"
-        names = [f"-DFILTER={name}", f'-DHEADER="{name}.h"', f"-I{folder.path}"]
+        names = [f"-DFILTER={name}", f'-DHEADER="{name}.h"', f"-I{scratch}"]
+        files = [str(Path(__file__).with_name("browser.c")), str(Path(scratch) / f"{name}.c")]
         done = subprocess.run(
-            ["clang", *FLAGS, *names, *sources, "-o", str(module)], capture_output=True, text=True, check=False
+            ["clang", *FLAGS, *names, *files, "-o", str(module)], capture_output=True, text=True, check=False
         )
         if done.returncode:
-            raise UserError(f"clang could not make WebAssembly of {name}.c: {done.stderr.strip().splitlines()[:1]}")
+            first = done.stderr.strip().partition("\n")[0]
+            raise UserError(f"clang could not make WebAssembly of {name}.c: {first}")
         return module.read_bytes()
 
 

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
+from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import say
 from runtime.commands.words import DRIVE
 
 
 def page(
     drive: Annotated[str, typer.Argument(metavar="DRIVE", help=DRIVE)],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where index.html goes.", show_default=False)],
+    out: Annotated[Path, writes_folder("Where index.html goes.", show_default=False)],
     filter_kind: Annotated[
         str | None, typer.Option("--filter", metavar="KIND", help="Default: ickf where there is one.")
     ] = None,

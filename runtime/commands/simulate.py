@@ -75,9 +75,9 @@ def simulate(
     out: Annotated[Path | None, writes_folder("Write recorded data (npz) and figures (svg).")] = None,
 ) -> None:
     """Close the loop: the generated controller drives the motor, sensorless from standstill."""
-    from runtime.drive.experiment import KINDS
     from runtime.drive.motor import parse_factors
     from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_table, task_line
+    from runtime.estimator.folder import KINDS
 
     conditions = {"inverter": inverter, "dead_time": dead_time, "delay": delay, "noise": noise, "bits": bits}
     conditions |= {"switch_drop": switch_drop, "min_pulse": min_pulse}

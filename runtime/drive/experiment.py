@@ -16,7 +16,7 @@ from model.schema import Drive
 from runtime.drive.scenario import find_scenario, step_start
 from runtime.drive.simulation import Conditions, Run, Simulator
 from runtime.estimator.compiler import find_compiler
-from runtime.estimator.folder import GeneratedFolder
+from runtime.estimator.folder import KINDS, GeneratedFolder
 from runtime.folders.resolve import NamedDrive, find_drive
 from runtime.system.values import read_word
 
@@ -24,8 +24,6 @@ Progress = Callable[[str], None]
 
 #: The faults of a cheap inverter: carrier comparison, 2 us of dead time, 12 bits, a sample of computation delay.
 HARD = Conditions(inverter="pwm", dead_time=2e-6, bits=12, delay=1)
-
-KINDS = ("ckf", "ickf", "ekf", "ukf")
 
 
 @dataclass(frozen=True)

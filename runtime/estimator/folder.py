@@ -16,6 +16,8 @@ from runtime.system.values import nearest
 #: The generated drives that come with the project lie beside its packages.
 GENERATED = Path(__file__).parents[2] / "generated"
 
+#: Kinds of filters that can be generated.
+KINDS = ("ckf", "ickf", "ekf", "ukf")
 
 #: Keys of every manifest, and their types.
 _MANIFEST = {"drive": str, "filters": dict, "files": dict, "parameters": dict, "states": list}
@@ -65,10 +67,11 @@ class GeneratedFolder:
         Raises
         ------
         UserError
-            The folder has no filter of this kind; the message lists those it has.
+            The folder has no filter of this kind; the message lists those it has, and names the nearest one unless
+            ``kind`` is a word for a filter that was left out.
         """
         if kind not in self.kinds:
-            hint = nearest(kind, self.kinds)
+            hint = "" if kind in KINDS else nearest(kind, self.kinds)
             raise UserError(f"drive '{self.drive}' has no filter '{kind}'; generated: {', '.join(self.kinds)}.{hint}")
 
     def chosen(self, kind: str | None) -> str:

@@ -15,10 +15,11 @@ from pathlib import Path
 from codegen.fast.ablation import Earned, earnings
 from model.drives.load import shipped_drives
 from model.machines.state_space import build
-from runtime.drive.experiment import HARD, KINDS, SweepPoint, sample_time_sweep, simulate
+from runtime.drive.experiment import HARD, SweepPoint, sample_time_sweep, simulate
 from runtime.drive.scenario import SCENARIOS
 from runtime.drive.simulation import Run
 from runtime.estimator.compiler import find_compiler
+from runtime.estimator.folder import KINDS
 from runtime.firmware.gates import check_or_recall
 from runtime.folders.generate import Written, generate_drives
 from runtime.folders.resolve import find_drive

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.drive.experiment import KINDS, folder_with
+from runtime.drive.experiment import folder_with
 from runtime.drive.fleet import Cases, Fleet
 from runtime.drive.scenario import Scenario, find_scenario
 from runtime.estimator.compiler import find_compiler
+from runtime.estimator.folder import KINDS
 from runtime.folders.resolve import find_drive
 from runtime.system.values import read_word
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from model.rating import sensor_noise
 from model.schema import Drive
-from runtime.drive.experiment import KINDS, folder_with
+from runtime.drive.experiment import folder_with
 from runtime.drive.fleet import Outcomes
 from runtime.drive.scenario import find_scenario
 from runtime.estimator.compiler import find_compiler
+from runtime.estimator.folder import KINDS
 from runtime.folders.resolve import find_drive
 from runtime.study.package import Package, pack, run_package
 from runtime.study.statement import Statement, parse_ranges

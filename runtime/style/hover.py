@@ -160,8 +160,19 @@ def _cells(axis: Any) -> Iterator[Spot]:
 
 
 def _x_label(axis: Any) -> str:
-    """Its own, or that of the last axis below it."""
-    return str(axis.get_xlabel() or next((a.get_xlabel() for a in reversed(axis.figure.axes) if a.get_xlabel()), ""))
+    """Its own, or that of the nearest axis below it which has one."""
+    place = axis.get_position()
+    below = [
+        (other.get_position().y0, str(other.get_xlabel()))
+        for other in axis.figure.axes
+        if other.get_xlabel() and _is_below(other.get_position(), place)
+    ]
+    return str(axis.get_xlabel()) or max(below, default=(0.0, ""))[1]
+
+
+def _is_below(box: Any, place: Any) -> bool:
+    """Whether an axis lies under another, not beside it."""
+    return bool(box.y0 <= place.y0 and box.x0 < place.x1 and place.x0 < box.x1)
 
 
 def _named(label: str) -> tuple[str, str]:

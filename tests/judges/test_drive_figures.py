@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.drive.experiment import HARD, KINDS, changed, run_facts, simulate
+from runtime.drive.experiment import HARD, changed, run_facts, simulate
 from runtime.drive.figures import SLICES, loop_figure, run_figure, sweep_figure
 from runtime.drive.simulation import Conditions, Run
 from runtime.drive.tables import claims, claims_table, remarks, runs_table, sweep_cell, sweep_table
+from runtime.estimator.folder import KINDS
 from runtime.recorded.truth import angle_error, errors, speed_error
 from runtime.system.errors import UserError
 from tests.conftest import TASKS

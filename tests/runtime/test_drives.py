@@ -92,3 +92,5 @@ def test_faults_take_the_filters_that_a_drive_has(desk: Path) -> None:
     refused = CliRunner().invoke(app, ["faults", "ipmsm", "out/mine", "--filters", "ckf,ickf", "--seeds", "1"])
     assert str(refused.exception) == "drive 'mine' has no filter 'ickf'; generated: ckf."
     assert "ipmsm, ckf" not in refused.output
+    mistyped = CliRunner().invoke(app, ["faults", "ipmsm", "--filters", "ikf", "--seeds", "1"])
+    assert str(mistyped.exception) == "drive 'ipmsm' has no filter 'ikf'; generated: ckf, ickf. Did you mean 'ickf'?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -230,8 +231,22 @@ def test_figures_can_be_drawn(replayed: Replay) -> None:
     pytest.importorskip("matplotlib")
     from runtime.replay.figures import estimate_figure, innovation_figure
 
-    assert estimate_figure(replayed).count('id="axes_') == 5
-    assert innovation_figure(replayed).count('id="axes_') == 4
+    for text, labels in (
+        (
+            estimate_figure(replayed),
+            ["speed, r/min", "speed error, r/min", "position, rad electrical", "position error, deg electrical",
+             "load torque, N m"],
+        ),
+        (
+            innovation_figure(replayed),
+            ["innovation alpha, A", "innovation beta, A", "normalised innovation squared", "autocorrelation"],
+        ),
+    ):  # fmt: skip
+        upright = re.findall(r"<text[^>]*rotate\(-90[^>]*>([^<]*)</text>", text)  # a label's lines one by one
+        assert " ".join(upright) == " ".join(labels)
+        assert text.count("<clipPath") == len(labels)  # an area to draw in for each
+        assert "<title>time " in text
+        assert "<title>lag " not in text  # the label of the last panel, not of those above it
 
 
 @pytest.mark.parametrize("rows", [1, 60, 3000, *thoroughly(2)])

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 import codegen.targets.chips as chips
 from codegen.evidence.budget import check_budget
+from codegen.evidence.ledger import OPERATIONS
 from codegen.generate import Package, generate
 from codegen.output.folder import write_folder
 from codegen.targets.find import find_target, target_names
@@ -23,7 +24,7 @@ from model.drives.load import DRIVES, load_drive, parse_drive
 from model.schema import DriveError
 from runtime.cli import app
 from runtime.compare.facts import costs
-from runtime.compare.tables import cost_cells
+from runtime.compare.tables import COST_COLUMNS, cost_cells
 from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
 from runtime.firmware.cortex_m import CortexM, boards
 from runtime.firmware.host import run_on_host
@@ -119,7 +120,9 @@ def test_a_folder_names_its_target_and_prices_nothing_unpublished(target: str, t
     check_budget(made.drive, made.accounts)  # the file allows 3000 cycles, which nobody can count here
     subject = SimpleNamespace(label="x", drive=made.drive, folder=GeneratedFolder(tmp_path / "d"), manifest=facts)
     cost = costs([subject])[0]  # type: ignore[list-item]
-    assert cost_cells(cost, cost)[7:11] == ("-", "-", "-", "-")
+    cells = dict(zip(COST_COLUMNS, cost_cells(cost, cost), strict=True))
+    assert {cells[name] for name in ("cycles", "ratio", "of T", "with controller")} == {"-"}
+    assert "-" not in {cells[name] for name in OPERATIONS}
 
 
 def subjects_of(made: Package, folder: Path) -> list:  # type: ignore[type-arg]

@@ -87,6 +87,20 @@ OWN = {
         edited --for cmake --out p | edited by hand
         good.toml --for cmake --out p | not generated yet
         """,
+    "page": """
+        paper_spmsm | Missing option '--out'
+        --out p | Missing argument 'DRIVE'
+        paper_spmsm ipmsm --out p | unexpected extra argument
+        paper_spmsm --out p --filter pf | has no filter 'pf'
+        paper_spmsm --out p --filter ikf | Did you mean 'ickf'?
+        paper_spmsm --out p --filter '' | --filter is empty
+        paper_spmsm --out a_file | is a file
+        paper_spmsm --out a_file/x | is a file
+        paper_spmsm --out dangling.toml | a link to nothing
+        good.toml --out p | not generated yet
+        edited --out p | edited by hand
+        lacking --out p | cannot be read
+        """,
     "export fmu": """
         paper_spmsm | Missing option '--out'
         paper_spmsm --out o.fmu --fmi 1 | --fmi

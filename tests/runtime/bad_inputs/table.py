@@ -16,6 +16,7 @@ NEEDS = {
     "export plecs": "--out o.h",
     "export a2l": "--out o.a2l",
     "package": "--for cmake --out pkg",
+    "page": "--out pg",
     "pil": "--port simulated --steps 2",
     "record": "--port simulated --seconds 0.1",
     "commission": "--port simulated",
