@@ -33,6 +33,7 @@ RUN = {
 #: Pages whose shell lines are parsed here and not run: why, and the test that runs the same command otherwise.
 PARSED = {
     "board.md": ("a board on a serial line", "tests/target/test_pil.py"),
+    "browser.md": ("clang for WebAssembly, which few have", "tests/runtime/test_browser.py"),
     "design.md": ("files of the reader's own, and questions to answer", "tests/runtime/test_design.py"),
     "explore.md": ("surveys of minutes to hours", "tests/runtime/test_start_survey.py"),
     "exports.md": ("drives of the reader's own", "tests/exports/test_command.py"),

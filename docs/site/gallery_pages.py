@@ -9,6 +9,7 @@ import ast
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -64,4 +65,8 @@ def run(name: str, folder: Path) -> subprocess.CompletedProcess[str]:
 if __name__ == "__main__":
     for asked in sys.argv[1:] or SCRIPTS:
         done = run(asked, FOLDER)
+        if done.returncode == 0:
+            figure = FOLDER / f"{asked}.svg"  # its last line says which matplotlib laid it out
+            drawn = figure.read_text(encoding="utf-8")
+            figure.write_text(f"{drawn}\n<!-- Matplotlib v{version('matplotlib')} -->\n", encoding="utf-8")
         print(asked, done.stdout if done.returncode == 0 else done.stderr, sep="\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -168,10 +169,15 @@ PICTURES: dict[str, Callable[[], Any]] = {
 }
 
 
+def drawn_by() -> str:
+    """The end of a committed figure: the matplotlib that laid it out."""
+    return f"\n<!-- Matplotlib v{version('matplotlib')} -->\n"
+
+
 def main() -> None:
     """Write every picture."""
     for name, draw in PICTURES.items():
-        (FOLDER / f"{name}.svg").write_text(svg_text(draw()), encoding="utf-8")
+        (FOLDER / f"{name}.svg").write_text(svg_text(draw()) + drawn_by(), encoding="utf-8")
 
 
 if __name__ == "__main__":
