@@ -19,7 +19,7 @@ def firmware(
     ] = False,
     fresh: Fresh = False,
 ) -> None:
-    """Check the generated C: the same bits on two emulated processors; compilers, bans, divisions, MISRA, EVA.
+    """Check the generated C: the same bits on emulated processors; compilers, bans, divisions, MISRA, EVA.
 
     An EVA check that is "not proved" does not fail the command: intervals could not decide it.
     """
