@@ -98,11 +98,10 @@ class ScalarUpdates:
         For the row f = H L: a_n = r, a_j = a_{j+1} + f_j g_j with g = D f; D_j becomes D_j a_{j+1} / a_j and
         column j of L gains -f_j / a_{j+1} times what K has gathered from the columns behind it (G. J. Bierman,
         Factorization Methods for Discrete Sequential Estimation, 1977, V.3, mirrored). Columns with f_j = 0 drop out.
-        No a is below r; said once more where a product might let rounding, or a prover, doubt it.
+        No a is below r, and rounding does not change that: f g = f (D f) has D's sign.
         """
         n = len(self.D)
         row, nu, a = self.rows.pop(0), self.innovations.pop(0), self.variances.pop(0)
-        floor = a
         stacked, rows = [*self.L, *self.rows], self._places()
         gathered = [a * 0.0] * len(stacked)
         for j in reversed(range(n)):
@@ -111,8 +110,6 @@ class ScalarUpdates:
                 continue
             g = self.D[j] * f
             grown = a + f * g
-            if f.value is None:
-                grown = grown.apply("max", floor)
             for i, line in enumerate(stacked):
                 before = line[j]
                 line[j] = before - f * gathered[i] / a

@@ -56,8 +56,8 @@ def average() -> Set:
 
 def look_at_result(model: StateSpaceModel) -> tuple[Set, Seldom]:
     """Last of a step: reports what was not ordinary, and restarts from what is no number or absurdly large."""
-    states = (Entry("x", k) for k in range(len(model.states)))
-    note = "The sum of pivots, mean and states is no number if one of them is none."
+    states = (Entry("x", k) for k, state in enumerate(model.states) if state.name != "theta")  # it is wrapped: a number
+    note = "The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one."
     limit = Name("SANE_LIMIT")
     sane = Compare("<=", Operation("*", _CHECK, _CHECK), Operation("*", limit, limit))
     unusual = (Reported((_REPAIRED,)), Not(sane), Not(_CALM))

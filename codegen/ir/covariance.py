@@ -64,6 +64,11 @@ class CovarianceLayout:
         return tuple(self.variance(name) for name in self.states)
 
     @property
+    def beside(self) -> tuple[int, ...]:
+        """The words that are no state's variance or pivot, zero where states have nothing in common."""
+        return tuple(k for k in range(self.size) if k not in self.variances)
+
+    @property
     def rows(self) -> tuple[int, ...]:
         """The row of each state, in the order of the states."""
         return tuple(self.order.index(k) for k in range(len(self.states)))

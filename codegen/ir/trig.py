@@ -27,8 +27,8 @@ COS_COEFFICIENTS = (0.0416666557299502, -0.0013888568213324846, 2.47692406766921
 ARGUMENT_LIMIT = 1000.0
 
 
-#: Just below pi: an angle that is no larger lies inside already, and subtracting turns would leave it alone.
-INSIDE = 3.14159
+#: Just below pi^2: an angle whose square is no larger lies inside already, and subtracting turns would leave it alone.
+INSIDE = 9.8696
 
 
 @dataclass(frozen=True)
@@ -169,8 +169,7 @@ def wrap_listing(precision: Precision) -> Listing:
     bound = g.const(precision.below_pi, "BELOW_PI")
     lower = g.const(-precision.below_pi)
     outside = g.op("max", g.op("min", r, bound), lower)
-    size = g.op("max", x, g.op("neg", x))
-    result = g.op("select", size, g.const(INSIDE), x, outside)
+    result = g.op("select", g.op("mul", x, x), g.const(INSIDE), x, outside)
     names = {x: "x", turns: "turns", r: "r", bound: "BELOW_PI", g.const(precision.rounding, "ROUND"): "ROUND"}
     heading = "r = x - 2 pi turns, kept inside, where x is not inside itself"
     section = Section("", heading, [Statement(turns, "turns"), Statement(r, "r")])

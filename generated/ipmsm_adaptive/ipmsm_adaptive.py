@@ -208,7 +208,7 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
@@ -217,7 +217,7 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -861,18 +861,18 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
     g_first_5 = HL_05 * D_pred_psi_beta
-    var_first_5 = _larger(noise_00 + HL_05 * g_first_5, noise_00)
+    var_first_5 = noise_00 + HL_05 * g_first_5
     HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4
     g_first_4 = D_pred_psi_alpha * HL_04
-    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, noise_00)
+    var_first_4 = var_first_5 + HL_04 * g_first_4
     g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3
-    var_first_3 = _larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00)
+    var_first_3 = var_first_4 + odd_y_i_alpha_3 * g_first_3
     g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2
-    var_first_2 = _larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00)
+    var_first_2 = var_first_3 + odd_y_i_alpha_2 * g_first_2
     g_first_1 = D_pred_omega * odd_y_i_alpha_1
-    var_first_1 = _larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
+    var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1
     g_first_0 = D_pred_theta * odd_y_i_alpha_0
-    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00
@@ -892,36 +892,36 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
     D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15_apart * D_first_5
-    var_second_5 = _larger(R_second + HL_15_apart * g_second_5, R_second)
+    var_second_5 = R_second + HL_15_apart * g_second_5
     change_first_54 = (INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5)
     f_second_4 = HL_14_apart - HL_15_apart * change_first_54
     one_per_var_first_4 = 1.0 / var_first_4
     D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = D_first_4 * f_second_4
-    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_second)
+    var_second_4 = var_second_5 + f_second_4 * g_second_4
     lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4
     f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4
     one_per_var_first_3 = 1.0 / var_first_3
     D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = D_first_3 * f_second_3
-    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_second)
+    var_second_3 = var_second_4 + f_second_3 * g_second_3
     lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3
     f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2
     f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
     D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    var_second = var_second_1 + f_second_0 * g_second_0
     gain_first_43 = g_first_4 + L_pred_43 * g_first_3
     gain_first_42 = gain_first_43 + L_pred_42 * g_first_2
     gain_first_41 = gain_first_42 + L_pred_41 * g_first_1
@@ -1225,51 +1225,51 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
 
     # --- eq. 32
     g_first_5 = HL_05 * D_pred_psi_beta
-    var_first_5 = _larger(HL_05 * g_first_5 + R_0, R_0)
+    var_first_5 = HL_05 * g_first_5 + R_0
     g_first_4 = HL_04 * D_pred_psi_alpha
-    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, R_0)
+    var_first_4 = var_first_5 + HL_04 * g_first_4
     g_first_3 = HL_03 * D_pred_magnet_flux
-    var_first_3 = _larger(var_first_4 + HL_03 * g_first_3, R_0)
+    var_first_3 = var_first_4 + HL_03 * g_first_3
     g_first_2 = HL_02 * D_pred_stator_resistance
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, R_0)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     g_first_1 = HL_01 * D_pred_omega
-    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, R_0)
-    var_first = _larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0)
+    var_first_1 = var_first_2 + HL_01 * g_first_1
+    var_first = var_first_1 + D_pred_theta * HL_00 * HL_00
     D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
     D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15 * D_first_5
-    var_second_5 = _larger(HL_15 * g_second_5 + R_1, R_1)
+    var_second_5 = HL_15 * g_second_5 + R_1
     change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5
     f_second_4 = HL_14 - HL_15 * change_first_54
     one_per_var_first_4 = 1.0 / var_first_4
     D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = f_second_4 * D_first_4
-    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_1)
+    var_second_4 = var_second_5 + f_second_4 * g_second_4
     lambda_first_3 = HL_03 * one_per_var_first_4
     gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14
     f_second_3 = HL_13 - lambda_first_3 * gain_first_y4
     one_per_var_first_3 = 1.0 / var_first_3
     D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = f_second_3 * D_first_3
-    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_1)
+    var_second_3 = var_second_4 + f_second_3 * g_second_3
     lambda_first_2 = HL_02 * one_per_var_first_3
     gain_first_y3 = gain_first_y4 + g_first_3 * HL_13
     f_second_2 = HL_12 - lambda_first_2 * gain_first_y3
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_1)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = HL_01 * one_per_var_first_2
     gain_first_y2 = gain_first_y3 + g_first_2 * HL_12
     f_second_1 = HL_11 - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = f_second_1 * D_first_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_1)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     D_first_0 = D_pred_theta * var_first_1 / var_first
     lambda_first_0 = HL_00 * one_per_var_first_1
     f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
-    var_second = _larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
+    var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0
 
     # --- eq. 34: theta wrapped, adaptive states within their tolerance
     theta_new = math.wrap(theta_j)
@@ -1395,8 +1395,8 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
@@ -1449,8 +1449,8 @@ def ickf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status

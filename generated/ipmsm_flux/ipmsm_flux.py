@@ -194,7 +194,7 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
@@ -203,7 +203,7 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -692,15 +692,15 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     part_of_var_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3
     HL_03 = SALIENCY * part_of_var_first
     g_first_3 = HL_03 * D_pred_theta
-    var_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
+    var_first_3 = noise_00 + HL_03 * g_first_3
     part_of_var_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2
     HL_02 = SALIENCY * part_of_var_first_2
     g_first_2 = HL_02 * D_pred_omega
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, noise_00)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1
-    var_first_1 = _larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
+    var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1
     g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha
-    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00
@@ -717,24 +717,24 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3
     D_first_3 = noise_00 * D_pred_theta_per_var_first_3
     g_second_3 = HL_13_apart * D_first_3
-    var_second_3 = _larger(R_second + HL_13_apart * g_second_3, R_second)
+    var_second_3 = R_second + HL_13_apart * g_second_3
     change_first_32 = part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3
     f_second_2 = HL_12_apart - HL_13_apart * change_first_32
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2
     f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0
     D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    var_second = var_second_1 + f_second_0 * g_second_0
     one_per_var_second = 1.0 / var_second
     nu_by_var_second = innovation_after_first * one_per_var_second
     psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + psi_alpha_pred
@@ -901,33 +901,33 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
 
     # --- eq. 32
     g_first_3 = HL_03 * D_pred_theta
-    var_first_3 = _larger(HL_03 * g_first_3 + R_0, R_0)
+    var_first_3 = HL_03 * g_first_3 + R_0
     g_first_2 = HL_02 * D_pred_omega
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, R_0)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     g_first_1 = HL_01 * D_pred_psi_beta
-    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, R_0)
-    var_first = _larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0)
+    var_first_1 = var_first_2 + HL_01 * g_first_1
+    var_first = var_first_1 + D_pred_psi_alpha * HL_00 * HL_00
     D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3
     D_first_3 = R_0 * D_pred_theta_per_var_first_3
     g_second_3 = HL_13 * D_first_3
-    var_second_3 = _larger(HL_13 * g_second_3 + R_1, R_1)
+    var_second_3 = HL_13 * g_second_3 + R_1
     change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3
     f_second_2 = HL_12 - HL_13 * change_first_32
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_1)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = HL_01 * one_per_var_first_2
     gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12
     f_second_1 = HL_11 - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1)
     g_second_1 = f_second_1 * D_first_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_1)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     D_first_0 = D_pred_psi_alpha * var_first_1 / var_first
     lambda_first_0 = HL_00 * one_per_var_first_1
     f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
-    var_second = _larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
+    var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0
 
     # --- eq. 34: theta wrapped
     theta_new = math.wrap(theta_j)
@@ -995,8 +995,8 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
@@ -1048,8 +1048,8 @@ def ickf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status

@@ -211,7 +211,7 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
@@ -220,7 +220,7 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -838,7 +838,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     var_second_1 = R_1 + D_pred_i_beta
     D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    var_second = var_second_1 + L_pred_10 * g_second_0
     one_per_var_second = 1.0 / var_second
     nu_by_var_second = innovation_after_first * one_per_var_second
     correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
@@ -924,7 +924,7 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     var_second_1 = R_1 + D_pred_i_beta
     D_first_0 = R_0 * D_pred_i_alpha_per_var_first
     g_second_0 = D_first_0 * L_pred_10
-    var_second = _larger(var_second_1 + L_pred_10 * g_second_0, R_1)
+    var_second = var_second_1 + L_pred_10 * g_second_0
     one_per_var_second = 1.0 / var_second
     nu_by_var_second = innovation_after_first * one_per_var_second
     correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second
@@ -1003,8 +1003,8 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
@@ -1037,8 +1037,8 @@ def ickf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status

@@ -246,7 +246,7 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
@@ -255,7 +255,7 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -842,15 +842,15 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
     g_first_3 = HL_03 * D_pred_psi_beta
-    var_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
+    var_first_3 = noise_00 + HL_03 * g_first_3
     HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2
     g_first_2 = D_pred_psi_alpha * HL_02
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, noise_00)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1
     g_first_1 = D_pred_omega * HL_01
-    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, noise_00)
+    var_first_1 = var_first_2 + HL_01 * g_first_1
     g_first_0 = D_pred_theta * odd_y_i_alpha_0
-    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00
@@ -866,24 +866,24 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3
     D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3
     g_second_3 = HL_13_apart * D_first_3
-    var_second_3 = _larger(R_second + HL_13_apart * g_second_3, R_second)
+    var_second_3 = R_second + HL_13_apart * g_second_3
     change_first_32 = (sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3)
     f_second_2 = HL_12_apart - HL_13_apart * change_first_32
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = HL_01 * one_per_var_first_2
     f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
     D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    var_second = var_second_1 + f_second_0 * g_second_0
     gain_first_21 = g_first_2 + L_pred_21 * g_first_1
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
     gain_second_21 = g_second_2 + L_first_21 * g_second_1
@@ -994,8 +994,8 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status

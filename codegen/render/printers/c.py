@@ -286,16 +286,20 @@ class CPrinter(FlowPrinter):
     def _format_guard(self) -> list[str]:
         """Declarations among it, so that it stands first."""
         return [
-            f"{INDENT}const int u_good = within(u, f->u_max);",
-            f"{INDENT}const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;",
-            f"{INDENT}int iterations = accepted;",
+            f"{INDENT}int accepted = 0;",
+            f"{INDENT}int iterations;",
             *([f"{INDENT}int moving;"] if self.loops else []),
-            f"{INDENT}int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;",
+            f"{INDENT}int status = PMSM_INPUT_REJECTED;",
             "",
-            f"{INDENT}if (u_good != 0) {{",
+            f"{INDENT}if (within(u, f->u_max) != 0) {{",
             f"{INDENT * 2}f->u_held[0] = u[0];",
             f"{INDENT * 2}f->u_held[1] = u[1];",
+            f"{INDENT * 2}if (within(y, f->y_max) != 0) {{",
+            f"{INDENT * 3}accepted = 1;",
+            f"{INDENT * 3}status = 0;",
+            f"{INDENT * 2}}}",
             f"{INDENT}}}",
+            f"{INDENT}iterations = accepted;",
         ]
 
     def _format_repeat(self, node: Repeat, depth: int) -> list[str]:

@@ -99,7 +99,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 4 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 6 /* of LD: what belongs to theta */
@@ -792,7 +792,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 var_second_1 = R_1 + D_pred_i_beta;
         const float32 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
         const float32 g_second_0 = D_first_0 * L_pred_10;
-        const float32 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
+        const float32 var_second = var_second_1 + L_pred_10 * g_second_0;
         const float32 one_per_var_second = 1.0f / var_second;
         const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
         const float32 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
@@ -972,7 +972,7 @@ static void set_status_bits(hub_36v_ckf_lanes_t *__restrict f, float32 check, in
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(hub_36v_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -987,7 +987,7 @@ static void finish_step(hub_36v_ckf_lanes_t *__restrict f, const lanes *__restri
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane] + f->x[5].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
         const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;

@@ -95,7 +95,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -902,18 +902,18 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
         const float32 g_first_5 = HL_05 * D_pred_psi_beta;
-        const float32 var_first_5 = larger(noise_00 + HL_05 * g_first_5, noise_00);
+        const float32 var_first_5 = noise_00 + HL_05 * g_first_5;
         const float32 HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4;
         const float32 g_first_4 = D_pred_psi_alpha * HL_04;
-        const float32 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, noise_00);
+        const float32 var_first_4 = var_first_5 + HL_04 * g_first_4;
         const float32 g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3;
-        const float32 var_first_3 = larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
+        const float32 var_first_3 = var_first_4 + odd_y_i_alpha_3 * g_first_3;
         const float32 g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2;
-        const float32 var_first_2 = larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
+        const float32 var_first_2 = var_first_3 + odd_y_i_alpha_2 * g_first_2;
         const float32 g_first_1 = D_pred_omega * odd_y_i_alpha_1;
-        const float32 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+        const float32 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
         const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-        const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+        const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
         const float32 one_per_var_first = 1.0f / var_first;
         const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
         const float32 HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00;
@@ -933,37 +933,37 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
         const float32 D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5;
         const float32 g_second_5 = HL_15_apart * D_first_5;
-        const float32 var_second_5 = larger(R_second + HL_15_apart * g_second_5, R_second);
+        const float32 var_second_5 = R_second + HL_15_apart * g_second_5;
         const float32 change_first_54 =
             INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5;
         const float32 f_second_4 = HL_14_apart - HL_15_apart * change_first_54;
         const float32 one_per_var_first_4 = 1.0f / var_first_4;
         const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
         const float32 g_second_4 = D_first_4 * f_second_4;
-        const float32 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_second);
+        const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
         const float32 lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4;
         const float32 f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4;
         const float32 one_per_var_first_3 = 1.0f / var_first_3;
         const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
         const float32 g_second_3 = D_first_3 * f_second_3;
-        const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_second);
+        const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
         const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3;
         const float32 f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
         const float32 g_second_2 = D_first_2 * f_second_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
         const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = D_first_1 * f_second_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
         const float32 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
         const float32 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
         const float32 g_second_0 = D_first_0 * f_second_0;
-        const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+        const float32 var_second = var_second_1 + f_second_0 * g_second_0;
         const float32 gain_first_43 = g_first_4 + L_pred_43 * g_first_3;
         const float32 gain_first_42 = gain_first_43 + L_pred_42 * g_first_2;
         const float32 gain_first_41 = gain_first_42 + L_pred_41 * g_first_1;
@@ -1247,7 +1247,7 @@ static void set_status_bits(ipmsm_adaptive_ckf_lanes_t *__restrict f, float32 ch
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_adaptive_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1262,7 +1262,7 @@ static void finish_step(ipmsm_adaptive_ckf_lanes_t *__restrict f, const lanes *_
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
         const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;

@@ -174,7 +174,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= 9.8696) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)
@@ -974,51 +974,51 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
 
     /* --- eq. 32 */
     const float64 g_first_5 = HL_05 * D_pred_psi_beta;
-    const float64 var_first_5 = larger(HL_05 * g_first_5 + R_0, R_0);
+    const float64 var_first_5 = HL_05 * g_first_5 + R_0;
     const float64 g_first_4 = HL_04 * D_pred_psi_alpha;
-    const float64 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, R_0);
+    const float64 var_first_4 = var_first_5 + HL_04 * g_first_4;
     const float64 g_first_3 = HL_03 * D_pred_magnet_flux;
-    const float64 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+    const float64 var_first_3 = var_first_4 + HL_03 * g_first_3;
     const float64 g_first_2 = HL_02 * D_pred_stator_resistance;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 g_first_1 = HL_01 * D_pred_omega;
-    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
-    const float64 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
+    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
+    const float64 var_first = var_first_1 + D_pred_theta * HL_00 * HL_00;
     const float64 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
     const float64 D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5;
     const float64 g_second_5 = HL_15 * D_first_5;
-    const float64 var_second_5 = larger(HL_15 * g_second_5 + R_1, R_1);
+    const float64 var_second_5 = HL_15 * g_second_5 + R_1;
     const float64 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
     const float64 f_second_4 = HL_14 - HL_15 * change_first_54;
     const float64 one_per_var_first_4 = 1.0 / var_first_4;
     const float64 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float64 g_second_4 = f_second_4 * D_first_4;
-    const float64 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_1);
+    const float64 var_second_4 = var_second_5 + f_second_4 * g_second_4;
     const float64 lambda_first_3 = HL_03 * one_per_var_first_4;
     const float64 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
     const float64 f_second_3 = HL_13 - lambda_first_3 * gain_first_y4;
     const float64 one_per_var_first_3 = 1.0 / var_first_3;
     const float64 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float64 g_second_3 = f_second_3 * D_first_3;
-    const float64 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
+    const float64 var_second_3 = var_second_4 + f_second_3 * g_second_3;
     const float64 lambda_first_2 = HL_02 * one_per_var_first_3;
     const float64 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
     const float64 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
     const float64 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 D_first_0 = D_pred_theta * var_first_1 / var_first;
     const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+    const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
     /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
     const float64 theta_new = wrap_angle(theta_j);
@@ -1254,9 +1254,27 @@ static void restart(ipmsm_adaptive_ickf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
+    f->LD[10] = 0.0;
+    f->LD[11] = 0.0;
+    f->LD[12] = 0.0;
+    f->LD[13] = 0.0;
+    f->LD[15] = 0.0;
+    f->LD[16] = 0.0;
+    f->LD[17] = 0.0;
+    f->LD[18] = 0.0;
+    f->LD[19] = 0.0;
+    f->LD[21] = 0.0;
+    f->LD[22] = 0.0;
+    f->LD[23] = 0.0;
+    f->LD[24] = 0.0;
+    f->LD[25] = 0.0;
+    f->LD[26] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1308,16 +1326,20 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     float64 nis[1];
     float64 HL[12];
     float64 change[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
+    int accepted = 0;
+    int iterations;
     int moving;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[3]) && (LD_pred[2] > f->Q[2]) && (LD_pred[5] > f->Q[6]) && (LD_pred[9] > f->Q[5])
@@ -1340,8 +1362,9 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
     if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
         !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);

@@ -91,7 +91,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -1067,51 +1067,51 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
 
         /* --- eq. 32 */
         const float32 g_first_5 = HL_05 * D_pred_psi_beta;
-        const float32 var_first_5 = larger(HL_05 * g_first_5 + R_0, R_0);
+        const float32 var_first_5 = HL_05 * g_first_5 + R_0;
         const float32 g_first_4 = HL_04 * D_pred_psi_alpha;
-        const float32 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, R_0);
+        const float32 var_first_4 = var_first_5 + HL_04 * g_first_4;
         const float32 g_first_3 = HL_03 * D_pred_magnet_flux;
-        const float32 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+        const float32 var_first_3 = var_first_4 + HL_03 * g_first_3;
         const float32 g_first_2 = HL_02 * D_pred_stator_resistance;
-        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
         const float32 g_first_1 = HL_01 * D_pred_omega;
-        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
-        const float32 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
+        const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
+        const float32 var_first = var_first_1 + D_pred_theta * HL_00 * HL_00;
         const float32 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
         const float32 D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5;
         const float32 g_second_5 = HL_15 * D_first_5;
-        const float32 var_second_5 = larger(HL_15 * g_second_5 + R_1, R_1);
+        const float32 var_second_5 = HL_15 * g_second_5 + R_1;
         const float32 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
         const float32 f_second_4 = HL_14 - HL_15 * change_first_54;
         const float32 one_per_var_first_4 = 1.0f / var_first_4;
         const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
         const float32 g_second_4 = f_second_4 * D_first_4;
-        const float32 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_1);
+        const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
         const float32 lambda_first_3 = HL_03 * one_per_var_first_4;
         const float32 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
         const float32 f_second_3 = HL_13 - lambda_first_3 * gain_first_y4;
         const float32 one_per_var_first_3 = 1.0f / var_first_3;
         const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
         const float32 g_second_3 = f_second_3 * D_first_3;
-        const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
+        const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
         const float32 lambda_first_2 = HL_02 * one_per_var_first_3;
         const float32 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
         const float32 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
         const float32 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
         const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = f_second_1 * D_first_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 D_first_0 = D_pred_theta * var_first_1 / var_first;
         const float32 lambda_first_0 = HL_00 * one_per_var_first_1;
         const float32 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-        const float32 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+        const float32 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
         /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
         const float32 theta_new = wrap_angle(theta_j);
@@ -1368,7 +1368,7 @@ static void set_status_bits(ipmsm_adaptive_ickf_lanes_t *__restrict f, float32 c
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1383,7 +1383,7 @@ static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
         const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;

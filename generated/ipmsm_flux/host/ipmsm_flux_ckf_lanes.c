@@ -78,7 +78,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 4 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 6 /* of LD: what belongs to theta */
@@ -675,15 +675,15 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 part_of_var_first = (1.0f + cosm1_theta_3) * odd_psi_d_pred_3;
         const float32 HL_03 = SALIENCY * part_of_var_first;
         const float32 g_first_3 = HL_03 * D_pred_theta;
-        const float32 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+        const float32 var_first_3 = noise_00 + HL_03 * g_first_3;
         const float32 part_of_var_first_2 = (1.0f + cosm1_theta_2) * odd_psi_d_pred_2;
         const float32 HL_02 = SALIENCY * part_of_var_first_2;
         const float32 g_first_2 = HL_02 * D_pred_omega;
-        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
         const float32 g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1;
-        const float32 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+        const float32 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
         const float32 g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha;
-        const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+        const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
         const float32 one_per_var_first = 1.0f / var_first;
         const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
         const float32 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -700,25 +700,25 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
         const float32 D_first_3 = noise_00 * D_pred_theta_per_var_first_3;
         const float32 g_second_3 = HL_13_apart * D_first_3;
-        const float32 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
+        const float32 var_second_3 = R_second + HL_13_apart * g_second_3;
         const float32 change_first_32 =
             part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3;
         const float32 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
         const float32 f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
         const float32 g_second_1 = D_first_1 * f_second_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
         const float32 f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0;
         const float32 D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first);
         const float32 g_second_0 = D_first_0 * f_second_0;
-        const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+        const float32 var_second = var_second_1 + f_second_0 * g_second_0;
         const float32 one_per_var_second = 1.0f / var_second;
         const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
         const float32 psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
@@ -870,7 +870,7 @@ static void set_status_bits(ipmsm_flux_ckf_lanes_t *__restrict f, float32 check,
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_flux_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -885,7 +885,7 @@ static void finish_step(ipmsm_flux_ckf_lanes_t *__restrict f, const lanes *__res
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane];
+            f->x[2].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
         const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;

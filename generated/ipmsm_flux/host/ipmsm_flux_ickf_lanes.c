@@ -76,7 +76,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 4 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 6 /* of LD: what belongs to theta */
@@ -718,33 +718,33 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
 
         /* --- eq. 32 */
         const float32 g_first_3 = HL_03 * D_pred_theta;
-        const float32 var_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+        const float32 var_first_3 = HL_03 * g_first_3 + R_0;
         const float32 g_first_2 = HL_02 * D_pred_omega;
-        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
         const float32 g_first_1 = HL_01 * D_pred_psi_beta;
-        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
-        const float32 var_first = larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0);
+        const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
+        const float32 var_first = var_first_1 + D_pred_psi_alpha * HL_00 * HL_00;
         const float32 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
         const float32 D_first_3 = R_0 * D_pred_theta_per_var_first_3;
         const float32 g_second_3 = HL_13 * D_first_3;
-        const float32 var_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
+        const float32 var_second_3 = HL_13 * g_second_3 + R_1;
         const float32 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
         const float32 f_second_2 = HL_12 - HL_13 * change_first_32;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
         const float32 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
         const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
         const float32 g_second_1 = f_second_1 * D_first_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 D_first_0 = D_pred_psi_alpha * var_first_1 / var_first;
         const float32 lambda_first_0 = HL_00 * one_per_var_first_1;
         const float32 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-        const float32 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+        const float32 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
         /* --- eq. 34: theta wrapped */
         const float32 theta_new = wrap_angle(theta_j);
@@ -880,7 +880,7 @@ static void set_status_bits(ipmsm_flux_ickf_lanes_t *__restrict f, float32 check
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_flux_ickf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -895,7 +895,7 @@ static void finish_step(ipmsm_flux_ickf_lanes_t *__restrict f, const lanes *__re
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane];
+            f->x[2].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
         const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;

@@ -209,7 +209,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= 9.8696) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 /* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
@@ -787,15 +787,15 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
     const float64 HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
     const float64 g_first_3 = HL_03 * D_pred_psi_beta;
-    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+    const float64 var_first_3 = noise_00 + HL_03 * g_first_3;
     const float64 HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2;
     const float64 g_first_2 = D_pred_psi_alpha * HL_02;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1;
     const float64 g_first_1 = D_pred_omega * HL_01;
-    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, noise_00);
+    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
     const float64 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -812,25 +812,25 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3;
     const float64 D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
+    const float64 var_second_3 = R_second + HL_13_apart * g_second_3;
     const float64 change_first_32 =
         sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
     const float64 g_second_2 = D_first_2 * f_second_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
     const float64 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
     const float64 gain_first_21 = g_first_2 + L_pred_21 * g_first_1;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
@@ -990,9 +990,16 @@ static void restart(traction_70kw_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 5, 9, 2, 0, 14 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
+    f->LD[10] = 0.0;
+    f->LD[11] = 0.0;
+    f->LD[12] = 0.0;
+    f->LD[13] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1044,15 +1051,19 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     float64 check[1];
     float64 turn_pred[2];
     float64 nis[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int accepted = 0;
+    int iterations;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     inverter(f->x, f->u_held, v, g);
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, v, g, turn, x_pred, LD_pred, check);
@@ -1067,8 +1078,9 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
     if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
         !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
