@@ -70,7 +70,7 @@ static void draw(const float32 x[N], float32 S[N][N], float32 X[POINTS][N])
 /* (7) */
 static void propagate(const float32 x[N], const float32 v[2], float32 next[N])
 {
-    const pmsm_pair rotor = sin_cos(x[3]);
+    const pmsm_pair rotor = sin_cos(wrap_angle(x[3]));
     const float32 emf = GAIN_E * x[2];
     next[0] = DECAY_I * x[0] + emf * rotor.sine + v[0];
     next[1] = DECAY_I * x[1] - emf * rotor.cosine + v[1];

@@ -60,7 +60,7 @@ def look_at_result(model: StateSpaceModel) -> tuple[Set, Seldom]:
     note = "The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one."
     limit = Name("SANE_LIMIT")
     sane = Compare("<=", Operation("*", _CHECK, _CHECK), Operation("*", limit, limit))
-    unusual = (Reported((_REPAIRED,)), Not(sane), Not(_CALM))
+    unusual = (Not(sane), Not(_CALM), Reported((_REPAIRED,)))
     body = (
         Report(_RESTARTED, Compare("<=", Name("worst"), Number(1.0))),
         Report(_DIVERGED, _CALM),

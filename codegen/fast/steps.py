@@ -23,7 +23,7 @@ from model.filters import build_filter
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import CUBATURE, Rule
 from model.filters.inverter import f_inputs, inverter_calls
-from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns
+from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns, wrap_angle
 from model.filters.ukf import UNSCENTED
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 
@@ -64,7 +64,7 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Opt
     time_update = _calls(_time_update(model, "ckf" if kind == "ickf" else kind, options))
     choice = If(ACCEPTED, (*update, average()), (Call(builders[0].coast()),))
     before: tuple[Node, ...] = (Guard(), *inverter_calls(model), *time_update)
-    body: tuple[Node, ...] = (*before, watch_pivots(model), choice, *look_at_result(model))
+    body: tuple[Node, ...] = (*before, watch_pivots(model), choice, *look_at_result(model), wrap_angle(model))
     return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
 
 

@@ -43,7 +43,8 @@ def rounding_error(graph: Graph, node: int, variable: str, edges: np.ndarray, un
             assert item.name == variable
             values[index] = _Enclosure(edges[:-1], edges[1:], zero)
         elif item.op == "const":
-            values[index] = _Enclosure(zero + item.value, zero + item.value, zero + abs(item.value) * u)
+            rounds = float(np.float32(item.value)) != item.value  # else it is a number of any such format
+            values[index] = _Enclosure(zero + item.value, zero + item.value, zero + abs(item.value) * u * rounds)
         else:
             values[index] = _combine(
                 item.op, values[item.args[0]], values[item.args[1]], item.args[0] == item.args[1], u

@@ -30,6 +30,8 @@ class PairFunction:
 
 
 SIN_COS = PairFunction("sin_cos", ("sin", "cos"), ("sine", "cosine"), "angle")
+#: Ends the name of an angle that was wrapped for its sine and cosine.
+WRAPPED = "_wrapped"
 SMALL_ANGLE = PairFunction("small_angle", ("sinc", "cosm1"), ("sinc", "cosm1"), "z")
 PAIRS = {op: function for function in (SIN_COS, SMALL_ANGLE) for op in function.operations}
 
@@ -105,7 +107,11 @@ class Listing:
         return count
 
 
-def lay_out(block: Block, constants: Sequence[Constant]) -> Listing:
+#: The port that is a filter's state between steps, and its entry that every step leaves within a turn.
+STATE, ANGLE = "x", "theta"
+
+
+def lay_out(block: Block, constants: Sequence[Constant], any_angle: bool = False) -> Listing:
     """Read a block's tape (or take its graph as it stands), name its operations and order them.
 
     Parameters
@@ -113,15 +119,23 @@ def lay_out(block: Block, constants: Sequence[Constant]) -> Listing:
     block : Block
     constants : sequence of Constant
         Those of the tape; one without a symbol is known by its value.
+    any_angle : bool, optional
+        Its sines and cosines take any angle, as those of float64 do. Else they take one within a turn, and an angle
+        that is not the state's is wrapped before.
 
     Returns
     -------
     Listing
     """
     graph, outputs, stages = _taken(block) if isinstance(block, GraphBlock) else _to_graph(block, constants)
+    hints = {entry.node: name for name, entry in reversed(block.hints)} if isinstance(block, GraphBlock) else {}
+    if not any_angle:
+        graph, moved = _within_a_turn(graph, block)
+        outputs, stages = ({k: [moved[n] for n in nodes] for k, nodes in of.items()} for of in (outputs, stages))
+        hints = {moved[node]: name for node, name in hints.items()}
     roots = [node for nodes in outputs.values() for node in nodes]
     live = frozenset(graph.reachable(roots))
-    names = _name(block, graph, stages, live)
+    names = _name(block, graph, stages, live, hints)
     sections = _order(block, graph, names, stages, live, roots)
     return Listing(block, graph, names, sections, outputs, stages, live)
 
@@ -154,7 +168,22 @@ def _results(block: Block) -> list[tuple[Any, ...]]:
     return [stage.entries for stage in block.stages] + [port.entries for port in block.outputs]
 
 
-def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozenset[int]) -> dict[int, str]:
+def _within_a_turn(graph: Graph, block: Block) -> tuple[Graph, list[int]]:
+    """Wrap what sine and cosine are taken of, unless that is the state's angle; the graph, and where nodes went."""
+    known = {ANGLE} & {name for port in block.inputs if port.name == STATE for name in port.names}
+    new, moved = Graph(), list[int]()
+    new.folds, new.told = graph.folds, graph.told
+    for node in graph.nodes:
+        args = [moved[arg] for arg in node.args]
+        if node.op in SIN_COS.operations and new[args[0]].op != "wrap" and new[args[0]].name not in known:
+            args = [new.op("wrap", args[0])]
+        moved.append(new.adopt(node, args))
+    return new, moved
+
+
+def _name(
+    block: Block, graph: Graph, stages: dict[str, list[int]], live: frozenset[int], hints: dict[int, str]
+) -> dict[int, str]:
     """Every node that gets a name: inputs, named constants, stage entries, sines and cosines, shared work."""
     names = {k: node.name for k, node in enumerate(graph.nodes) if node.name}
     taken = set(names.values())
@@ -163,18 +192,20 @@ def _name(block: Block, graph: Graph, stages: dict[str, list[int]], live: frozen
             if entry in live and entry not in names and graph[entry].op not in {"const", "sin", "cos"}:
                 names[entry] = _fresh(name, taken)
     uses = Counter(arg for index in live for arg in graph[index].args)
-    hints = {entry.node: name for name, entry in reversed(block.hints)} if isinstance(block, GraphBlock) else {}
     first_user: dict[int, int] = {}
     for index in sorted(live):
         for arg in graph[index].args:
             first_user.setdefault(arg, index)
+    turned = {graph[index].args[0] for index in live if graph[index].op in SIN_COS.operations}
     for index in sorted(live):
         node = graph[index]
-        if node.op in PAIRS:
+        if node.op == "wrap" and index in turned and node.args[0] in names:
+            names.setdefault(index, _fresh(f"{names[node.args[0]]}{WRAPPED}", taken))
+        elif node.op in PAIRS:
             if node.args[0] not in names:
                 names[node.args[0]] = _fresh(PAIRS[node.op].argument, taken)
             if index not in names:
-                names[index] = _fresh(f"{node.op}_{names[node.args[0]]}", taken)
+                names[index] = _fresh(f"{node.op}_{names[node.args[0]].removesuffix(WRAPPED)}", taken)
         elif index not in names and uses[index] > 1 and node.op not in {"const", "neg"}:
             names[index] = _fresh(hints.get(index) or _describe(graph, index, names, first_user), taken)
     return names
@@ -296,7 +327,7 @@ def _pair(
     """Both values of a pair come from one call; returns the nodes it settles."""
     first, second = (graph.op(op, *args) for op in function.operations)
     argument, *rest = args
-    label = f"{'sincos' if function is SIN_COS else 'turn'}_{names[argument]}"
+    label = f"{'sincos' if function is SIN_COS else 'turn'}_{names[argument].removesuffix(WRAPPED)}"
     halves = names.get(first, ""), names.get(second, "")
     spread = graph[rest[0]].value if rest else 1.0
     section.statements.append(Statement(argument, label, halves, function, spread))

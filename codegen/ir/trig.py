@@ -3,7 +3,9 @@
 No branch, no table, no integer: a compiler can put it in vector lanes, a 16-bit int is enough, and NaN
 passes through. float64 forms call the platform's sin and cos and only share :func:`wrap_listing`.
 
-Coefficients are minimax (Remez) for |r| <= pi/2; ``tests/codegen/test_trig.py`` derives them again.
+The float32 sine and cosine take an angle within a turn, as :func:`wrap_listing` leaves it: half of it is within a
+quarter turn, where two polynomials do, and doubling brings it back. Nothing is taken off, no sign is asked for.
+Coefficients are minimax (Remez) for |x| <= pi; ``tests/codegen/test_trig.py`` derives them again.
 """
 
 from __future__ import annotations
@@ -19,16 +21,16 @@ from codegen.ir.graph import Graph
 from codegen.ir.layout import Listing, Section, Statement
 from model.quantities import Block, Port
 
-#: sin r = r + r^3 (S0 + S1 r^2 + ...),  cos r = 1 - r^2 / 2 + r^4 (C0 + C1 r^2 + ...)
-SIN_COEFFICIENTS = (-0.1666665705860025, 0.008333016355659941, -0.00019806547121805626, 2.5999032895283066e-06)
-COS_COEFFICIENTS = (0.0416666557299502, -0.0013888568213324846, 2.4769240676692124e-05, -2.619248419059995e-07)
-
-#: Arguments the error bound is stated for, rad. A wrapped angle plus any sensible spread stays far inside.
-ARGUMENT_LIMIT = 1000.0
-
+#: 2 sin(x / 2) = x + x^3 (S0 + S1 x^2 + ...),  cos(x / 2) = 1 + x^2 (C0 + C1 x^2 + ...)
+SIN_COEFFICIENTS = (-0.041666642741263902, 0.00052081358072319862, -3.0947836252608927e-06, 1.0156463938480245e-08)
+COS_COEFFICIENTS = (-0.12499983073263368, 0.0026039993409279051, -2.1649886225831018e-05, 9.0603072235576211e-08)
 
 #: Just below pi^2: an angle whose square is no larger lies inside already, and subtracting turns would leave it alone.
 INSIDE = 9.8696
+
+
+#: Arguments of sine and cosine, rad: a wrapped angle stays below, and what a tuning calls pi does not pass it.
+ARGUMENT_LIMIT = float(np.float32(math.pi))
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,42 @@ DOUBLE_COEFFICIENTS = (_series(3, 10), _series(4, 10))
 
 @cache
 def sin_cos_listing(precision: Precision = SINGLE) -> Listing:
-    """Sine and cosine of one angle: reduce to |r| <= pi/2, two polynomials, one common sign.
+    """Sine and cosine of one angle.
 
-    The float64 one serves the simulated motor, so that a run has the same bits on every machine.
+    The float32 ones take an angle of at most ``ARGUMENT_LIMIT``; the float64 ones, which serve the simulated motor, so
+    that a run has the same bits on every machine, take any.
 
     Parameters
     ----------
     precision : Precision, optional
-        float32: minimax polynomials; float64: ten terms of the series.
+        float32: minimax polynomials of half the angle; float64: the turns taken off, ten terms of the series.
     """
+    return _doubled() if precision.bits == SINGLE.bits else _reduced(precision)
+
+
+def _doubled() -> Listing:
+    """Sine and cosine of half the angle by polynomials, doubled."""
+    g = Graph()
+    x = g.input("x")
+    z = g.op("mul", x, x)
+    (s, c), (sine, cosine) = _half_angle(g, x, z)
+    names = {x: "x", z: "z", s: "s", c: "c"}
+    values = [Statement(z, "z"), Statement(s, "s"), Statement(c, "c")]
+    section = Section("", "s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2", values)
+    return helper_listing("sin_cos", g, names, [section], {"sine": [sine], "cosine": [cosine]})
+
+
+def _half_angle(g: Graph, x: int, z: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """2 sin(x / 2) and cos(x / 2) from x and z = x^2; sin x and cos x from these."""
+    one = g.const(1.0)
+    s = g.op("mul", x, g.op("add", g.op("mul", polynomial(g, z, SIN_COEFFICIENTS), z), one))
+    c = g.op("add", g.op("mul", polynomial(g, z, COS_COEFFICIENTS), z), one)
+    twice = g.op("mul", g.const(2.0), g.op("mul", c, c))
+    return (s, c), (g.op("mul", s, c), g.op("sub", twice, one))
+
+
+def _reduced(precision: Precision) -> Listing:
+    """Reduce to |r| <= pi/2, two series, one common sign."""
     g = Graph()
     x = g.input("x")
     k, r = _reduce(g, x, split_pi(precision), 1 / math.pi, precision)
@@ -133,25 +162,17 @@ def sin_cos_listing(precision: Precision = SINGLE) -> Listing:
     coarse = g.const(2.0 * precision.rounding, "ROUND_EVEN")  # beside it numbers are two apart
     odd = g.op("sub", k, g.op("sub", g.op("add", k, coarse), coarse))
     sign = g.op("sub", g.const(1.0), g.op("mul", g.const(2.0), g.op("mul", odd, odd)))
-    sine, cosine = _sine_cosine(g, r, precision)
     z = g.op("mul", r, r)
+    s, c = DOUBLE_COEFFICIENTS
+    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), polynomial(g, z, s)))
+    quarter = g.op("mul", g.op("mul", z, z), polynomial(g, z, c))
+    cosine = g.op("add", g.op("sub", g.const(1.0), g.op("mul", g.const(0.5), z)), quarter)
     outputs = {"sine": [g.op("mul", sign, sine)], "cosine": [g.op("mul", sign, cosine)]}
     names = {x: "x", magic: "ROUND", coarse: "ROUND_EVEN", k: "k", r: "r", odd: "odd", sign: "sign", z: "z"}
     reduction = Section("", "x = k pi + r with |r| <= pi / 2, pi in two parts", [Statement(k, "k"), Statement(r, "r")])
     parity = Section("", "the sign is -1 for odd k", [Statement(odd, "odd"), Statement(sign, "sign")])
-    kind = "minimax polynomials" if precision.bits == SINGLE.bits else "series"
-    values = Section("", f"{kind} in z = r^2", [Statement(z, "z")])
+    values = Section("", "series in z = r^2", [Statement(z, "z")])
     return helper_listing("sin_cos", g, names, [reduction, parity, values], outputs)
-
-
-def _sine_cosine(g: Graph, r: int, precision: Precision = SINGLE) -> tuple[int, int]:
-    """The two polynomials on |r| <= pi/2."""
-    s, c = (SIN_COEFFICIENTS, COS_COEFFICIENTS) if precision.bits == SINGLE.bits else DOUBLE_COEFFICIENTS
-    z = g.op("mul", r, r)
-    sine = g.op("add", r, g.op("mul", g.op("mul", r, z), polynomial(g, z, s)))
-    quarter = g.op("mul", g.op("mul", z, z), polynomial(g, z, c))
-    cosine = g.op("add", g.op("sub", g.const(1.0), g.op("mul", g.const(0.5), z)), quarter)
-    return sine, cosine
 
 
 @cache
@@ -213,43 +234,39 @@ class SinCosBound:
 
 @cache
 def sin_cos_bound() -> SinCosBound:
-    """Bound |float32 result - true value|: argument reduction + approximation + rounding of the evaluation.
+    """Bound |float32 result - true value| for |x| <= ``ARGUMENT_LIMIT``.
 
-    Reduction: k p1 is exact for these k, x - k p1 is exact (the result has at most 24 bits), so only
-    the product k p2 and its subtraction round; sine and cosine pass the error of r on with a slope of at
-    most 1. Approximation: polynomial against the library's float64 sine at 20 001 points. Rounding: error
-    propagation through the very operations printed, over 256 pieces of the interval.
+    Approximation: the polynomials, doubled, with their float32 coefficients in float64, against the library's float64
+    sine and cosine at 20 001 points. Rounding: error propagation through the very operations printed, over 256 pieces
+    of the interval.
     """
     u = 2.0**-24
-    k_max = math.ceil(ARGUMENT_LIMIT / math.pi)
-    parts = split_pi(SINGLE)
-    r_max = math.pi / 2 + 2 * u * ARGUMENT_LIMIT / math.pi + 1e-6  # k may round the other way near a tie
-    tail = abs(math.pi - parts[0] - parts[1] + _PI_TAIL)
-    reduction = k_max * tail + u * k_max * abs(parts[1]) + u  # |r| < 2: half a unit in the last place is u
     proved = 0.0
-    grid = np.linspace(-r_max, r_max, 20_001)
+    grid = np.linspace(-ARGUMENT_LIMIT, ARGUMENT_LIMIT, 20_001)
     for which, exact in enumerate((np.sin, np.cos)):
         g = Graph()
-        node = _sine_cosine(g, g.input("r"))[which]
-        rounding = rounding_error(g, node, "r", np.linspace(-r_max, r_max, 257), u)
+        x = g.input("x")
+        node = _half_angle(g, x, g.op("mul", x, x))[1][which]
+        rounding = rounding_error(g, node, "x", np.linspace(-ARGUMENT_LIMIT, ARGUMENT_LIMIT, 257), u)
         approximation = float(np.max(np.abs(_evaluate_polynomial(which, grid) - exact(grid))))
-        proved = max(proved, reduction + rounding + 1.01 * approximation)
+        proved = max(proved, rounding + 1.01 * approximation)
     return SinCosBound(ARGUMENT_LIMIT, proved, *_scan())
 
 
-def _evaluate_polynomial(which: int, r: np.ndarray) -> np.ndarray:
-    """The polynomials with their float32-rounded coefficients, evaluated in float64."""
-    z = r * r
+def _evaluate_polynomial(which: int, x: np.ndarray) -> np.ndarray:
+    """Sine or cosine by the polynomials with their float32-rounded coefficients, evaluated in float64."""
+    z = x * x
     s, c = (np.float32(np.array(values)).astype(float) for values in (SIN_COEFFICIENTS, COS_COEFFICIENTS))
+    cosine = 1 + z * np.polyval(c[::-1], z)
     if which == 0:
-        return np.asarray(r + r * z * np.polyval(s[::-1], z))
-    return np.asarray(1 - 0.5 * z + z * z * np.polyval(c[::-1], z))
+        return np.asarray(x * (1 + z * np.polyval(s[::-1], z)) * cosine)
+    return np.asarray(2 * cosine * cosine - 1)
 
 
 def _scan() -> tuple[float, int]:
-    """Worst error over a deterministic scan, dense near zero and over the whole range."""
-    near = np.linspace(-2 * math.pi, 2 * math.pi, 100_001)
-    far = np.linspace(-ARGUMENT_LIMIT, ARGUMENT_LIMIT, 100_001)
+    """Worst error over a deterministic scan, denser near zero."""
+    near = np.linspace(-0.1, 0.1, 100_001)
+    far = np.linspace(-ARGUMENT_LIMIT, ARGUMENT_LIMIT, 400_001)
     x = np.concatenate([near, far]).astype(np.float32)
     sine, cosine = evaluate_sin_cos(x)
     exact = x.astype(float)

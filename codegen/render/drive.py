@@ -8,7 +8,7 @@ from typing import Any
 from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
-from codegen.ir.trig import DOUBLE
+from codegen.ir.trig import DOUBLE, wrap_listing
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, named_constants, with_sections
 from codegen.render.printers.c import CPrinter
@@ -136,6 +136,8 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
             for name, value, formula in named_constants(about, context["control_listings"])
         ],
         "round": printer.format_literal(printer.numbers.precision.rounding),
+        "below_pi": printer.format_literal(printer.numbers.precision.below_pi),
+        "wrap_angle": printer.format_helper(wrap_listing(printer.numbers.precision)),
         "trig_note": trig_note(printer.numbers),
         "sin_cos": sin_cos_text(printer),
     }
@@ -216,7 +218,7 @@ def plant_listings(drive: Drive) -> dict[str, Listing]:
         "substep": plant_block(drive),
         "outputs": outputs_block(drive),
     }
-    return {name: lay_out(block, plant_constants(drive)) for name, block in blocks.items()}
+    return {name: lay_out(block, plant_constants(drive), any_angle=True) for name, block in blocks.items()}
 
 
 def plant_constants(drive: Drive) -> list[Constant]:

@@ -90,7 +90,7 @@ def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
     """
     n = len(about.model.states)
     context = foc_context(about, step.kind, LanesPrinter(FLOAT32, n))
-    context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
+    context |= {"sin_cos": _inlined(context["sin_cos"]), "wrap_angle": _inlined(context["wrap_angle"]), "lanes": LANES}
     context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.has(Restart)}
     return render("foc_lanes.h.j2", **context), render("foc_lanes.c.j2", **context)
 

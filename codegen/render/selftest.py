@@ -160,7 +160,7 @@ def _samples(module: str) -> list[str]:
     for values in SAMPLES:
         a, b, angle = (np.float32(value) for value in values)
         quotient, root = a / b, np.sqrt(a)
-        results = [quotient, root, *math.sin_cos(angle), math.wrap(angle)]
+        results = [quotient, root, *math.sin_cos(math.wrap(angle)), math.wrap(angle)]
         allowed = [int(np.frexp(value)[1]) - 1 + 127 - 23 + 2 for value in (quotient, root)]
         line = ", ".join([word(value) for value in (a, b, angle, *results)] + [str(value) for value in allowed])
         items.append(f"    /* a = {a:g}, b = {b:g}, angle = {angle:g} */\n" + wrap_line("{" + line + "}", "    ", " "))

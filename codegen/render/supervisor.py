@@ -172,6 +172,7 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "trig_note": trig_note(printer.numbers),
         "round": printer.format_literal(SINGLE.rounding),
         "below_pi": printer.format_literal(SINGLE.below_pi),
+        "wrap_angle": printer.format_helper(wrap_listing(SINGLE)),
     }
     source = render("supervisor.c.j2", **common, **_machine_text(about, printer))
     drive = render("drive.c.j2", **common, notes=notes, **_drive_text(about, printer, CovarianceLayout.of(step)))
@@ -206,7 +207,6 @@ def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
         "limits": _limits(machine, printer),
         "constants": _constants(about, listings, printer),
         "pair": any(listing.operations()["sincos"] for listing in listings),
-        "wrap_angle": printer.format_helper(wrap_listing(SINGLE)),
         "blocks": [printer.format_block(listing) for listing in listings],
         "actions": [printer.format_action(action) for action in machine.actions],
         "watch": printer.format_watch(),

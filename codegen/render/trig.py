@@ -14,16 +14,18 @@ def trig_note(numbers: NumberFormat) -> list[str]:
     bound = sin_cos_bound()
     return [
         "Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.",
-        f"Error for |x| <= {bound.limit:g} rad: proved {bound.proved:.1e}, "
+        f"Error for |x| <= pi, as wrap_angle leaves it: proved {bound.proved:.1e}, "
         f"worst of {bound.samples} arguments {bound.seen:.1e}.",
     ]
 
 
 def sin_cos_arithmetic(printer: CPrinter, precision: Precision) -> str:
-    """Sine and cosine in one precision, their own macro first."""
+    """Sine and cosine in one precision; those that take any angle with a macro of their own first."""
+    text = printer.format_helper(sin_cos_listing(precision))
+    if "ROUND_EVEN" not in text:
+        return text
     coarse = printer.format_literal(2.0 * precision.rounding)
-    note = "adding and subtracting it rounds to the nearest even integer"
-    return f"#define ROUND_EVEN {coarse} /* {note} */\n{printer.format_helper(sin_cos_listing(precision))}"
+    return f"#define ROUND_EVEN {coarse} /* adding and subtracting it rounds to the nearest even integer */\n{text}"
 
 
 def sin_cos_text(printer: CPrinter) -> str:

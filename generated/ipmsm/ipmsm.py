@@ -178,8 +178,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -197,20 +197,13 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
@@ -414,7 +407,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_omega_e_0 = POLE_PAIRS * L_20
     theta_mid = HALF_T * omega_e + theta
     odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     i_d_now = cos_theta_mid * i_alpha + sin_theta_mid * i_beta
     n_D_0 = D_i_alpha * 5.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
@@ -815,7 +809,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 25: y - y_pred; theta wrapped
+    # --- eq. 25: y - y_pred
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
     var_first = R_0 + D_pred_i_alpha
     one_per_var_first = 1.0 / var_first
@@ -833,7 +827,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     i_beta_new = i_beta_meas - R_1 * nu_by_var_second
     part_of_omega_new = D_pred_i_beta * nu_by_var_second
     omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
-    theta_new = math.wrap(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
+    theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred
     load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 + load_torque_pred
 
     # --- eq. 26: L D L^T = P_new
@@ -867,7 +861,7 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
-        (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
+        (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred,),
         (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
             L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
@@ -902,9 +896,6 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 + theta_pred
     load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 + load_torque_pred
 
-    # --- eq. 34: theta wrapped
-    theta_new = math.wrap(theta_after)
-
     # --- eq. 32: L D L^T = P_new
     D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second
     D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1
@@ -921,9 +912,9 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
 
     if stages is not None:
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,)
-        stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,)
+        stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,)
     return (
-        (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,),
+        (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,),
         (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
             L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
         (nis,),
@@ -960,6 +951,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -994,6 +986,7 @@ def ickf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1023,7 +1016,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1094,7 +1088,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -2062,7 +2057,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

@@ -167,8 +167,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -186,20 +186,13 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
@@ -390,7 +383,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_omega_e_0 = POLE_PAIRS * L_10
     theta_mid = HALF_T * omega_e + theta
     odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
     n_D_0 = D_theta * 7.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
@@ -434,14 +428,13 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_q_between = 0.5 * (psi_q_mid + psi_q_next)
     even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0)
     odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0)
-    part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D - psi_d_between * GAIN_TORQUE_SALIENCY
-    part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
+    part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D - GAIN_TORQUE_SALIENCY * psi_d_between
+    part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
     total_psi_q_between_0 = psi_q_between + even_psi_q_between_0
-    part_of_even_torque_0_3 = (L_30 * GAIN_TORQUE_INV_L_D -
+    part_of_even_torque_0_2 = (L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0))
-    even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 +
-        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0)
+    even_torque_0 = (part_of_omega_pred * even_psi_q_between_0 - part_of_even_torque_0 * total_psi_q_between_0
+        + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0)
     n_D_1 = 7.0 * D_omega
     sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
     n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
@@ -471,8 +464,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     total_psi_q_between_1 = psi_q_between + even_psi_q_between_1
     part_of_even_torque_1_2 = (L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1))
-    even_torque_1 = (part_of_even_torque_0 * even_psi_q_between_1 -
-        part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1)
+    even_torque_1 = (part_of_omega_pred * even_psi_q_between_1 - part_of_even_torque_1 * total_psi_q_between_1
+        + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1)
     odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52
     odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42
     odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32
@@ -490,9 +483,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_even_torque_2 = (L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2))
     even_torque_2 = (minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_even_torque_0 * minus_even_psi_q_between_2 +
-        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2)
-    odd_torque_2 = (odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2)
+    odd_torque_2 = (odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2)
     odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53
     odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43
@@ -501,7 +493,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3)
     part_of_curv_omega_3 = (GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3))
-    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 + psi_q_between * part_of_curv_omega_3
+    odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 + psi_q_between * part_of_curv_omega_3
     odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54
     odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid
     odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4
@@ -509,13 +501,12 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4)
     odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4
     psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2
-    odd_torque_4 = (part_of_even_torque_0 * odd_psi_q_between_4 -
-        odd_psi_d_mid_plus_next_4 * psi_q_between_scaled)
+    odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 - odd_psi_d_mid_plus_next_4 * psi_q_between_scaled
     odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0
     odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0
     odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5)
     part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5
-    odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 - part_of_curv_omega_sum * psi_q_between_scaled
+    odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 - part_of_curv_omega_sum * psi_q_between_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
         n_D_sind_theta_mid_0 * odd_psi_q_next_0)
@@ -536,11 +527,10 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0)
     odd_psi_beta_next_1 = (sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1)
-    odd_omega_next_0 = (GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10)
-    odd_omega_next_1 = (1.0 +
-        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
-        GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61))
+    odd_omega_next_0 = (GAIN_OMEGA * odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_2 - L_60) + L_10)
+    odd_omega_next_1 = (1.0 + GAIN_OMEGA * odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1)
+        + GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61))
     odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62)
     odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63)
     odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64)
@@ -753,8 +743,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_beta_mean = psi_q_next + curv_psi_beta_mean
     psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
     psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
-    omega_of_x = ((magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega)
+    omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
     magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN
@@ -808,7 +797,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     (sinc_theta_0, cosm1_theta_0) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    theta_pred_wrapped = math.wrap(theta_pred)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_50 - sin_theta_pred * L_pred_40
@@ -853,7 +843,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT)
 
-    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped, adaptive states within their tolerance
+    # --- eq. 25: y - y_pred, in the rotor's frame; adaptive states within their tolerance
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -954,7 +944,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
     omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
+    theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred
     gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
     gain_first_63 = gain_first_64 + g_first_3 * L_pred_63
     gain_first_62 = gain_first_63 + g_first_2 * L_pred_62
@@ -1053,9 +1043,9 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,
-            _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)),
-            _larger(LEAST_STATOR_RESISTANCE, _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred, _larger(LEAST_MAGNET_FLUX,
+            _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)), _larger(LEAST_STATOR_RESISTANCE,
+            _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
         (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
             L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
             D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta,
@@ -1105,7 +1095,8 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     deviation_magnet_flux = magnet_flux_pred - magnet_flux_j
 
     # --- eq. 20: Jacobian
-    sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
+    theta_j_wrapped = math.wrap(theta_j)
+    sin_theta_j, cos_theta_j = math.sin_cos(theta_j_wrapped)
     cos_theta_j_times_saliency = cos_theta_j * SALIENCY
     saliency_times_sin_theta_j = SALIENCY * sin_theta_j
     i_salient_j = (cos_theta_j_times_saliency * psi_alpha_j + saliency_times_sin_theta_j * psi_beta_j -
@@ -1271,8 +1262,7 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
     var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0
 
-    # --- eq. 34: theta wrapped, adaptive states within their tolerance
-    theta_new = math.wrap(theta_j)
+    # --- eq. 34: adaptive states within their tolerance
     magnet_flux_new = _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_j))
     stator_resistance_new = (_larger(LEAST_STATOR_RESISTANCE,
         _smaller(MOST_STATOR_RESISTANCE, stator_resistance_j)))
@@ -1353,10 +1343,10 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     L_new_64 = L_first_64 - change_second_54 * L_pred_65
 
     if stages is not None:
-        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new, load_torque_j, magnet_flux_new,
+        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_new,
             stator_resistance_new,)
     return (
-        (psi_alpha_j, psi_beta_j, omega_j, theta_new, load_torque_j, magnet_flux_new, stator_resistance_new,),
+        (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_new, stator_resistance_new,),
         (D_new_theta, L_new_10, D_new_omega, L_new_20, L_new_21, D_new_stator_resistance, L_new_30, L_new_31,
             L_new_32, D_new_magnet_flux, L_new_40, L_new_41, L_new_42, L_new_43, D_new_psi_alpha, L_new_50,
             L_new_51, L_new_52, L_new_53, L_new_54, D_new_psi_beta, L_new_60, L_new_61, L_new_62, L_new_63,
@@ -1398,6 +1388,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1452,6 +1443,7 @@ def ickf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1488,7 +1480,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1559,7 +1552,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1875,7 +1869,8 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -2534,7 +2529,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

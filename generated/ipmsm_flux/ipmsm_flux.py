@@ -153,8 +153,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -172,20 +172,13 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
@@ -385,7 +378,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     theta_mid = HALF_T_POLE_PAIRS * omega + theta
     odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
     psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid
     v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
@@ -615,7 +609,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         cosm1_theta_3) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    theta_pred_wrapped = math.wrap(theta_pred)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     sind_theta_0 = L_pred_30 * sinc_theta_0
     D_sind_theta_0 = sind_theta_0 * D_pred_psi_alpha
@@ -683,7 +678,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
         dev_y_i_alpha_1 * dev_y_i_beta_1 + dev_y_i_alpha_2 * dev_y_i_beta_2 +
         dev_y_i_alpha_3 * dev_y_i_beta_3))
 
-    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
+    # --- eq. 25: y - y_pred, in the rotor's frame
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -754,8 +749,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32
     gain_second_31 = gain_second_32 + g_second_1 * L_first_31
     L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31
-    theta_new = (math.wrap(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
-        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred))
+    theta_new = (nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred)
 
     # --- eq. 26: L D L^T = P_new
     D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second
@@ -794,7 +789,7 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_32, D_pred_theta) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred),),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred,),
         (D_pred_psi_alpha, L_pred_10, D_pred_psi_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30,
             L_pred_31, L_pred_32, D_pred_theta,),
     )
@@ -815,7 +810,8 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     deviation_theta = theta_pred - theta_j
 
     # --- eq. 20: Jacobian
-    sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
+    theta_j_wrapped = math.wrap(theta_j)
+    sin_theta_j, cos_theta_j = math.sin_cos(theta_j_wrapped)
     cos_theta_j_times_saliency = cos_theta_j * SALIENCY
     saliency_times_sin_theta_j = SALIENCY * sin_theta_j
     i_salient_j = (cos_theta_j_times_saliency * psi_alpha_j + saliency_times_sin_theta_j * psi_beta_j -
@@ -929,9 +925,6 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
     var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0
 
-    # --- eq. 34: theta wrapped
-    theta_new = math.wrap(theta_j)
-
     # --- eq. 32: L D L^T = P_new
     D_new_psi_alpha = D_first_0 * var_second_1 / var_second
     one_per_var_second_1 = 1.0 / var_second_1
@@ -957,9 +950,9 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     D_new_theta = D_first_3 * R_1 * one_per_var_second_3
 
     if stages is not None:
-        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new,)
+        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_j,)
     return (
-        (psi_alpha_j, psi_beta_j, omega_j, theta_new,),
+        (psi_alpha_j, psi_beta_j, omega_j, theta_j,),
         (D_new_psi_alpha, L_new_10, D_new_psi_beta, L_new_20, L_new_21, D_new_omega, L_new_30, L_new_31,
             L_new_32, D_new_theta,),
     )
@@ -998,6 +991,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1051,6 +1045,7 @@ def ickf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1086,7 +1081,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1157,7 +1153,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1471,7 +1468,8 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -2128,7 +2126,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

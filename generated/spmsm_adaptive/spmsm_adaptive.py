@@ -170,8 +170,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -189,20 +189,13 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
@@ -412,7 +405,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_emf_step_0 = magnet_flux_x_gain_v_pole_pairs * L_20 + odd_emf_step_5 * L_50
     decay_off = GAIN_V * (stator_resistance - NOMINAL_R)
     one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta
     gain_v_times_v_alpha = GAIN_V * v_alpha
     gain_v_times_v_beta = GAIN_V * v_beta
@@ -828,7 +822,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     (R_0, R_1) = R
     (i_alpha_meas, i_beta_meas) = y
 
-    # --- eq. 25: y - y_pred; theta wrapped, adaptive states within their tolerance
+    # --- eq. 25: y - y_pred; adaptive states within their tolerance
     innovation_i_alpha = i_alpha_meas - i_alpha_pred
     var_first = R_0 + D_pred_i_alpha
     one_per_var_first = 1.0 / var_first
@@ -846,7 +840,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     i_beta_new = i_beta_meas - R_1 * nu_by_var_second
     part_of_omega_new = D_pred_i_beta * nu_by_var_second
     omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred
-    theta_new = math.wrap(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred)
+    theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred
     load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 + load_torque_pred
     magnet_flux_new = (_larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, correction_second_0 * L_pred_50 +
         part_of_omega_new * L_pred_51 + magnet_flux_pred)))
@@ -893,9 +887,9 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_63, L_pred_64, L_pred_65, D_pred_stator_resistance) = LD_pred
 
     return (
-        (i_alpha_pred, i_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,
-            _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)),
-            _larger(LEAST_STATOR_RESISTANCE, _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
+        (i_alpha_pred, i_beta_pred, omega_pred, theta_pred, load_torque_pred, _larger(LEAST_MAGNET_FLUX,
+            _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)), _larger(LEAST_STATOR_RESISTANCE,
+            _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
         (D_pred_i_alpha, L_pred_10, D_pred_i_beta, L_pred_20, L_pred_21, D_pred_omega, L_pred_30, L_pred_31,
             L_pred_32, D_pred_theta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,
             L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_magnet_flux, L_pred_60, L_pred_61,
@@ -938,8 +932,7 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     stator_resistance_after = (correction_second_0 * L_pred_60 + part_of_omega_after * L_pred_61 +
         stator_resistance_pred)
 
-    # --- eq. 34: theta wrapped, adaptive states within their tolerance
-    theta_new = math.wrap(theta_after)
+    # --- eq. 34: adaptive states within their tolerance
     magnet_flux_new = _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_after))
     stator_resistance_new = (_larger(LEAST_STATOR_RESISTANCE,
         _smaller(MOST_STATOR_RESISTANCE, stator_resistance_after)))
@@ -963,10 +956,10 @@ def ickf_measurement_update(x_pred, LD_pred, R, y, math, stages=None):
     if stages is not None:
         stages["x_next"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,
             magnet_flux_after, stator_resistance_after,)
-        stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after,
+        stages["x"] = (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after,
             magnet_flux_new, stator_resistance_new,)
     return (
-        (i_alpha_after, i_beta_after, omega_after, theta_new, load_torque_after, magnet_flux_new,
+        (i_alpha_after, i_beta_after, omega_after, theta_after, load_torque_after, magnet_flux_new,
             stator_resistance_new,),
         (D_new_i_alpha, L_new_10, D_new_i_beta, L_new_20, L_pred_21, D_pred_omega, L_new_30, L_pred_31,
             L_pred_32, D_pred_theta, L_new_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque, L_new_50,
@@ -1006,6 +999,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1040,6 +1034,7 @@ def ickf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1069,7 +1064,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1123,7 +1119,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 

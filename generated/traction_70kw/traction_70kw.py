@@ -205,8 +205,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -224,20 +224,13 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
@@ -466,7 +459,8 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
     theta_mid = HALF_T_POLE_PAIRS * omega + theta
     odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
     n_D_sind_theta_mid_0 = D_theta * 5.0 * sind_theta_mid_0
@@ -496,15 +490,14 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     psi_q_between = 0.5 * psi_q_mid_plus_next
     even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0
     even_psi_q_between_0 = 0.5 * even_psi_q_mid_plus_next_0
-    psi_d_mid_plus_next = psi_d_mid + psi_d_next
-    part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_mid_plus_next * GAIN_TORQUE_SALIENCY_BY2
-    part_of_even_torque_0_2 = 0.5 * part_of_even_torque_0
-    part_of_even_torque_0_3 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
+    part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M - GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next)
+    part_of_even_torque_0 = 0.5 * part_of_omega_pred
+    part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
     total_psi_q_between_0 = psi_q_between + even_psi_q_between_0
     odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0
     odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0
-    even_torque_0 = (part_of_even_torque_0_2 * even_psi_q_mid_plus_next_0 -
-        part_of_even_torque_0_3 * total_psi_q_between_0 -
+    even_torque_0 = (part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+        part_of_even_torque_0_2 * total_psi_q_between_0 -
         D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0)
     n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1
     odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21
@@ -526,7 +519,7 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     total_psi_q_between_1 = psi_q_between + even_psi_q_between_1
     odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1
     odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1
-    even_torque_1 = (part_of_even_torque_0_2 * even_psi_q_mid_plus_next_1 -
+    even_torque_1 = (part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
         part_of_even_torque_1 * total_psi_q_between_1 -
         D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1)
     odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32
@@ -536,13 +529,13 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2
     odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2
     psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4
-    odd_torque_2 = (part_of_even_torque_0_2 * odd_psi_q_mid_plus_next_2 -
+    odd_torque_2 = (part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
         odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled)
     odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D
     odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q
     part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3
     part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3
-    odd_torque_3 = (part_of_even_torque_0_2 * part_of_curv_omega_sum_2 -
+    odd_torque_3 = (part_of_even_torque_0 * part_of_curv_omega_sum_2 -
         part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled)
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -564,11 +557,11 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0)
     odd_psi_beta_next_1 = (sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1)
-    odd_omega_next_0 = (GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_even_torque_0 - part_of_even_torque_0_3)
+    odd_omega_next_0 = (GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2)
         - GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
         L_10)
     odd_omega_next_1 = (1.0 +
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
         GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41))
 
     # --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned
@@ -584,25 +577,25 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta
     curv_omega_sum = (even_torque_0 + even_torque_1 -
         GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4))
-    part_of_P_pred_32 = part_of_even_torque_0_2 * G_psi_beta_R - psi_q_mid_plus_next_scaled * G_psi_alpha_R
-    theta_minus_theta_mid = theta - theta_mid
-    sin_theta_minus_theta_mid, cos_theta_minus_theta_mid = math.sin_cos(theta_minus_theta_mid)
-    part_of_P_pred_32_2 = (SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M)
-    part_of_P_pred_32_3 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_P_pred_32_2
-    part_of_P_pred_32_4 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_P_pred_32_2
-    i_q = cos_theta_minus_theta_mid * part_of_P_pred_32_3 - sin_theta_minus_theta_mid * part_of_P_pred_32_4
+    part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R - psi_q_mid_plus_next_scaled * G_psi_alpha_R
+    part_of_P_pred_32_2 = math.wrap(theta - theta_mid)
+    sin_part_of_P_pred_32_2, cos_part_of_P_pred_32_2 = math.sin_cos(part_of_P_pred_32_2)
+    part_of_P_pred_32_3 = (SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
+        psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M)
+    part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3
+    part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3
+    i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 - sin_part_of_P_pred_32_2 * part_of_P_pred_32_5
     i_q_sq = i_q * i_q
-    i_d = cos_theta_minus_theta_mid * part_of_P_pred_32_4 + sin_theta_minus_theta_mid * part_of_P_pred_32_3
+    i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 + sin_part_of_P_pred_32_2 * part_of_P_pred_32_4
     i_d_sq = i_d * i_d
     g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta
     g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha
-    part_of_P_pred_32_5 = (psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-        part_of_even_torque_0 * GAIN_Q_BY2 * g_q)
+    part_of_P_pred_32_6 = (psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
+        part_of_omega_pred * GAIN_Q_BY2 * g_q)
     unsure_sq = unsure * unsure
     psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq
-    part_of_P_pred_32_6 = part_of_even_torque_0 * unsure_sq
-    part_of_P_pred_32_7 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+    part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq
+    part_of_P_pred_32_8 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
         D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
         PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
@@ -611,28 +604,28 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
         part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
         i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_5 * part_of_P_pred_32_5 +
+        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
         psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-        part_of_even_torque_0 * part_of_P_pred_32_6 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1)
+        part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1)
     D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0
-    part_of_P_pred_32_8 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
-    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_7 + part_of_P_pred_32_8
-    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_8) +
+    part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
+    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9
+    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
         odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3)
     D_pred_theta = _larger(P_pred_33, Q_3)
     inv_D_pred_theta = 1.0 / D_pred_theta
     L_pred_10 = P_pred_32 * inv_D_pred_theta
-    P_pred_22 = part_of_P_pred_32_7 + Q_2
+    P_pred_22 = part_of_P_pred_32_8 + Q_2
     D_pred_omega = _larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2)
     odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha
     sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta
     curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1
     mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ
     G_omega_R = GAIN_OMEGA * part_of_P_pred_32
-    omega_x_sin = omega * sin_theta_minus_theta_mid
+    omega_x_sin = omega * sin_part_of_P_pred_32_2
     omega_x_sin_times_i_q = omega_x_sin * i_q
     i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89
-    omega_x_cos = omega * cos_theta_minus_theta_mid
+    omega_x_cos = omega * cos_part_of_P_pred_32_2
     i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24
     P_turned_20 = (D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
         GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
@@ -641,7 +634,7 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
         G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
         + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_d * part_of_P_pred_32_5 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
+        g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
         psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7)
     D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1
     P_turned_30 = (HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
@@ -658,8 +651,8 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
         G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
         omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_q * part_of_P_pred_32_5 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-        part_of_P_pred_32_6 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2)
+        g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
+        part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2)
     D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1
     P_turned_31 = (HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
         D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0)
@@ -754,9 +747,7 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     psi_beta_pred = (sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
         curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
         cos_theta_mid_times_pair_weight * curv_psi_beta_sum)
-    omega_of_x = (GAIN_OMEGA_BY2 * (GAIN_TORQUE_INV_L_D_PSI_M -
-        GAIN_TORQUE_SALIENCY_BY2 * psi_d_mid_plus_next) * psi_q_mid_plus_next - GAIN_OMEGA * load_torque +
-        omega)
+    omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next - GAIN_OMEGA * load_torque + omega
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta
 
@@ -798,7 +789,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     (sinc_theta_0, cosm1_theta_0) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    theta_pred_wrapped = math.wrap(theta_pred)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_30 - sin_theta_pred * L_pred_20
@@ -834,7 +826,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) + even_y_i_alpha_0 * (curv_y_i_beta_mean -
         part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5))
 
-    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
+    # --- eq. 25: y - y_pred, in the rotor's frame
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -904,7 +896,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
     omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
+    theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred
     gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42
     gain_first_41 = gain_first_42 + g_first_1 * L_pred_41
     L_first_42 = L_pred_42 - change_first_32 * L_pred_43
@@ -956,7 +948,7 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred,),
         (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_psi_alpha, L_pred_30, L_pred_31,
             L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
@@ -997,6 +989,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1032,7 +1025,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1103,7 +1097,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1426,7 +1421,8 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -2079,7 +2075,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

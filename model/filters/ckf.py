@@ -5,7 +5,7 @@ from __future__ import annotations
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import coast
 from model.filters.inverter import inverter_calls
-from model.filters.program import Call, FilterStep, Guard, If
+from model.filters.program import Call, FilterStep, Guard, If, wrap_angle
 from model.filters.sigma_point import measurement_update, time_update
 from model.machines.state_space import StateSpaceModel
 
@@ -21,4 +21,5 @@ def build_ckf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
     update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))
-    return FilterStep("ckf", "cubature", model, (Guard(), *inverter_calls(model), Call(time_update(model)), update))
+    predict = (*inverter_calls(model), Call(time_update(model)))
+    return FilterStep("ckf", "cubature", model, (Guard(), *predict, update, wrap_angle(model)))

@@ -356,7 +356,7 @@ def corrected(
     b.stage("innovation", equations[0], "y - y_pred", innovation, labels, scale="output")
     x = [x_pred[i] + (K[i][0] * innovation[0] + K[i][1] * innovation[1]) for i in range(len(states))]
     x = model.kept(x)
-    meaning = f"x = x_pred + K (y - y_pred), {model.kept_meaning}"
+    meaning = ", ".join(filter(None, ["x = x_pred + K (y - y_pred)", model.kept_meaning]))
     b.stage("x", equations[0], meaning, x, [f"{s}_new" for s in states], scale="state")
     P = reduced(b, equations[1], P_pred, K, Pyy)
     b.output("x", x)

@@ -10,7 +10,7 @@ from model.filters.conditions import ACCEPTED
 from model.filters.cubature import Matrix, Vector, coast, corrected, gain, pack, packed_names, unpack
 from model.filters.inverter import f_inputs, inverter_calls
 from model.filters.noise import add_noise
-from model.filters.program import BlockBuilder, Call, FilterStep, Guard, If
+from model.filters.program import BlockBuilder, Call, FilterStep, Guard, If, wrap_angle
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
 
@@ -26,7 +26,8 @@ def build_ekf(model: StateSpaceModel, gain: str = "jacobian") -> FilterStep:
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
     update = If(ACCEPTED, (Call(measurement_update(model)),), (Call(coast(model)),))
-    return FilterStep("ekf", "jacobian", model, (Guard(), *inverter_calls(model), Call(time_update(model)), update))
+    predict = (*inverter_calls(model), Call(time_update(model)))
+    return FilterStep("ekf", "jacobian", model, (Guard(), *predict, update, wrap_angle(model)))
 
 
 def time_update(model: StateSpaceModel) -> Block:

@@ -26,7 +26,7 @@ from model.filters.cubature import (
     unpack,
 )
 from model.filters.inverter import inverter_calls
-from model.filters.program import BlockBuilder, Call, Copy, FilterStep, Guard, If, Node, Repeat
+from model.filters.program import BlockBuilder, Call, Copy, FilterStep, Guard, If, Node, Repeat, wrap_angle
 from model.filters.sigma_point import time_update
 from model.machines.state_space import OUTPUTS, StateSpaceModel
 from model.quantities import Block
@@ -53,7 +53,8 @@ def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
         head: tuple[Node, ...] = (Call(_factor(model)),) if gain == "cubature" else ()
         update = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(_finish(model)))
     before = (*inverter_calls(model), Call(time_update(model)))
-    step: tuple[Node, ...] = (Guard(), *before, If(ACCEPTED, update, (Call(coast(model)),)))
+    choice = If(ACCEPTED, update, (Call(coast(model)),))
+    step: tuple[Node, ...] = (Guard(), *before, choice, wrap_angle(model))
     return FilterStep("ickf", gain, model, step, proof)
 
 
@@ -219,7 +220,8 @@ def _finish(model: StateSpaceModel) -> Block:
 
 def _close(b: BlockBuilder, model: StateSpaceModel, x_last: Vector, P_pred: Matrix, K: Matrix, Pyy: Matrix) -> None:
     x = model.kept(x_last)
-    b.stage("x", "34", f"x = x^N, {model.kept_meaning}", x, [f"{s.name}_new" for s in model.states], scale="state")
+    meaning = ", ".join(filter(None, ["x = x^N", model.kept_meaning]))
+    b.stage("x", "34", meaning, x, [f"{s.name}_new" for s in model.states], scale="state")
     P = reduced(b, "32", P_pred, K, Pyy)
     b.output("x", x)
     b.output("P", pack(P))

@@ -87,6 +87,16 @@ class Restart:
 
 
 @dataclass(frozen=True)
+class Wrap:
+    """``angle``, an entry of the state, brought back into [-pi, pi) where it has left it: last of a step.
+
+    So a sine or cosine of the state's angle asks for no turns to be taken off, not even after a restart.
+    """
+
+    angle: Entry
+
+
+@dataclass(frozen=True)
 class Repeat:
     """At most ``max_iterations`` times; stops once ``change`` (a squared norm) is within tolerance^2, eq. 33.
 
@@ -129,7 +139,7 @@ class Seldom:
     body: tuple[Node, ...]
 
 
-Node = Guard | Call | Copy | Set | Report | Count | Restart | Repeat | If | Seldom
+Node = Guard | Call | Copy | Set | Report | Count | Restart | Wrap | Repeat | If | Seldom
 
 
 @dataclass(frozen=True)
@@ -192,6 +202,16 @@ def nodes(body: tuple[Node, ...]) -> Iterator[Node]:
             yield from nodes(node.body)
         elif isinstance(node, If):
             yield from nodes(node.then + node.otherwise)
+
+
+def wrap_angle(model: StateSpaceModel) -> Wrap:
+    """What every step ends with.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    """
+    return Wrap(Entry("x", model.angle))
 
 
 def entries_of(node: object) -> Iterator[Entry]:

@@ -217,8 +217,8 @@ class StateSpaceModel:
     def kept(self, x: list[Any]) -> list[Any]:
         """An estimate as it is kept for the next sample.
 
-        theta lies in [-pi, pi), since float32 loses digits of an angle that is let grow; adaptive states lie within
-        their tolerance (:meth:`Adaptive.within`).
+        Adaptive states lie within their tolerance (:meth:`Adaptive.within`). The step wraps theta at its end
+        (:func:`model.filters.program.wrap_angle`), since float32 loses digits of an angle that is let grow.
 
         Parameters
         ----------
@@ -226,13 +226,12 @@ class StateSpaceModel:
             State, in the model's order.
         """
         slow = len(self.adaptive.words)
-        fast = [ca.remainder(value, 2 * math.pi) if i == self.angle else value for i, value in enumerate(x)]
-        return [*fast[: len(x) - slow], *self.adaptive.within(fast[len(x) - slow :])]
+        return [*x[: len(x) - slow], *self.adaptive.within(x[len(x) - slow :])]
 
     @property
     def kept_meaning(self) -> str:
         """What :meth:`kept` does, in words."""
-        return "theta wrapped" + (", adaptive states within their tolerance" if any(self.adaptive.half_widths) else "")
+        return "adaptive states within their tolerance" if any(self.adaptive.half_widths) else ""
 
     def measurement_jacobian(self, x: list[Any]) -> Any:
         """H at the point ``x``, an SX of shape (2, n).
@@ -388,10 +387,11 @@ def default_initial_state(drive: Drive) -> list[float]:
     Returns
     -------
     list of n floats
-        In the order and units of the model's states.
+        In the order and units of the model's states; theta in [-pi, pi].
     """
     if drive.filter.initial_state is not None:
-        return list(drive.filter.initial_state)
+        given = list(drive.filter.initial_state)
+        return [*given[:3], math.remainder(given[3], 2 * math.pi), *given[4:]]
     machine = find_machine(drive)(Parameters.numeric(drive), Constants(named=False))
     z = machine.electrical_state((ca.SX(0), ca.SX(0)), Rotor.at(ca.SX(0)))
     slow = [own_value(drive, word) for word in drive.model.adaptive]

@@ -106,7 +106,7 @@ def test_a_proved_bound_is_handed_over() -> None:
 def test_the_contract_says_what_the_generator_proved(drive: Drive) -> None:
     for path in (GENERATED / drive.name).glob("*ckf.c"):
         text = with_contract(path.read_text())
-        assert text.count("ensures") == 2
+        assert text.count("ensures") == 3
         assert f"requires \\is_finite(x) && -{sin_cos_bound().limit!r} <= x" in text
 
 

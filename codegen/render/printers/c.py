@@ -6,12 +6,28 @@ import numpy as np
 
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
+from codegen.ir.trig import INSIDE
 from codegen.render.printers.expression import unbroken, wrap_line
 from codegen.render.printers.flow import FlowPrinter
 from codegen.targets.numbers import NumberFormat
 from model.filters import FilterStep
 from model.filters.conditions import All, Entry
-from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Size, Turns
+from model.filters.program import (
+    Call,
+    Copy,
+    Count,
+    Guard,
+    If,
+    Node,
+    Repeat,
+    Report,
+    Restart,
+    Seldom,
+    Set,
+    Size,
+    Turns,
+    Wrap,
+)
 from model.quantities import Block
 
 INDENT = "    "
@@ -261,7 +277,7 @@ class CPrinter(FlowPrinter):
             return self._format_branch(node, depth)
         return [wrap_line(line, pad, INDENT) for line in self._format_simple(node)]
 
-    def _format_simple(self, node: Set | Report | Count | Restart | Seldom) -> list[str]:
+    def _format_simple(self, node: Set | Report | Count | Restart | Seldom | Wrap) -> list[str]:
         if isinstance(node, Set):
             note = [f"/* {node.note} */"] if node.note else []
             return [*note, f"{self.format_entry(node.target)} = {self.format_value(node.value)};"]
@@ -272,9 +288,16 @@ class CPrinter(FlowPrinter):
             return [f"{counter} += ({counter} < {node.most}) ? 1 : 0;"]
         if isinstance(node, Restart):
             return [f"restart({self.FILTER});"]
+        if isinstance(node, Wrap):
+            return self._format_wrapped(self.format_entry(node.angle))
         given = [self.format_entry(entry) for entry in node.size.entries if entry.place is not None]
         call = f"{self.format_status()} = {node.name}({', '.join(['f', self.format_status(), *given])});"
         return [f"if ({self.format_condition(node.condition)}) {{", INDENT + call, "}"]
+
+    def _format_wrapped(self, angle: str) -> list[str]:
+        """A branch, so that an angle within its turn, as it nearly always is, is not stored again."""
+        inside = f"{angle} * {angle} <= {self.format_literal(INSIDE)}"
+        return [f"if (!({inside})) {{", f"{INDENT}{angle} = {self.format_wrap(angle)};", "}"]
 
     def _format_report(self, node: Report) -> list[str]:
         """A branch where there is more to ask than one comparison, else a choice."""

@@ -26,6 +26,7 @@ from model.filters.program import (
     Seldom,
     Set,
     Turns,
+    Wrap,
     entries_of,
 )
 from model.quantities import Block
@@ -133,10 +134,29 @@ class LanesPrinter(CPrinter):
                 continue
             lines += self._format_work(work)
             work = []
-            lines += self._format_node(node, 1)
+            lines += self._format_wrap_lanes(node) if isinstance(node, Wrap) else self._format_node(node, 1)
             if isinstance(node, If):  # a lane comes to one branch alone: the order of what they do is free
                 work += [(node.condition, part) for part in node.then if isinstance(part, Set)]
         return [*lines, *self._format_work(work)]
+
+    def _format_wrap_lanes(self, node: Wrap) -> list[str]:
+        """A loop over lanes, which becomes a function, and its call."""
+        angle = self.format_entry(node.angle)
+        self.functions.append(
+            "\n".join(
+                [
+                    "/* The angle back within a turn. */",
+                    f"static void keep_within_turn({self.struct} *__restrict f)",
+                    "{",
+                    f"{INDENT}int lane;",
+                    f"{INDENT}for (lane = 0; lane < LANES; lane++) {{",
+                    f"{INDENT * 2}{angle} = {self.format_wrap(angle)};",
+                    f"{INDENT}}}",
+                    "}",
+                ]
+            )
+        )
+        return [f"{INDENT}keep_within_turn(f);"]
 
     def _format_work(self, work: list[tuple[Condition | None, Node]]) -> list[str]:
         """A loop over lanes, which becomes a function, and its call."""

@@ -7,7 +7,7 @@ from codegen.render.printers.expression import unbroken, wrap_line
 from codegen.render.printers.flow import FlowPrinter
 from model.filters import FilterStep
 from model.filters.conditions import ACCEPTED, All, Condition, Either, Entry, Not, Reported
-from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Turns
+from model.filters.program import Call, Copy, Count, Guard, If, Node, Repeat, Report, Restart, Seldom, Set, Turns, Wrap
 from model.quantities import Block
 
 INDENT = "    "
@@ -260,7 +260,7 @@ class PythonPrinter(FlowPrinter):
             return [f"{INDENT}where = {mask}", *self.format_program(node.then, "where")]
         return [wrap_line(line, INDENT, INDENT) for line in self._format_simple(node, where)]
 
-    def _format_simple(self, node: Set | Report | Count | Restart | Seldom, where: str) -> list[str]:
+    def _format_simple(self, node: Set | Report | Count | Restart | Seldom | Wrap, where: str) -> list[str]:
         if isinstance(node, Set):
             return self._format_set(node, where)
         if isinstance(node, Report):
@@ -270,6 +270,9 @@ class PythonPrinter(FlowPrinter):
             return [f"{counter} = np.where({where} & ({counter} < {node.most}), {counter} + 1, {counter})[()]"]
         if isinstance(node, Restart):
             return [f"x, {self.covariance} = _restart(f, x, {self.covariance}, {where})"]
+        if isinstance(node, Wrap):
+            name, place = node.angle.name, node.angle.place
+            return [f"{name} = (*{name}[:{place}], {self.format_wrap(f'{name}[{place}]')}, *{name}[{place} + 1:])"]
         given = [entry.name for entry in node.size.entries if entry.place is not None]
         results = f"x, {node.size.array}, status"
         arguments = ", ".join(["f", "x", node.size.array, *given, "status"])

@@ -305,7 +305,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 i_d_now = cos_theta_mid * i_alpha + sin_theta_mid * i_beta;
@@ -790,9 +791,6 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
     const float64 load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 +
         load_torque_pred;
 
-    /* --- eq. 34: theta wrapped */
-    const float64 theta_new = wrap_angle(theta_after);
-
     /* --- eq. 32: L D L^T = P_new */
     const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
     const float64 D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1;
@@ -810,7 +808,7 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
-    x_out[3] = theta_new;
+    x_out[3] = theta_after;
     x_out[4] = load_torque_after;
     LD_out[0] = D_new_i_alpha;
     LD_out[1] = L_new_10;
@@ -857,7 +855,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
@@ -996,9 +994,12 @@ int ipmsm_ickf_f64_step(ipmsm_ickf_f64_t *f, const float64 u[2], const float64 y
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -279,7 +279,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_omega_e_0 = POLE_PAIRS * L_10;
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -331,15 +332,14 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
-        psi_d_between * GAIN_TORQUE_SALIENCY;
-    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
+        GAIN_TORQUE_SALIENCY * psi_d_between;
+    const float64 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-    const float64 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
+    const float64 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 +
-        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+        part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
     const float64 n_D_1 = 7.0 * D_omega;
     const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
     const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
@@ -374,7 +374,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
     const float64 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
     const float64 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
@@ -393,10 +393,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
     const float64 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_even_torque_0 * minus_even_psi_q_between_2 +
-        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-    const float64 odd_torque_2 =
-        odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+    const float64 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2;
     const float64 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
     const float64 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
@@ -406,7 +404,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3);
     const float64 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
+    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
         psi_q_between * part_of_curv_omega_3;
     const float64 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
     const float64 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
@@ -415,13 +413,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4);
     const float64 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
     const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
+    const float64 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
         odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
     const float64 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
     const float64 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
     const float64 odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5);
     const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-    const float64 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
+    const float64 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
         part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -444,10 +442,10 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
     const float64 odd_omega_next_0 =
-        GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10;
+        GAIN_OMEGA * odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_2 - L_60) + L_10;
     const float64 odd_omega_next_1 = 1.0 +
-        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
         GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
     const float64 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
     const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
@@ -677,8 +675,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-    const float64 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+    const float64 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+        omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -795,7 +793,8 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 cosm1_theta_0 = turn_pred[1];
 
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -845,7 +844,7 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT;
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped, adaptive states within their tolerance */
+    /* --- eq. 25: y - y_pred, in the rotor's frame; adaptive states within their tolerance */
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -947,8 +946,7 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
     const float64 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float64 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-        theta_pred);
+    const float64 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
     const float64 gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64;
     const float64 gain_first_63 = gain_first_64 + g_first_3 * L_pred_63;
     const float64 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
@@ -1103,7 +1101,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1276,9 +1274,12 @@ int ipmsm_adaptive_ckf_f64_step(ipmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -262,7 +262,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -550,7 +551,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 cosm1_theta_3 = turn_pred[7];
 
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -625,7 +627,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         SALIENCY * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    /* --- eq. 25: y - y_pred, in the rotor's frame */
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -698,8 +700,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
     const float64 gain_second_31 = gain_second_32 + g_second_1 * L_first_31;
     const float64 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
-    const float64 theta_new = wrap_angle(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
-        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred);
+    const float64 theta_new = nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred;
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second;
@@ -759,7 +761,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -887,9 +889,12 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -269,7 +269,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -508,7 +509,8 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 deviation_theta = theta_pred - theta_j;
 
     /* --- eq. 20: Jacobian */
-    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
+    const float64 theta_j_wrapped = wrap_angle(theta_j);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j_wrapped);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
@@ -655,9 +657,6 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
     const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
-    /* --- eq. 34: theta wrapped */
-    const float64 theta_new = wrap_angle(theta_j);
-
     /* --- eq. 32: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
     const float64 one_per_var_second_1 = 1.0 / var_second_1;
@@ -685,7 +684,7 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
-    x_out[3] = theta_new;
+    x_out[3] = theta_j;
     LD_out[0] = D_new_psi_alpha;
     LD_out[1] = L_new_10;
     LD_out[2] = D_new_psi_beta;
@@ -719,7 +718,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -859,9 +858,12 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

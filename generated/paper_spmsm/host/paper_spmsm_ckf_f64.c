@@ -398,7 +398,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
-    /* --- eq. 25: y - y_pred; theta wrapped */
+    /* --- eq. 25: y - y_pred */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
@@ -416,8 +416,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
-        theta_pred);
+    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
@@ -470,7 +469,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_i_beta;
@@ -596,9 +595,12 @@ int paper_spmsm_ckf_f64_step(paper_spmsm_ckf_f64_t *f, const float64 u[2], const
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

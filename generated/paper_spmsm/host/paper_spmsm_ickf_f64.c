@@ -421,9 +421,6 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pr
     const float64 theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 +
         theta_pred;
 
-    /* --- eq. 34: theta wrapped */
-    const float64 theta_new = wrap_angle(theta_after);
-
     /* --- eq. 32: L D L^T = P_new */
     const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
     const float64 D_pred_i_beta_per_var_second_1 = D_pred_i_beta / var_second_1;
@@ -440,7 +437,7 @@ static void ickf_measurement_update(const float64 x_pred[4], const float64 LD_pr
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
-    x_out[3] = theta_new;
+    x_out[3] = theta_after;
     LD_out[0] = D_new_i_alpha;
     LD_out[1] = L_new_10;
     LD_out[2] = D_new_i_beta;
@@ -475,7 +472,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_i_beta;
@@ -601,9 +598,12 @@ int paper_spmsm_ickf_f64_step(paper_spmsm_ickf_f64_t *f, const float64 u[2], con
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -28,28 +28,25 @@
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
+/* The largest number below pi: wrapped angles stay in [-pi, pi). */
+#define BELOW_PI 3.1415925f
 
 /* rad: a sensed angle beyond is none. */
 #define SENSED_MAX 1000.0f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -61,6 +58,15 @@ INLINE float32 smaller(float32 a, float32 b)
 INLINE float32 larger(float32 a, float32 b)
 {
     return (a > b) ? a : b;
+}
+
+/* The same angle in [-pi, pi). */
+INLINE float32 wrap_angle(float32 x)
+{
+    /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
+    const float32 turns = x * 0.15915494f + ROUND - ROUND;
+    const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
+    return (x * x <= 9.8696f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
@@ -191,7 +197,8 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
         const float32 integral_weakening = integrator[3].of[lane];
 
         /* --- Park */
-        const pmsm_pair sincos_theta = sin_cos(theta);
+        const float32 theta_wrapped = wrap_angle(theta);
+        const pmsm_pair sincos_theta = sin_cos(theta_wrapped);
         const float32 sin_theta = sincos_theta.sine;
         const float32 cos_theta = sincos_theta.cosine;
         const float32 i_d = cos_theta * i_alpha + sin_theta * i_beta;
@@ -248,7 +255,8 @@ static void control(const lanes *__restrict i, const lanes *__restrict rotor, co
 
         /* --- inverse Park at the angle in the middle of the acting interval */
         const float32 theta_acting = theta + omega_e * gain_advance;
-        const pmsm_pair sincos_theta_acting = sin_cos(theta_acting);
+        const float32 theta_acting_wrapped = wrap_angle(theta_acting);
+        const pmsm_pair sincos_theta_acting = sin_cos(theta_acting_wrapped);
         const float32 sin_theta_acting = sincos_theta_acting.sine;
         const float32 cos_theta_acting = sincos_theta_acting.cosine;
         const float32 v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q;

@@ -341,7 +341,8 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
     const float64 emf_step = GAIN_E * omega_e;
     const float64 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 stator_resistance_sub_nominal_r = stator_resistance - NOMINAL_R;
@@ -732,7 +733,7 @@ static void ckf_measurement_update(const float64 x_pred[6], const float64 LD_pre
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
 
-    /* --- eq. 25: y - y_pred; theta wrapped, adaptive states within their tolerance */
+    /* --- eq. 25: y - y_pred; adaptive states within their tolerance */
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
@@ -750,8 +751,7 @@ static void ckf_measurement_update(const float64 x_pred[6], const float64 LD_pre
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
-        theta_pred);
+    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
     const float64 load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 +
         load_torque_pred;
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE,
@@ -836,7 +836,7 @@ static void coast(const float64 x_pred[6], const float64 LD_pred[21], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
     LD_out[0] = D_pred_i_alpha;
@@ -993,9 +993,12 @@ int servo_24v_ckf_f64_step(servo_24v_ckf_f64_t *f, const float64 u[2], const flo
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -318,7 +318,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_emf_step_0 = magnet_flux_x_gain_v_pole_pairs * L_20 + odd_emf_step_5 * L_50;
     const float64 decay_off = GAIN_V * (stator_resistance - NOMINAL_R);
     const float64 one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
@@ -833,8 +834,7 @@ static void ickf_measurement_update(const float64 x_pred[7], const float64 LD_pr
     const float64 stator_resistance_after = correction_second_0 * L_pred_60 + part_of_omega_after * L_pred_61
         + stator_resistance_pred;
 
-    /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
-    const float64 theta_new = wrap_angle(theta_after);
+    /* --- eq. 34: adaptive states within their tolerance */
     const float64 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_after));
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE,
         smaller(MOST_STATOR_RESISTANCE, stator_resistance_after));
@@ -858,7 +858,7 @@ static void ickf_measurement_update(const float64 x_pred[7], const float64 LD_pr
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;
     x_out[2] = omega_after;
-    x_out[3] = theta_new;
+    x_out[3] = theta_after;
     x_out[4] = load_torque_after;
     x_out[5] = magnet_flux_new;
     x_out[6] = stator_resistance_new;
@@ -935,7 +935,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1106,9 +1106,12 @@ int spmsm_adaptive_ickf_f64_step(spmsm_adaptive_ickf_f64_t *f, const float64 u[2
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

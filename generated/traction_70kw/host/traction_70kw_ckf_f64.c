@@ -337,7 +337,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -376,16 +377,15 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 psi_q_between = 0.5 * psi_q_mid_plus_next;
     const float64 even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0;
     const float64 even_psi_q_between_0 = 0.5 * even_psi_q_mid_plus_next_0;
-    const float64 psi_d_mid_plus_next = psi_d_mid + psi_d_next;
-    const float64 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M -
-        psi_d_mid_plus_next * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 part_of_even_torque_0_2 = 0.5 * part_of_even_torque_0;
-    const float64 part_of_even_torque_0_3 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M -
+        GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next);
+    const float64 part_of_even_torque_0 = 0.5 * part_of_omega_pred;
+    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
     const float64 odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0;
     const float64 odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0;
-    const float64 even_torque_0 = part_of_even_torque_0_2 * even_psi_q_mid_plus_next_0 -
-        part_of_even_torque_0_3 * total_psi_q_between_0 -
+    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+        part_of_even_torque_0_2 * total_psi_q_between_0 -
         D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0;
     const float64 n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1;
     const float64 odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21;
@@ -413,7 +413,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1;
     const float64 odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1;
-    const float64 even_torque_1 = part_of_even_torque_0_2 * even_psi_q_mid_plus_next_1 -
+    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
         part_of_even_torque_1 * total_psi_q_between_1 -
         D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1;
     const float64 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
@@ -423,13 +423,13 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2;
     const float64 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
     const float64 psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4;
-    const float64 odd_torque_2 = part_of_even_torque_0_2 * odd_psi_q_mid_plus_next_2 -
+    const float64 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
         odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled;
     const float64 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
     const float64 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
     const float64 part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3;
     const float64 part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3;
-    const float64 odd_torque_3 = part_of_even_torque_0_2 * part_of_curv_omega_sum_2 -
+    const float64 odd_torque_3 = part_of_even_torque_0 * part_of_curv_omega_sum_2 -
         part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -452,11 +452,11 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
     const float64 odd_omega_next_0 =
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_even_torque_0 - part_of_even_torque_0_3) -
+        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2) -
         GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
         L_10;
     const float64 odd_omega_next_1 = 1.0 +
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
         GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41);
 
     /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
@@ -474,30 +474,30 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta;
     const float64 curv_omega_sum = even_torque_0 + even_torque_1 -
         GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4);
-    const float64 part_of_P_pred_32 = part_of_even_torque_0_2 * G_psi_beta_R -
+    const float64 part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R -
         psi_q_mid_plus_next_scaled * G_psi_alpha_R;
-    const float64 theta_minus_theta_mid = theta - theta_mid;
-    const pmsm_pair_f64 sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
-    const float64 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
-    const float64 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
-    const float64 part_of_P_pred_32_2 = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
-    const float64 part_of_P_pred_32_3 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_P_pred_32_2;
-    const float64 part_of_P_pred_32_4 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_P_pred_32_2;
-    const float64 i_q = cos_theta_minus_theta_mid * part_of_P_pred_32_3 -
-        sin_theta_minus_theta_mid * part_of_P_pred_32_4;
+    const float64 part_of_P_pred_32_2 = wrap_angle(theta - theta_mid);
+    const pmsm_pair_f64 sincos_part_of_P_pred_32_2 = sin_cos(part_of_P_pred_32_2);
+    const float64 sin_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.sine;
+    const float64 cos_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.cosine;
+    const float64 part_of_P_pred_32_3 = SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
+        psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M;
+    const float64 part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3;
+    const float64 part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3;
+    const float64 i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 -
+        sin_part_of_P_pred_32_2 * part_of_P_pred_32_5;
     const float64 i_q_sq = i_q * i_q;
-    const float64 i_d = cos_theta_minus_theta_mid * part_of_P_pred_32_4 +
-        sin_theta_minus_theta_mid * part_of_P_pred_32_3;
+    const float64 i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 +
+        sin_part_of_P_pred_32_2 * part_of_P_pred_32_4;
     const float64 i_d_sq = i_d * i_d;
     const float64 g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
     const float64 g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
-    const float64 part_of_P_pred_32_5 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-        part_of_even_torque_0 * GAIN_Q_BY2 * g_q;
+    const float64 part_of_P_pred_32_6 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
+        part_of_omega_pred * GAIN_Q_BY2 * g_q;
     const float64 unsure_sq = unsure * unsure;
     const float64 psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq;
-    const float64 part_of_P_pred_32_6 = part_of_even_torque_0 * unsure_sq;
-    const float64 part_of_P_pred_32_7 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+    const float64 part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq;
+    const float64 part_of_P_pred_32_8 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
         D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
         PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
@@ -506,29 +506,29 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
         part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
         i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_5 * part_of_P_pred_32_5 +
+        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
         psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-        part_of_even_torque_0 * part_of_P_pred_32_6 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
+        part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
     const float64 D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0;
-    const float64 part_of_P_pred_32_8 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
+    const float64 part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
         HALF_T_POLE_PAIRS * D_odd_omega_1;
-    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_7 + part_of_P_pred_32_8;
-    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_8) +
+    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9;
+    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
         odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3;
     const float64 D_pred_theta = larger(P_pred_33, Q_3);
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-    const float64 P_pred_22 = part_of_P_pred_32_7 + Q_2;
+    const float64 P_pred_22 = part_of_P_pred_32_8 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float64 odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha;
     const float64 sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta;
     const float64 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
     const float64 mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ;
     const float64 G_omega_R = GAIN_OMEGA * part_of_P_pred_32;
-    const float64 omega_x_sin = omega * sin_theta_minus_theta_mid;
+    const float64 omega_x_sin = omega * sin_part_of_P_pred_32_2;
     const float64 omega_x_sin_times_i_q = omega_x_sin * i_q;
     const float64 i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
-    const float64 omega_x_cos = omega * cos_theta_minus_theta_mid;
+    const float64 omega_x_cos = omega * cos_part_of_P_pred_32_2;
     const float64 i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
     const float64 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
         GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
@@ -537,7 +537,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
         G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
         + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_d * part_of_P_pred_32_5 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
+        g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
         psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7;
     const float64 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
@@ -554,8 +554,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
         G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
         omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_q * part_of_P_pred_32_5 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-        part_of_P_pred_32_6 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
+        g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
+        part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
     const float64 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
     const float64 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
         D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0;
@@ -652,9 +652,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 psi_beta_pred = sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
         curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
         cos_theta_mid_times_pair_weight * curv_psi_beta_sum;
-    const float64 omega_of_x = GAIN_OMEGA_BY2 * (GAIN_TORQUE_INV_L_D_PSI_M -
-        GAIN_TORQUE_SALIENCY_BY2 * psi_d_mid_plus_next) * psi_q_mid_plus_next - GAIN_OMEGA * load_torque +
-        omega;
+    const float64 omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next -
+        GAIN_OMEGA * load_torque + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 
@@ -738,7 +737,8 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 cosm1_theta_0 = turn_pred[1];
 
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -779,7 +779,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    /* --- eq. 25: y - y_pred, in the rotor's frame */
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -851,8 +851,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
     const float64 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float64 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-        theta_pred);
+    const float64 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
     const float64 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
     const float64 gain_first_41 = gain_first_42 + g_first_1 * L_pred_41;
     const float64 L_first_42 = L_pred_42 - change_first_32 * L_pred_43;
@@ -937,7 +936,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_theta;
     LD_out[1] = L_pred_10;
@@ -1081,9 +1080,12 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
         */
     check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -86,23 +86,18 @@
 #define BELOW_PI 3.1415925f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -135,7 +130,7 @@ INLINE float32 wrap_angle(float32 x)
 
 /* How far a column of L turns an angle, from z = d^2 / 5: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad; WIDE_ ones for d up to pi.
- * Error proved: sinc 1.1e-06, cosm1 4.4e-07 of d^2 / 2; wide 5.5e-07, 1.1e-06. */
+ * Error proved: sinc 1.0e-06, cosm1 4.4e-07 of d^2 / 2; wide 4.9e-07, 1.1e-06. */
 #define SINC_1 -0.8332277f
 #define SINC_2 0.20490783f
 #define COSM1_1 -2.4999995f
@@ -385,7 +380,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
         const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
         const float32 odd_theta_mid_0 = 1.0f + HALF_T_POLE_PAIRS * L_10;
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+        const float32 theta_mid_wrapped = wrap_angle(theta_mid);
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid_wrapped);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -424,16 +420,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_q_between = 0.5f * psi_q_mid_plus_next;
         const float32 even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0;
         const float32 even_psi_q_between_0 = 0.5f * even_psi_q_mid_plus_next_0;
-        const float32 psi_d_mid_plus_next = psi_d_mid + psi_d_next;
-        const float32 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M -
-            psi_d_mid_plus_next * GAIN_TORQUE_SALIENCY_BY2;
-        const float32 part_of_even_torque_0_2 = 0.5f * part_of_even_torque_0;
-        const float32 part_of_even_torque_0_3 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+        const float32 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M -
+            GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next);
+        const float32 part_of_even_torque_0 = 0.5f * part_of_omega_pred;
+        const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
         const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
         const float32 odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0;
         const float32 odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0;
-        const float32 even_torque_0 = part_of_even_torque_0_2 * even_psi_q_mid_plus_next_0 -
-            part_of_even_torque_0_3 * total_psi_q_between_0 -
+        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+            part_of_even_torque_0_2 * total_psi_q_between_0 -
             D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0;
         const float32 n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1;
         const float32 odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21;
@@ -461,7 +456,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
         const float32 odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1;
         const float32 odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1;
-        const float32 even_torque_1 = part_of_even_torque_0_2 * even_psi_q_mid_plus_next_1 -
+        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
             part_of_even_torque_1 * total_psi_q_between_1 -
             D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1;
         const float32 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
@@ -471,13 +466,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2;
         const float32 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
         const float32 psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4;
-        const float32 odd_torque_2 = part_of_even_torque_0_2 * odd_psi_q_mid_plus_next_2 -
+        const float32 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
             odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled;
         const float32 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
         const float32 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
         const float32 part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3;
         const float32 part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3;
-        const float32 odd_torque_3 = part_of_even_torque_0_2 * part_of_curv_omega_sum_2 -
+        const float32 odd_torque_3 = part_of_even_torque_0 * part_of_curv_omega_sum_2 -
             part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -500,11 +495,11 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
         const float32 odd_omega_next_0 =
-            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_even_torque_0 - part_of_even_torque_0_3) -
+            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2) -
             GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
             L_10;
         const float32 odd_omega_next_1 = 1.0f +
-            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
             GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41);
 
         /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
@@ -522,30 +517,30 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta;
         const float32 curv_omega_sum = even_torque_0 + even_torque_1 -
             GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4);
-        const float32 part_of_P_pred_32 = part_of_even_torque_0_2 * G_psi_beta_R -
+        const float32 part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R -
             psi_q_mid_plus_next_scaled * G_psi_alpha_R;
-        const float32 theta_minus_theta_mid = theta - theta_mid;
-        const pmsm_pair sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
-        const float32 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
-        const float32 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
-        const float32 part_of_P_pred_32_2 = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-            psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
-        const float32 part_of_P_pred_32_3 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_P_pred_32_2;
-        const float32 part_of_P_pred_32_4 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_P_pred_32_2;
-        const float32 i_q = cos_theta_minus_theta_mid * part_of_P_pred_32_3 -
-            sin_theta_minus_theta_mid * part_of_P_pred_32_4;
+        const float32 part_of_P_pred_32_2 = wrap_angle(theta - theta_mid);
+        const pmsm_pair sincos_part_of_P_pred_32_2 = sin_cos(part_of_P_pred_32_2);
+        const float32 sin_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.sine;
+        const float32 cos_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.cosine;
+        const float32 part_of_P_pred_32_3 = SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
+            psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M;
+        const float32 part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3;
+        const float32 part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3;
+        const float32 i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 -
+            sin_part_of_P_pred_32_2 * part_of_P_pred_32_5;
         const float32 i_q_sq = i_q * i_q;
-        const float32 i_d = cos_theta_minus_theta_mid * part_of_P_pred_32_4 +
-            sin_theta_minus_theta_mid * part_of_P_pred_32_3;
+        const float32 i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 +
+            sin_part_of_P_pred_32_2 * part_of_P_pred_32_4;
         const float32 i_d_sq = i_d * i_d;
         const float32 g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
         const float32 g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
-        const float32 part_of_P_pred_32_5 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-            part_of_even_torque_0 * GAIN_Q_BY2 * g_q;
+        const float32 part_of_P_pred_32_6 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
+            part_of_omega_pred * GAIN_Q_BY2 * g_q;
         const float32 unsure_sq = unsure * unsure;
         const float32 psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq;
-        const float32 part_of_P_pred_32_6 = part_of_even_torque_0 * unsure_sq;
-        const float32 part_of_P_pred_32_7 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        const float32 part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq;
+        const float32 part_of_P_pred_32_8 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
             (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
             D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
             PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
@@ -554,29 +549,29 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
             part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
             i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-            GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_5 * part_of_P_pred_32_5 +
+            GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
             psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-            part_of_even_torque_0 * part_of_P_pred_32_6 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
+            part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
         const float32 D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0;
-        const float32 part_of_P_pred_32_8 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
+        const float32 part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
             HALF_T_POLE_PAIRS * D_odd_omega_1;
-        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_7 + part_of_P_pred_32_8;
-        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_8) +
+        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9;
+        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
             odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3;
         const float32 D_pred_theta = larger(P_pred_33, Q_3);
         const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
         const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-        const float32 P_pred_22 = part_of_P_pred_32_7 + Q_2;
+        const float32 P_pred_22 = part_of_P_pred_32_8 + Q_2;
         const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
         const float32 odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha;
         const float32 sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta;
         const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
         const float32 mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ;
         const float32 G_omega_R = GAIN_OMEGA * part_of_P_pred_32;
-        const float32 omega_x_sin = omega * sin_theta_minus_theta_mid;
+        const float32 omega_x_sin = omega * sin_part_of_P_pred_32_2;
         const float32 omega_x_sin_times_i_q = omega_x_sin * i_q;
         const float32 i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
-        const float32 omega_x_cos = omega * cos_theta_minus_theta_mid;
+        const float32 omega_x_cos = omega * cos_part_of_P_pred_32_2;
         const float32 i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
         const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
             GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
@@ -585,7 +580,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
             G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
             + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-            g_d * part_of_P_pred_32_5 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
+            g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
             psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7;
         const float32 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
         const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
@@ -602,8 +597,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
             G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
             omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-            g_q * part_of_P_pred_32_5 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-            part_of_P_pred_32_6 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
+            g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
+            part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
         const float32 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
         const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
             D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0;
@@ -700,9 +695,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_pred = sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
             curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
             cos_theta_mid_times_pair_weight * curv_psi_beta_sum;
-        const float32 omega_of_x = GAIN_OMEGA_BY2 * (GAIN_TORQUE_INV_L_D_PSI_M -
-            GAIN_TORQUE_SALIENCY_BY2 * psi_d_mid_plus_next) * psi_q_mid_plus_next - GAIN_OMEGA * load_torque +
-            omega;
+        const float32 omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next -
+            GAIN_OMEGA * load_torque + omega;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 
@@ -791,7 +785,8 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 cosm1_theta_0 = turn_pred[1].of[lane];
 
         /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
+        const float32 theta_pred_wrapped = wrap_angle(theta_pred);
+        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred_wrapped);
         const float32 sin_theta_pred = sincos_theta_pred.sine;
         const float32 cos_theta_pred = sincos_theta_pred.cosine;
         const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -832,7 +827,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-        /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+        /* --- eq. 25: y - y_pred, in the rotor's frame */
         const float32 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
             INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
         const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -904,8 +899,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
         const float32 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
             nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-        const float32 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-            theta_pred);
+        const float32 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
         const float32 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
         const float32 gain_first_41 = gain_first_42 + g_first_1 * L_pred_41;
         const float32 L_first_42 = L_pred_42 - change_first_32 * L_pred_43;
@@ -994,7 +988,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
-        x_out[3].of[lane] = wrap_angle(theta_pred);
+        x_out[3].of[lane] = theta_pred;
         x_out[4].of[lane] = load_torque_pred;
         LD_out[0].of[lane] = D_pred_theta;
         LD_out[1].of[lane] = L_pred_10;
@@ -1085,9 +1079,9 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
             f->x[2].of[lane] + f->x[4].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
-        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
-        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
-        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_0 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_1 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_2 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
         special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
@@ -1097,6 +1091,15 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
                 set_status_bits(f, check[0].of[lane], lane);
             }
         }
+    }
+}
+
+/* The angle back within a turn. */
+static void keep_within_turn(traction_70kw_ckf_lanes_t *__restrict f)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        f->x[3].of[lane] = wrap_angle(f->x[3].of[lane]);
     }
 }
 
@@ -1133,4 +1136,5 @@ void traction_70kw_ckf_lanes_step(traction_70kw_ckf_lanes_t *f, const lanes u[2]
         take(f->LD, other_LD, rejected, 15);
     }
     finish_step(f, nis, check, rejected);
+    keep_within_turn(f);
 }

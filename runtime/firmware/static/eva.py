@@ -3,7 +3,8 @@
 No NaN, no infinity, no division by zero, no read of what was not written, nothing out of bounds. EVA computes with
 intervals: what it proves holds for every float32 in them; what it cannot prove is an alarm, not yet an error.
 
-Three kinds of fact are handed to it, each proved elsewhere. Sine and cosine stay within 1 plus the error that the
+Four kinds of fact are handed to it, each proved elsewhere. A wrapped angle lies within a turn: that of two ways it is
+what is inside already is beyond intervals. Sine and cosine stay within 1 plus the error that the
 generator proved for them; EVA checks that fact's condition (the argument's range) at every call, and the function's
 body for errors like any other. Small angles' sinc and cosm1 stay within what their polynomials, or sine and cosine,
 were proved to. And divisors stay above the bound that :mod:`runtime.firmware.static.divisions` proved:
@@ -25,7 +26,7 @@ from codegen.ir.small_angle import small_angle_bound
 from codegen.ir.trig import sin_cos_bound
 from codegen.output.folder import read_manifest
 from runtime.firmware.static.bans import parse
-from runtime.firmware.static.box import Box, Interval, filter_box, known_machine
+from runtime.firmware.static.box import BELOW_PI, Box, Interval, filter_box, known_machine
 from runtime.firmware.static.check import Check
 from runtime.firmware.static.divisions import Range, divisions
 from runtime.firmware.static.tool import missing, run
@@ -54,11 +55,12 @@ _COVERAGE = re.compile(r"(\d+) statements reached \(out of (\d+)\)")
 
 #: Names of the facts handed over, as they appear in EVA's words; one of them unproved by EVA is no alarm. Of two files
 #: that have a function of a name EVA numbers the second.
-_GIVEN = re.compile(r"function sin_cos(?:_\d+)?: postcondition|assertion 'range'")
+_GIVEN = re.compile(r"function (?:sin_cos|wrap_angle)(?:_\d+)?: postcondition|assertion 'range'")
 
-#: The guard asks by squares whether a sum, a mean or a word is a number and not absurd; a square that overflows to
-#: infinity is its answer, on which it acts, and no error. EVA's words for just these products.
-_ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)")
+#: The guard asks by squares whether a sum, a mean or a word is a number and not absurd, and wrapping whether an angle is
+#: inside already; a square that overflows to infinity is its answer, on which it acts, and no error. EVA's words for
+#: just these products.
+_ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)", "\\mul_float(x, x)")
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,7 @@ def driver(prefix: str, box: Box) -> str:
 
 
 def with_contract(source: str) -> str:
-    """The source with the generator's bound on sine and cosine as a contract; unchanged if it has none."""
+    """The source with the generator's bounds on sine and cosine and on wrapped angles as contracts, where it has them."""
     bound = sin_cos_bound()
     size = 1.0 + 2.0 * bound.proved
     contract = (
@@ -198,6 +200,11 @@ def with_contract(source: str) -> str:
         )
         + "*/\n"
     )
+    turn = (
+        "/*@ requires \\is_finite(x);\n    assigns \\nothing;\n"
+        f"    ensures \\is_finite(\\result) && -{BELOW_PI!r} <= \\result <= {BELOW_PI!r};\n*/\n"
+    )
+    source = source.replace("static float32 wrap_angle(float32 x)", f"{turn}static float32 wrap_angle(float32 x)")
     return source.replace("static pmsm_pair sin_cos(float32 x)", f"{contract}static pmsm_pair sin_cos(float32 x)")
 
 
