@@ -190,7 +190,7 @@ def wrap_listing(precision: Precision) -> Listing:
     bound = g.const(precision.below_pi, "BELOW_PI")
     lower = g.const(-precision.below_pi)
     outside = g.op("max", g.op("min", r, bound), lower)
-    result = g.op("select", g.op("mul", x, x), g.const(INSIDE), x, outside)
+    result = g.op("select", g.op("mul", x, x), g.const(INSIDE, "INSIDE"), x, outside)
     names = {x: "x", turns: "turns", r: "r", bound: "BELOW_PI", g.const(precision.rounding, "ROUND"): "ROUND"}
     heading = "r = x - 2 pi turns, kept inside, where x is not inside itself"
     section = Section("", heading, [Statement(turns, "turns"), Statement(r, "r")])

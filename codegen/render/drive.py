@@ -8,7 +8,7 @@ from typing import Any
 from codegen.ir.constants import is_round
 from codegen.ir.covariance import state_place
 from codegen.ir.layout import Listing, lay_out
-from codegen.ir.trig import DOUBLE, wrap_listing
+from codegen.ir.trig import DOUBLE, INSIDE, wrap_listing
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, named_constants, with_sections
 from codegen.render.printers.c import CPrinter
@@ -137,6 +137,7 @@ def foc_context(about: Description, kind: str, printer: CPrinter) -> dict[str, A
         ],
         "round": printer.format_literal(printer.numbers.precision.rounding),
         "below_pi": printer.format_literal(printer.numbers.precision.below_pi),
+        "inside": printer.format_literal(INSIDE),
         "wrap_angle": printer.format_helper(wrap_listing(printer.numbers.precision)),
         "trig_note": trig_note(printer.numbers),
         "sin_cos": sin_cos_text(printer),

@@ -14,7 +14,7 @@ from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
 from codegen.ir.small_angle import LIMIT, UNKNOWN, coefficients, small_angle_bound
-from codegen.ir.trig import wrap_listing
+from codegen.ir.trig import INSIDE, wrap_listing
 from codegen.render.fill import render
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
 from codegen.render.printers.expression import wrap_line
@@ -161,6 +161,7 @@ def render_filter(
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(numbers.precision.rounding),
         below_pi=printer.format_literal(numbers.precision.below_pi),
+        inside=printer.format_literal(INSIDE),
         pair=pair,
         pair_type=printer.pair,
         trig_note=trig_note(numbers),

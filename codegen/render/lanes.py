@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
-from codegen.ir.trig import wrap_listing
+from codegen.ir.trig import INSIDE, wrap_listing
 from codegen.render.drive import foc_context, plant_context
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, common_spread, covariance_comment, filter_constants, turn_context
@@ -62,6 +62,7 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(numbers.precision.rounding),
         below_pi=printer.format_literal(numbers.precision.below_pi),
+        inside=printer.format_literal(INSIDE),
         pair=any(count["sincos"] for count in operations),
         trig_note=trig_note(numbers),
         sin_cos=_inlined(sin_cos_text(printer)),

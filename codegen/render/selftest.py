@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from codegen.evidence.recording import DRAWS, MARGIN, UNITS, Recording, execute
 from codegen.evidence.selftest import ControlRun, Segment
-from codegen.ir.trig import wrap_listing
+from codegen.ir.trig import INSIDE, wrap_listing
 from codegen.render.fill import render
 from codegen.render.filter import Description
 from codegen.render.printers.c import CPrinter
@@ -82,6 +82,7 @@ def render_filter_selftest(
         compare=render("selftest_compare.j2", p=p),
         round=printer.format_literal(FLOAT32.precision.rounding),
         below_pi=printer.format_literal(FLOAT32.precision.below_pi),
+        inside=printer.format_literal(INSIDE),
         sin_cos=sin_cos_text(printer),
         wrap_angle=printer.format_helper(wrap_listing(FLOAT32.precision)),
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout, place, state_place
 from codegen.ir.layout import Listing, lay_out
-from codegen.ir.trig import SINGLE, wrap_listing
+from codegen.ir.trig import INSIDE, SINGLE, wrap_listing
 from codegen.render.diagram import render_diagram
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, named_constants, tuning, with_sections
@@ -172,6 +172,7 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "trig_note": trig_note(printer.numbers),
         "round": printer.format_literal(SINGLE.rounding),
         "below_pi": printer.format_literal(SINGLE.below_pi),
+        "inside": printer.format_literal(INSIDE),
         "wrap_angle": printer.format_helper(wrap_listing(SINGLE)),
     }
     source = render("supervisor.c.j2", **common, **_machine_text(about, printer))

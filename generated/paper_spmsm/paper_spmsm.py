@@ -169,6 +169,7 @@ def _sin_cos_f32(x):
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
@@ -178,6 +179,7 @@ def _wrap_angle_f32(x):
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
@@ -619,7 +621,7 @@ def ckf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
-    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
+    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -653,7 +655,7 @@ def ickf_step(f, u, y, math, stages=None):
     # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
     check = (check[0] + f.nis + x[0] + x[1] + x[2],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
-    x = (*x[:3], math.wrap(x[3]), *x[3 + 1:])
+    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 

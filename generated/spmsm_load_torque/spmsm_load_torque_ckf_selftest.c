@@ -336,6 +336,8 @@ static int agrees(float32 found, Uint32 expected, Uint16 allowed, float32 tolera
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 static pmsm_pair sin_cos(float32 x)
 {

@@ -130,7 +130,7 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
     R : ndarray
         Variances of the measurement noise, A^2.
     """
-    found, iterates, counts = _evaluate(module, step.kind, situations)
+    found, iterates, counts, theta = _evaluate(module, step.kind, situations)
     sigmas = _sigmas(situations, R)
     comparisons = [*_pairs(step, situations, found, iterates)]
     rows, first = [], None
@@ -152,7 +152,6 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
                 len(counts),
             )
         )
-    theta = found["x"][:, module.ANGLE]
     outside = int(np.sum(~((theta >= -np.pi) & (theta < np.pi))))
     rows.append(Row("34", "theta in [-pi, pi)", "angles outside", float(outside), 0.0, len(theta)))
     return Link(
@@ -160,15 +159,18 @@ def link_ab(module: ModuleType, step: FilterStep, drive: str, situations: Situat
     )
 
 
-def _evaluate(module: ModuleType, kind: str, s: Situations) -> tuple[dict[str, Array], list[dict[str, Array]], Array]:
-    """The generated step with one lane a situation; stages as (N, entries)."""
+def _evaluate(
+    module: ModuleType, kind: str, s: Situations
+) -> tuple[dict[str, Array], list[dict[str, Array]], Array, Array]:
+    """The generated step with one lane a situation; stages as (N, entries), iterations and theta after it (N,)."""
     backend = NumpyBackend(module, kind, "float64")
     backend.reset(s.x.T.copy(), module.pack(np.moveaxis(s.P, 0, 2)))
     stages: dict[str, Any] = {}
     backend.step(s.u.T.copy(), s.y.T.copy(), stages)
     lanes = len(s.u)
     iterates = [{key: _lanes(values, lanes) for key, values in item.items()} for item in stages.pop("iterates", [])]
-    return {key: _lanes(values, lanes) for key, values in stages.items()}, iterates, backend.iterations
+    found = {key: _lanes(values, lanes) for key, values in stages.items()}
+    return found, iterates, backend.iterations, np.asarray(backend.x[module.ANGLE])
 
 
 def _lanes(values: Any, count: int) -> Array:

@@ -133,8 +133,8 @@ class _Texts:
     # --- flow
 
     def _blocks(self, form: str) -> dict[str, tuple[int, ...]]:
-        """Blocks that both texts of a form have, and how many values each port hands out."""
-        return {name: f.sizes for name, f in self.found(form).items() if name in self.wanted}
+        """Blocks that both texts of a form have, and how many values each port hands out; wrapping is carried out."""
+        return {name: f.sizes for name, f in self.found(form).items() if name in self.wanted and name != "wrap_angle"}
 
     def _c(self, form: str) -> CText:
         return CText(self.terms, self.tree(form), self._blocks(form))

@@ -347,15 +347,16 @@ def test_sine_cosine_and_small_angles_are_within_the_printed_bounds(made: Made) 
     """The module's own functions at other arguments, against the library's float64."""
     name = made.drive.name
     texts = [made.words(f"{name}_ckf.c"), made.words(f"{name}_ckf_foc.c")]
-    pattern = r"Error for \|x\| <= (\d+) rad: proved (\S+), worst of (\d+) arguments (\S+)\."
+    pattern = r"Error for \|x\| <= (\w+), as wrap_angle leaves it: proved (\S+), worst of (\d+) arguments (\S+)\."
     said = {re.search(pattern, text).groups() for text in texts}  # type: ignore[union-attr]
-    report = re.search(r"\|x\| <= (\d+) rad\): error proved <= (\S+), worst of (\d+) arguments (\S+)\.", made.report)
+    report = re.search(r"\|x\| <= (\w+)\): error proved <= (\S+), worst of (\d+) arguments (\S+)\.", made.report)
     assert report is not None
     assert said == {report.groups()}
-    limit, proved, samples, seen = (float(word) for word in report.groups())
-    assert (limit, samples) == (1000, 200_002)
+    limit, *words = report.groups()
+    proved, samples, seen = (float(word) for word in words)
+    assert (limit, samples) == ("pi", 500_002)
     module = execute(made.files[f"{name}.py"], "m")
-    x = np.random.default_rng(5).uniform(-limit, limit, 300_000).astype(np.float32)
+    x = np.random.default_rng(5).uniform(-np.pi, np.pi, 300_000).astype(np.float32)
     exact = np.sin(x.astype(float)), np.cos(x.astype(float))
     worst = max(np.max(np.abs(a - b)) for a, b in zip(module["MATH"]["float32"].sin_cos(x), exact, strict=True))
     assert 0.8 * seen <= worst <= 1.25 * seen

@@ -112,7 +112,7 @@ MUTANTS: dict[str, Callable[[str], str]] = {
     "dropped Q": lambda text: re.sub(r"\bQ\[(\d)\];", r"0.0f * Q[\1];", text),
     # One unit may vanish where Q is added to a larger P; of two, one is left.
     "Q of the angle off by a bit": lambda text: re.sub(r"(f->Q\[3\] = )([^;]+)", _off_by(2), text, count=1),
-    "sine's first coefficient": lambda text: text.replace("-0.16666657f", "-0.16666659f", 1),
+    "sine's first coefficient": lambda text: text.replace("-0.04166664f", "-0.04166665f", 1),
     "sign, early": _sign(0.12),
     "sign, middle": _sign(0.5),
     "sign, late": _sign(0.95),

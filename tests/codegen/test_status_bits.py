@@ -136,7 +136,7 @@ def test_not_converged_alone() -> None:
     both.set("tolerance", None, 0.0)
     status = both.run(u, y)
     assert np.all(status[1:] & ~BITS["NOT_CONVERGED"] == 0)
-    assert np.mean(status == BITS["NOT_CONVERGED"]) > 0.8
+    assert np.mean(status == BITS["NOT_CONVERGED"]) > 0.6  # elsewhere the last pass moved no bit
     both.reset()
     both.set("tolerance", None, 1e6)
     assert not np.any(both.run(u, y)), "the first pass is near enough"

@@ -6,7 +6,6 @@ import numpy as np
 
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
-from codegen.ir.trig import INSIDE
 from codegen.render.printers.expression import unbroken, wrap_line
 from codegen.render.printers.flow import FlowPrinter
 from codegen.targets.numbers import NumberFormat
@@ -296,8 +295,7 @@ class CPrinter(FlowPrinter):
 
     def _format_wrapped(self, angle: str) -> list[str]:
         """A branch, so that an angle within its turn, as it nearly always is, is not stored again."""
-        inside = f"{angle} * {angle} <= {self.format_literal(INSIDE)}"
-        return [f"if (!({inside})) {{", f"{INDENT}{angle} = {self.format_wrap(angle)};", "}"]
+        return [f"if (!({angle} * {angle} <= INSIDE)) {{", f"{INDENT}{angle} = {self.format_wrap(angle)};", "}"]
 
     def _format_report(self, node: Report) -> list[str]:
         """A branch where there is more to ask than one comparison, else a choice."""

@@ -272,7 +272,9 @@ class PythonPrinter(FlowPrinter):
             return [f"x, {self.covariance} = _restart(f, x, {self.covariance}, {where})"]
         if isinstance(node, Wrap):
             name, place = node.angle.name, node.angle.place
-            return [f"{name} = (*{name}[:{place}], {self.format_wrap(f'{name}[{place}]')}, *{name}[{place} + 1:])"]
+            assert place is not None
+            wrapped = self.format_wrap(f"{name}[{place}]")
+            return [f"{name} = (*{name}[:{place}], {wrapped}, *{name}[{place + 1}:])"]
         given = [entry.name for entry in node.size.entries if entry.place is not None]
         results = f"x, {node.size.array}, status"
         arguments = ", ".join(["f", "x", node.size.array, *given, "status"])

@@ -39,6 +39,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -862,7 +864,7 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
         ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
     }
-    if (!(f->x[3] * f->x[3] <= 9.8696)) {
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
         f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;

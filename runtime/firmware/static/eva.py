@@ -57,9 +57,9 @@ _COVERAGE = re.compile(r"(\d+) statements reached \(out of (\d+)\)")
 #: that have a function of a name EVA numbers the second.
 _GIVEN = re.compile(r"function (?:sin_cos|wrap_angle)(?:_\d+)?: postcondition|assertion 'range'")
 
-#: The guard asks by squares whether a sum, a mean or a word is a number and not absurd, and wrapping whether an angle is
-#: inside already; a square that overflows to infinity is its answer, on which it acts, and no error. EVA's words for
-#: just these products.
+#: The guard asks by squares whether a sum, a mean or a word is a number and not absurd, and wrapping whether an angle
+#: is inside already; a square that overflows to infinity is its answer, on which it acts, and no error. EVA's words
+#: for just these products.
 _ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)", "\\mul_float(x, x)")
 
 
@@ -189,7 +189,7 @@ def driver(prefix: str, box: Box) -> str:
 
 
 def with_contract(source: str) -> str:
-    """The source with the generator's bounds on sine and cosine and on wrapped angles as contracts, where it has them."""
+    """The source with the generator's bounds on sine and cosine and on wrapped angles as contracts, if it has them."""
     bound = sin_cos_bound()
     size = 1.0 + 2.0 * bound.proved
     contract = (
