@@ -41,7 +41,7 @@ class Unit:
             return str(type_node.declname)
         if len(names) == 1 and names[0] in self.typedefs:
             target = self.typedefs[names[0]]
-            return str(names[0]) if isinstance(target.type, c_ast.Struct) else self.kind(target)
+            return str(names[0]) if isinstance(target.type, c_ast.Struct | c_ast.Union) else self.kind(target)
         return "float" if {"float", "double"} & set(names) else "int"
 
     def kinds_in(self, definition: c_ast.FuncDef) -> dict[str, Kind]:

@@ -72,6 +72,12 @@ typedef struct {
     float32 cosine;
 } pmsm_pair;
 
+/* A number and its bits. */
+typedef union {
+    float32 value;
+    Uint32 bits;
+} pmsm_word;
+
 /* Assumptions of the rest of the code. A line that fails is an array of negative size; its name says what
  * is wrong. */
 typedef int pmsm_float32_must_have_32_bits[(CHAR_BIT * sizeof(float32) == 32U) ? 1 : -1];

@@ -377,8 +377,19 @@ def new_filter(dtype=np.float32, **tuning):
     return f
 
 
+def _size(value):
+    """|value|, lane by lane, in whose order stand the bits without sign that C compares; NaN is below nothing."""
+    return _larger(value, -value)
+
+
 def _within(values, limit):
-    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not. By squares, as in C."""
+    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not."""
+    most = _size(limit)
+    return (_size(values[0]) <= most) & (_size(values[1]) <= most)
+
+
+def _is_within(values, limit):
+    """The same by squares, as the controller does."""
     most = limit * limit
     return (values[0] * values[0] <= most) & (values[1] * values[1] <= most)
 
@@ -1174,7 +1185,7 @@ def foc_step(c, filter_step, phase, command, math):
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    i = _select(_is_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
     held = []
     for new, old, limit in zip(command, c.command_held, c.command_max):
         good = new * new <= limit * limit

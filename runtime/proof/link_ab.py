@@ -170,7 +170,7 @@ def _evaluate(
     lanes = len(s.u)
     iterates = [{key: _lanes(values, lanes) for key, values in item.items()} for item in stages.pop("iterates", [])]
     found = {key: _lanes(values, lanes) for key, values in stages.items()}
-    return found, iterates, backend.iterations, np.asarray(backend.x[module.ANGLE])
+    return found, iterates, backend.iterations, np.asarray(backend.filter.x[module.ANGLE])
 
 
 def _lanes(values: Any, count: int) -> Array:

@@ -198,8 +198,8 @@ static float64 wrap_angle(float64 x)
     return (x * x <= 9.8696) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;

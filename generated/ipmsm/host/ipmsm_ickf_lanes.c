@@ -215,10 +215,19 @@ static void take(lanes *__restrict target, const lanes *__restrict source, const
     }
 }
 
-/* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
+/* What stands in the order of the sizes of numbers: their bits without the sign. Infinity is above every number, NaN above
+ * infinity. */
+INLINE Uint32 size_of(float32 value)
+{
+    pmsm_word word;
+    word.value = value;
+    return word.bits << 1;
+}
+
+/* 1 if value is a number within +-limit; NaN and infinity are not. */
 INLINE int within(float32 value, float32 limit)
 {
-    return (value * value <= limit * limit) ? 1 : 0;
+    return (size_of(value) <= size_of(limit)) ? 1 : 0;
 }
 
 /* Input guard: holds good voltages, marks the lanes whose input is rejected and says whether there is any. */

@@ -171,8 +171,8 @@ static void copy(float64 *target, const float64 *source, int count)
     }
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pycparser import c_ast
+from pycparser import c_ast, c_generator
 
 from runtime.proof.text.c_call import Call
 from runtime.proof.text.c_nodes import (
@@ -24,6 +24,11 @@ from runtime.proof.text.c_nodes import (
     enumerators,
 )
 from runtime.proof.text.terms import OverLanes, Term, Terms
+
+_WRITER = c_generator.CGenerator()
+#: The one text of a number's bits without its sign that is understood; whether these stand in the order of the sizes is
+#: no question of the text (``tests/codegen/test_guard.py``).
+_SIZE = "{ pmsm_word word; word.value = value; return word.bits << 1; }"
 
 __all__ = ["Array", "CText", "Pointer", "Struct", "Value"]
 
@@ -163,6 +168,8 @@ class CText:
         """
         if name in self.elsewhere:
             return self.elsewhere[name](self, arguments)
+        if name == "size_of":
+            return self._size(arguments)
         definition = self.functions.get(name)
         if definition is None:
             return self.terms.unknown(f"a call of {name}")
@@ -179,6 +186,14 @@ class CText:
             else:
                 scope[parameter.name] = argument
         return Call(self, scope).statements(definition.body.block_items or [])
+
+    def _size(self, arguments: list[Value]) -> Value:
+        """Bits without the sign: the size of a number, as far as sizes are compared."""
+        definition = self.functions.get("size_of")
+        (value,) = arguments
+        if definition is None or " ".join(_WRITER.visit(definition.body).split()) != _SIZE:
+            return self.terms.unknown("a size_of that reads other bits")
+        return self.terms.make("size", value, whole=True)
 
     def _block(self, name: str, parameters: list[str], arguments: list[Value]) -> Value:
         inputs = [self.cells(a) for p, a in zip(parameters, arguments, strict=True) if not p.endswith("_out")]

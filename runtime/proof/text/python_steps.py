@@ -46,9 +46,18 @@ class PythonText:
             return self.terms.unknown(f"a call of {name}")
         if name in self.blocks:
             return self._block(name, arguments)
+        if name == "_size":
+            return self._size(definition, arguments)
         names = [argument.arg for argument in definition.args.args]
         scope = Scope(zip(names, arguments, strict=False))
         return _Run(self, scope).statements(definition.body)
+
+    def _size(self, definition: ast.FunctionDef, arguments: list[Any]) -> Any:
+        """|value|: as far as sizes are compared what C reads off the bits."""
+        (value,) = arguments
+        if ast.unparse(definition.body[-1]) != "return _larger(value, -value)":
+            return self.terms.unknown("another _size")
+        return self.terms.make("size", value, whole=True)
 
     def _block(self, name: str, arguments: list[Any]) -> Any:
         inputs = [self.terms.make("array", *a) for a in arguments if isinstance(a, list | tuple)]
