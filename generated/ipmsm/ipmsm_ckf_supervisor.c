@@ -363,6 +363,9 @@ static void start_filter(ipmsm_ckf_supervisor_t *s, ipmsm_ckf_t *f)
     f->x[IPMSM_CKF_I_BETA] = s->guess[1];
     f->x[IPMSM_CKF_OMEGA] = s->guess[2];
     f->x[IPMSM_CKF_THETA] = s->guess[3];
+    if (!(f->x[IPMSM_CKF_THETA] * f->x[IPMSM_CKF_THETA] <= INSIDE)) {
+        f->x[IPMSM_CKF_THETA] = wrap_angle(f->x[IPMSM_CKF_THETA]);
+    }
     f->LD[IPMSM_CKF_LD_OMEGA] = s->spread[0];
     f->LD[IPMSM_CKF_LD_THETA] = s->spread[1];
 }

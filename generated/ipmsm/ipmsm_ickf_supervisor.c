@@ -363,6 +363,9 @@ static void start_filter(ipmsm_ickf_supervisor_t *s, ipmsm_ickf_t *f)
     f->x[IPMSM_ICKF_I_BETA] = s->guess[1];
     f->x[IPMSM_ICKF_OMEGA] = s->guess[2];
     f->x[IPMSM_ICKF_THETA] = s->guess[3];
+    if (!(f->x[IPMSM_ICKF_THETA] * f->x[IPMSM_ICKF_THETA] <= INSIDE)) {
+        f->x[IPMSM_ICKF_THETA] = wrap_angle(f->x[IPMSM_ICKF_THETA]);
+    }
     f->LD[IPMSM_ICKF_LD_OMEGA] = s->spread[0];
     f->LD[IPMSM_ICKF_LD_THETA] = s->spread[1];
 }

@@ -2008,6 +2008,7 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
+    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[14] = np.where(where, FLUX_SQUARED * s.spread[1], LD[14])[()]
     LD[20] = np.where(where, FLUX_SQUARED * s.spread[1], LD[20])[()]
     LD[2] = np.where(where, s.spread[0], LD[2])[()]

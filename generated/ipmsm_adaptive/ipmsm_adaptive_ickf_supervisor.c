@@ -392,6 +392,9 @@ static void start_filter(ipmsm_adaptive_ickf_supervisor_t *s, ipmsm_adaptive_ick
     f->x[IPMSM_ADAPTIVE_ICKF_PSI_BETA] = s->guess[1];
     f->x[IPMSM_ADAPTIVE_ICKF_OMEGA] = s->guess[2];
     f->x[IPMSM_ADAPTIVE_ICKF_THETA] = s->guess[3];
+    if (!(f->x[IPMSM_ADAPTIVE_ICKF_THETA] * f->x[IPMSM_ADAPTIVE_ICKF_THETA] <= INSIDE)) {
+        f->x[IPMSM_ADAPTIVE_ICKF_THETA] = wrap_angle(f->x[IPMSM_ADAPTIVE_ICKF_THETA]);
+    }
     f->LD[IPMSM_ADAPTIVE_ICKF_LD_PSI_ALPHA] = FLUX_SQUARED * s->spread[1];
     f->LD[IPMSM_ADAPTIVE_ICKF_LD_PSI_BETA] = FLUX_SQUARED * s->spread[1];
     f->LD[IPMSM_ADAPTIVE_ICKF_LD_OMEGA] = s->spread[0];

@@ -1607,6 +1607,7 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
+    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[0] = np.where(where, FLUX_SQUARED * s.spread[1], LD[0])[()]
     LD[2] = np.where(where, FLUX_SQUARED * s.spread[1], LD[2])[()]
     LD[5] = np.where(where, s.spread[0], LD[5])[()]

@@ -390,6 +390,9 @@ static void start_filter(ipmsm_flux_ickf_supervisor_t *s, ipmsm_flux_ickf_t *f)
     f->x[IPMSM_FLUX_ICKF_PSI_BETA] = s->guess[1];
     f->x[IPMSM_FLUX_ICKF_OMEGA] = s->guess[2];
     f->x[IPMSM_FLUX_ICKF_THETA] = s->guess[3];
+    if (!(f->x[IPMSM_FLUX_ICKF_THETA] * f->x[IPMSM_FLUX_ICKF_THETA] <= INSIDE)) {
+        f->x[IPMSM_FLUX_ICKF_THETA] = wrap_angle(f->x[IPMSM_FLUX_ICKF_THETA]);
+    }
     f->LD[IPMSM_FLUX_ICKF_LD_PSI_ALPHA] = FLUX_SQUARED * s->spread[1];
     f->LD[IPMSM_FLUX_ICKF_LD_PSI_BETA] = FLUX_SQUARED * s->spread[1];
     f->LD[IPMSM_FLUX_ICKF_LD_OMEGA] = s->spread[0];

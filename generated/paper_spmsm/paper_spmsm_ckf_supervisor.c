@@ -334,6 +334,9 @@ static void start_filter(paper_spmsm_ckf_supervisor_t *s, paper_spmsm_ckf_t *f)
     f->x[PAPER_SPMSM_CKF_I_BETA] = s->guess[1];
     f->x[PAPER_SPMSM_CKF_OMEGA] = s->guess[2];
     f->x[PAPER_SPMSM_CKF_THETA] = s->guess[3];
+    if (!(f->x[PAPER_SPMSM_CKF_THETA] * f->x[PAPER_SPMSM_CKF_THETA] <= INSIDE)) {
+        f->x[PAPER_SPMSM_CKF_THETA] = wrap_angle(f->x[PAPER_SPMSM_CKF_THETA]);
+    }
     f->LD[PAPER_SPMSM_CKF_LD_OMEGA] = s->spread[0];
     f->LD[PAPER_SPMSM_CKF_LD_THETA] = s->spread[1];
 }

@@ -334,6 +334,9 @@ static void start_filter(paper_spmsm_ickf_supervisor_t *s, paper_spmsm_ickf_t *f
     f->x[PAPER_SPMSM_ICKF_I_BETA] = s->guess[1];
     f->x[PAPER_SPMSM_ICKF_OMEGA] = s->guess[2];
     f->x[PAPER_SPMSM_ICKF_THETA] = s->guess[3];
+    if (!(f->x[PAPER_SPMSM_ICKF_THETA] * f->x[PAPER_SPMSM_ICKF_THETA] <= INSIDE)) {
+        f->x[PAPER_SPMSM_ICKF_THETA] = wrap_angle(f->x[PAPER_SPMSM_ICKF_THETA]);
+    }
     f->LD[PAPER_SPMSM_ICKF_LD_OMEGA] = s->spread[0];
     f->LD[PAPER_SPMSM_ICKF_LD_THETA] = s->spread[1];
 }

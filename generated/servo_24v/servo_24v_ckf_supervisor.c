@@ -364,6 +364,9 @@ static void start_filter(servo_24v_ckf_supervisor_t *s, servo_24v_ckf_t *f)
     f->x[SERVO_24V_CKF_I_BETA] = s->guess[1];
     f->x[SERVO_24V_CKF_OMEGA] = s->guess[2];
     f->x[SERVO_24V_CKF_THETA] = s->guess[3];
+    if (!(f->x[SERVO_24V_CKF_THETA] * f->x[SERVO_24V_CKF_THETA] <= INSIDE)) {
+        f->x[SERVO_24V_CKF_THETA] = wrap_angle(f->x[SERVO_24V_CKF_THETA]);
+    }
     f->LD[SERVO_24V_CKF_LD_OMEGA] = s->spread[0];
     f->LD[SERVO_24V_CKF_LD_THETA] = s->spread[1];
     f->LD[SERVO_24V_CKF_LD_STATOR_RESISTANCE] = HELD * f->P_0[SERVO_24V_CKF_STATOR_RESISTANCE];

@@ -364,6 +364,9 @@ static void start_filter(spmsm_adaptive_ckf_supervisor_t *s, spmsm_adaptive_ckf_
     f->x[SPMSM_ADAPTIVE_CKF_I_BETA] = s->guess[1];
     f->x[SPMSM_ADAPTIVE_CKF_OMEGA] = s->guess[2];
     f->x[SPMSM_ADAPTIVE_CKF_THETA] = s->guess[3];
+    if (!(f->x[SPMSM_ADAPTIVE_CKF_THETA] * f->x[SPMSM_ADAPTIVE_CKF_THETA] <= INSIDE)) {
+        f->x[SPMSM_ADAPTIVE_CKF_THETA] = wrap_angle(f->x[SPMSM_ADAPTIVE_CKF_THETA]);
+    }
     f->LD[SPMSM_ADAPTIVE_CKF_LD_OMEGA] = s->spread[0];
     f->LD[SPMSM_ADAPTIVE_CKF_LD_THETA] = s->spread[1];
     f->LD[SPMSM_ADAPTIVE_CKF_LD_MAGNET_FLUX] = HELD * f->P_0[SPMSM_ADAPTIVE_CKF_MAGNET_FLUX];

@@ -364,6 +364,9 @@ static void start_filter(spmsm_adaptive_ickf_supervisor_t *s, spmsm_adaptive_ick
     f->x[SPMSM_ADAPTIVE_ICKF_I_BETA] = s->guess[1];
     f->x[SPMSM_ADAPTIVE_ICKF_OMEGA] = s->guess[2];
     f->x[SPMSM_ADAPTIVE_ICKF_THETA] = s->guess[3];
+    if (!(f->x[SPMSM_ADAPTIVE_ICKF_THETA] * f->x[SPMSM_ADAPTIVE_ICKF_THETA] <= INSIDE)) {
+        f->x[SPMSM_ADAPTIVE_ICKF_THETA] = wrap_angle(f->x[SPMSM_ADAPTIVE_ICKF_THETA]);
+    }
     f->LD[SPMSM_ADAPTIVE_ICKF_LD_OMEGA] = s->spread[0];
     f->LD[SPMSM_ADAPTIVE_ICKF_LD_THETA] = s->spread[1];
     f->LD[SPMSM_ADAPTIVE_ICKF_LD_MAGNET_FLUX] = HELD * f->P_0[SPMSM_ADAPTIVE_ICKF_MAGNET_FLUX];

@@ -1308,6 +1308,7 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
+    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[5] = np.where(where, s.spread[0], LD[5])[()]
     LD[9] = np.where(where, s.spread[1], LD[9])[()]
     f.x = tuple(x)

@@ -363,6 +363,9 @@ static void start_filter(spmsm_load_torque_ckf_supervisor_t *s, spmsm_load_torqu
     f->x[SPMSM_LOAD_TORQUE_CKF_I_BETA] = s->guess[1];
     f->x[SPMSM_LOAD_TORQUE_CKF_OMEGA] = s->guess[2];
     f->x[SPMSM_LOAD_TORQUE_CKF_THETA] = s->guess[3];
+    if (!(f->x[SPMSM_LOAD_TORQUE_CKF_THETA] * f->x[SPMSM_LOAD_TORQUE_CKF_THETA] <= INSIDE)) {
+        f->x[SPMSM_LOAD_TORQUE_CKF_THETA] = wrap_angle(f->x[SPMSM_LOAD_TORQUE_CKF_THETA]);
+    }
     f->LD[SPMSM_LOAD_TORQUE_CKF_LD_OMEGA] = s->spread[0];
     f->LD[SPMSM_LOAD_TORQUE_CKF_LD_THETA] = s->spread[1];
 }

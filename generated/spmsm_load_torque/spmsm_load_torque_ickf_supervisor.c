@@ -363,6 +363,9 @@ static void start_filter(spmsm_load_torque_ickf_supervisor_t *s, spmsm_load_torq
     f->x[SPMSM_LOAD_TORQUE_ICKF_I_BETA] = s->guess[1];
     f->x[SPMSM_LOAD_TORQUE_ICKF_OMEGA] = s->guess[2];
     f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] = s->guess[3];
+    if (!(f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] * f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] <= INSIDE)) {
+        f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] = wrap_angle(f->x[SPMSM_LOAD_TORQUE_ICKF_THETA]);
+    }
     f->LD[SPMSM_LOAD_TORQUE_ICKF_LD_OMEGA] = s->spread[0];
     f->LD[SPMSM_LOAD_TORQUE_ICKF_LD_THETA] = s->spread[1];
 }

@@ -391,6 +391,9 @@ static void start_filter(traction_70kw_ckf_supervisor_t *s, traction_70kw_ckf_t 
     f->x[TRACTION_70KW_CKF_PSI_BETA] = s->guess[1];
     f->x[TRACTION_70KW_CKF_OMEGA] = s->guess[2];
     f->x[TRACTION_70KW_CKF_THETA] = s->guess[3];
+    if (!(f->x[TRACTION_70KW_CKF_THETA] * f->x[TRACTION_70KW_CKF_THETA] <= INSIDE)) {
+        f->x[TRACTION_70KW_CKF_THETA] = wrap_angle(f->x[TRACTION_70KW_CKF_THETA]);
+    }
     f->LD[TRACTION_70KW_CKF_LD_PSI_ALPHA] = FLUX_SQUARED * s->spread[1];
     f->LD[TRACTION_70KW_CKF_LD_PSI_BETA] = FLUX_SQUARED * s->spread[1];
     f->LD[TRACTION_70KW_CKF_LD_OMEGA] = s->spread[0];

@@ -227,6 +227,8 @@ def entries_of(node: object) -> Iterator[Entry]:
         yield from (node.target, *entries_of(node.value))
     elif isinstance(node, Report):
         yield from entries_of(node.unless)
+    elif isinstance(node, Wrap):
+        yield node.angle
     elif isinstance(node, Seldom | Not):
         yield from entries_of(node.condition)
     elif isinstance(node, Operation | Compare):

@@ -18,7 +18,7 @@ from model.filters.conditions import (
     square,
     total,
 )
-from model.filters.program import Call, Count, If, Node, Restart, Set
+from model.filters.program import Call, Count, If, Node, Restart, Set, Wrap
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.blocks import onward_block, place_block, probe_block, reading_block, turning_block
@@ -239,6 +239,7 @@ def _filter_begins(model: StateSpaceModel) -> tuple[Action, ...]:
             (
                 Restart(),
                 *(Set(x[state], guess[k]) for k, state in enumerate((0, 1, omega, theta))),
+                Wrap(x[theta]),
                 *(flux if model.states[0].unit == "Wb" else ()),
                 variance(omega, speed),
                 variance(theta, angle),

@@ -289,9 +289,11 @@ class Judge:
         for k, (value, own) in enumerate(zip(wanted, found, strict=True)):
             if k == 3 and value != value:  # of a speed that is no number: wrapped it is any
                 continue
+            turn = (own - value + np.pi) % (2 * np.pi) - np.pi if k == 3 else 0.0
             if k == 3 and read:
-                turn = (own - value + np.pi) % (2 * np.pi) - np.pi
                 self.found.see(f"{name}'s angle, as read", turn, 0.0)
+            elif k == 3:
+                self.found.see(f"{name}, where it begins", value + turn, value)
             else:
                 self.found.see(f"{name}, where it begins", own, value)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,7 +33,7 @@ class Filter:
         self.beside = [0.0] * len(self.beside)
         self.rest["u_held"], self.rest["iterations"] = [0.0, 0.0], 0
         if rotor is not None:
-            self.x[:4] = [CARRIES, CARRIES, *rotor]
+            self.x[:4] = [CARRIES, CARRIES, rotor[0], math.remainder(rotor[1], 2 * math.pi)]
 
 
 @dataclass

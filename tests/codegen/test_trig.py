@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codegen.ir.layout import lay_out
 from codegen.ir.trig import (
     COS_COEFFICIENTS,
     DOUBLE,
@@ -23,6 +25,7 @@ from codegen.ir.trig import (
     wrap_listing,
 )
 from codegen.render.printers.python import PythonPrinter
+from model.quantities import Block, Port
 
 pytestmark = pytest.mark.unit
 
@@ -89,6 +92,23 @@ def test_symmetry_is_exact() -> None:
     (sine, cosine), (minus_sine, minus_cosine) = evaluate_sin_cos(x), evaluate_sin_cos(-x)
     np.testing.assert_array_equal(sine, -minus_sine)
     np.testing.assert_array_equal(cosine, minus_cosine)
+
+
+def test_sine_is_of_an_angle_within_a_turn() -> None:
+    """Of a block's angles but the state's, which a step leaves within one; any angle where it is asked for."""
+    x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
+    names = ("i_alpha", "i_beta", "omega", "theta")
+    state, input_ = Port("x", tuple(ca.vertsplit(x)), names), Port("u", (u,), ("theta_given",))
+    angles = [x[3], u, x[3] + u, 2 * x[3]]
+    results = [f(angle) for angle in angles for f in (ca.sin, ca.cos)]
+    block = Block("turned", "", (state, input_), (Port("y", tuple(results), tuple(f"y_{k}" for k in range(8))),), ())
+    for any_angle in (False, True):
+        listing = lay_out(block, [], any_angle)
+        asked = {listing.graph[node].args[0] for node in listing.live if listing.graph[node].op in {"sin", "cos"}}
+        found = [listing.graph[node] for node in asked]
+        assert len(found) == 4
+        assert sum(node.op == "wrap" for node in found) == (0 if any_angle else 3)
+        assert any_angle or [node.name for node in found if node.op != "wrap"] == ["theta"]
 
 
 @pytest.mark.parametrize("which", ["sin", "cos"])

@@ -13,7 +13,7 @@ from codegen.render.printers.places import SCORE, Body, Places
 from codegen.render.printers.python import PythonPrinter
 from codegen.targets.numbers import NumberFormat
 from model.filters.conditions import Entry
-from model.filters.program import Call, Count, If, Node, Restart, Set
+from model.filters.program import Call, Count, If, Node, Restart, Set, Wrap
 from model.quantities import Block
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, OnRival, Supervisor, Transition
 
@@ -225,6 +225,9 @@ class ModesPython(PythonPrinter):
             return [f"{INDENT}_exchange(f, s.rival, {where})"]
         if isinstance(node, Set):
             return [self._set(self.format_entry(node.target), self.format_value(node.value), where)]
+        if isinstance(node, Wrap):
+            angle = self.format_entry(node.angle)
+            return [self._set(angle, self.format_wrap(angle), where)]
         if isinstance(node, Count):
             counter = f"s.{node.counter}"
             more = f"{counter} < {node.most}"

@@ -263,13 +263,6 @@ STATES = _of(
     ("R for psi_m", '"magnet flux linkage, wandering"), "psi_m")', '"magnet flux linkage, wandering"), "R")', ADAPTIVE),
 ) + _of(
     "model/machines/state_space.py",
-    (
-        "wrapped at half a turn",
-        "ca.remainder(value, 2 * math.pi)",
-        "ca.remainder(2 * value, 2 * math.pi) / 2",
-        PAPER,
-    ),
-    ("the wrong state wrapped", "if i == self.angle else value", "if i == self.angle - 1 else value", PAPER),
     ("voltage axes exchanged", "(x[0], x[1]), (v[0], v[1]), omega_e", "(x[0], x[1]), (v[1], v[0]), omega_e", PAPER),
     ("mechanical for electrical speed", "omega_e = self.mechanics.electrical_speed(x[2])", "omega_e = x[2]", PAPER),
     (

@@ -83,7 +83,7 @@ _FILTER_TEST: tuple[Row, ...] = (
     ("P_0 not set", "        f->P_0[k] = value_of(s->P_0[k]);\n", "", FILTER),
     ("root not looked at", "agrees(PMSM_SQRT(a), s->root, s->root_allowed, tolerance) == 0", "agrees(PMSM_SQRT(a), s->root, s->root_allowed, 1e30f) == 0", FILTER),
     ("sine with a tolerance", "agrees(pair.sine, s->sine, 0, 0.0f)", "agrees(pair.sine, s->sine, 254, tolerance)", FILTER),
-    ("wrapped angle not looked at", "return (agrees(wrap_angle(angle), s->wrapped, 0, 0.0f) != 0) ? 0 : 5;", "return 0;", FILTER),
+    ("wrapped angle not looked at", "if (agrees(wrap_angle(angle), s->wrapped, 0, 0.0f) == 0) {", "if (0) {", FILTER),
     ("code of x for P", "(10 + k) : (20 + k - N_STATES)", "(10 + k) : (10 + k)", FILTER),
     ("first vector is number 0", "(100 * k) + stage; /*", "(100 * (k - 1)) + stage; /*", FILTER),
     ("work left as the last vector left it", "    {{ p }}_init(work);\n    return", "    return", FILTER),

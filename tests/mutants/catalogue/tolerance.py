@@ -40,7 +40,7 @@ TOLERANCE = (
     *of(
         "tolerance",
         "model/machines/state_space.py",
-        ("bounds forgotten", "*self.adaptive.within(fast[len(x) - slow :])", "*fast[len(x) - slow :]", HELD),
+        ("bounds forgotten", "*self.adaptive.within(x[len(x) - slow :])", "*x[len(x) - slow :]", HELD),
         ("V_d acts with g", '"V_d": -g[:2]', '"V_d": g[:2]', VOLTS),
         ("V_d acts on all axes alike", '"V_d": -g[:2]', '"V_d": -v', VOLTS),
         (
@@ -129,13 +129,13 @@ TOLERANCE = (
         (
             "the measured estimate free",
             "        x = self._kept(b, x)\n",
-            "        x = [v.apply('wrap') if i == 3 else v for i, v in enumerate(x)]\n",
+            "",
             BOTH,
         ),
         (
             "the coasting estimate free",
             'b.output("x", self._kept(b, x))',
-            'b.output("x", [v.apply("wrap") if i == 3 else v for i, v in enumerate(x)])',
+            'b.output("x", x)',
             COASTS,
         ),
     ),
