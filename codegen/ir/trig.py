@@ -192,6 +192,7 @@ def wrap_listing(precision: Precision) -> Listing:
     outside = g.op("max", g.op("min", r, bound), lower)
     result = g.op("select", g.op("mul", x, x), g.const(INSIDE, "INSIDE"), x, outside)
     names = {x: "x", turns: "turns", r: "r", bound: "BELOW_PI", g.const(precision.rounding, "ROUND"): "ROUND"}
+    names[g.const(INSIDE, "INSIDE")] = "INSIDE"
     heading = "r = x - 2 pi turns, kept inside, where x is not inside itself"
     section = Section("", heading, [Statement(turns, "turns"), Statement(r, "r")])
     return helper_listing("wrap_angle", g, names, [section], {"wrapped": [result]})

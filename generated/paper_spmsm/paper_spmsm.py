@@ -173,7 +173,7 @@ def _wrap_angle_f32(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
@@ -183,7 +183,7 @@ def _wrap_angle_f64(x):
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(x * x <= 9.8696, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):

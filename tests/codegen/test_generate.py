@@ -120,7 +120,7 @@ def test_firmware_c_has_no_char_double_or_foreign_call(drive: Drive) -> None:
         }[path.stem.removeprefix(stem)]
         assert uses.calls - {function.decl.name for function in functions} == foreign
         around = {f"{stem}{end}_t" for end in ("", "_foc", "_supervisor")} if path.stem != stem else set()
-        assert uses.types <= {"float32", "int", "void", "pmsm_pair", f"{path.stem}_t"} | around
+        assert uses.types <= {"float32", "int", "Uint32", "void", "pmsm_pair", "pmsm_word", f"{path.stem}_t"} | around
 
 
 def test_literals_of_the_firmware_carry_the_suffix(drive: Drive) -> None:

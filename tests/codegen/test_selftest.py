@@ -116,7 +116,7 @@ MUTANTS: dict[str, Callable[[str], str]] = {
     "sign, early": _sign(0.12),
     "sign, middle": _sign(0.5),
     "sign, late": _sign(0.95),
-    "bad input taken": lambda text: text.replace("value[0] <= most", "value[0] <= 16.0f * most", 1),
+    "bad input taken": lambda text: text.replace("size_of(value[0]) <= most", "size_of(0.0625f * value[0]) <= most", 1),
     "held voltage lost": lambda text: text.replace("f->u_held[1] = u[1];", "f->u_held[1] = 0.0f;", 1),
 }
 

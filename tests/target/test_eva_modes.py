@@ -58,7 +58,7 @@ PLANTS = {
     "a speed of no interval": ("/ larger(intervals, 1.0f)", "/ intervals", "div_float"),
     "a current of no size": ("larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE)", "i_a * i_a + i_beta * i_beta", "float"),
     "outside": ("s->first[0] = s->reading[0];", "s->first[0] = s->reading[s->side];", "index"),
-    "an angle that is none": ("wrap_angle(theta + TURN_PER_SAMPLE * omega)", "1e4f * theta", "sin_cos"),
+    "an angle that is none": ("wrap_angle(theta + TURN_PER_SAMPLE * omega)", "1e30f * omega * 1e30f", "mul_float"),
 }
 
 

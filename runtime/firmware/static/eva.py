@@ -60,7 +60,7 @@ _GIVEN = re.compile(r"function (?:sin_cos|wrap_angle)(?:_\d+)?: postcondition|as
 #: The guard asks by squares whether a sum, a mean or a word is a number and not absurd, and wrapping whether an angle
 #: is inside already; a square that overflows to infinity is its answer, on which it acts, and no error. EVA's words
 #: for just these products.
-_ASKED = ("\\mul_float(check[0], check[0])", "\\mul_float(size, size)", "\\mul_float(x, x)")
+_ASKED = tuple(f"\\mul_float({name}, {name})" for name in ("check[0]", "size", "x", "f->x[3]", "f_0->x[3]"))
 
 
 @dataclass(frozen=True)

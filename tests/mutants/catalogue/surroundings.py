@@ -321,7 +321,7 @@ _GATES = {
         ("alarms pass", "return not self.alarms and not self.failure", "return not self.failure", (EVA,)),
         ("a failed analysis is not proved", '    if verdict.failure:\n        return "failed"\n', "", (EVA,)),
         ("a step that never ends is proved", 'failure = "no execution reaches the end of the step"', 'failure = ""', (EVA,)),
-        ("a division that may overflow is no alarm", '_ASKED = ("', '_ASKED = ("div_float", "', (EVA,)),
+        ("a division that may overflow is no alarm", '_ASKED = tuple(', '_ASKED = ("div_float",) + tuple(', (EVA,)),
     ),
     "runtime/firmware/static/eva_modes.py": (
         ("integers that no count overflows", "Frama_C_interval(-32768, 32767)", "Frama_C_interval(-999, 999)", (EVA_MODES,)),
