@@ -442,6 +442,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
         part_of_even_torque_0_2 * total_psi_q_between_0 +
         n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0)
+    odd_torque_0 = (odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
+        total_psi_q_between_0 * part_of_even_torque_0_3)
     n_D_1 = 7.0 * D_omega
     sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
     n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
@@ -473,6 +475,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1))
     even_torque_1 = (part_of_even_torque_0 * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1)
+    odd_torque_1 = (odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        total_psi_q_between_1 * part_of_even_torque_1_2)
     odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52
     odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42
     odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32
@@ -536,11 +540,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0)
     odd_psi_beta_next_1 = (sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1)
-    odd_omega_next_0 = (GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10)
-    odd_omega_next_1 = (1.0 +
-        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
-        GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61))
+    odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_60) + L_10
+    odd_omega_next_1 = 1.0 + GAIN_OMEGA * (odd_torque_1 - L_61)
     odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62)
     odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63)
     odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64)
@@ -1099,10 +1100,7 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: x_pred - x^j
-    deviation_psi_alpha = psi_alpha_pred - psi_alpha_j
-    deviation_psi_beta = psi_beta_pred - psi_beta_j
     deviation_theta = theta_pred - theta_j
-    deviation_magnet_flux = magnet_flux_pred - magnet_flux_j
 
     # --- eq. 20: Jacobian
     sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
@@ -1113,23 +1111,20 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency
     slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j
     part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j
-    sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j
-    slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 - sin_theta_j_times_i_salient_j
+    slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 - sin_theta_j * i_salient_j
     slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j
-    cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j
-    slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 + cos_theta_j_times_i_salient_j
+    slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 + cos_theta_j * i_salient_j
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
-    minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D
-    innovation_i_alpha = (minus_slope_y_i_alpha_5 * deviation_magnet_flux - INV_L_Q * psi_alpha_j -
-        cos_theta_j_times_i_salient_j - slope_y_i_alpha_0 * deviation_psi_alpha -
-        slope_y_i_alpha_1 * deviation_psi_beta - slope_y_i_alpha_3 * deviation_theta + i_alpha_meas)
-    minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D
-    innovation_i_beta = (minus_slope_y_i_beta_5 * deviation_magnet_flux - INV_L_Q * psi_beta_j -
-        sin_theta_j_times_i_salient_j - slope_y_i_alpha_1 * deviation_psi_alpha -
-        deviation_psi_beta * slope_y_i_beta_1 - deviation_theta * slope_y_i_beta_3 + i_beta_meas)
+    part_of_innovation_i_alpha = (cos_theta_j_times_saliency * psi_alpha_pred +
+        saliency_times_sin_theta_j * psi_beta_pred - INV_L_D * magnet_flux_pred)
+    innovation_i_alpha = (i_alpha_meas - INV_L_Q * psi_alpha_pred - cos_theta_j * part_of_innovation_i_alpha -
+        slope_y_i_alpha_3 * deviation_theta)
+    innovation_i_beta = (i_beta_meas - INV_L_Q * psi_beta_pred - sin_theta_j * part_of_innovation_i_alpha -
+        deviation_theta * slope_y_i_beta_3)
 
     # --- eq. 22: Pyy^j
+    minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D
     HL_00 = (L_pred_40 * slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_50 + slope_y_i_alpha_3 -
         minus_slope_y_i_alpha_5 * L_pred_30)
     D_HL_00 = D_pred_theta * HL_00
@@ -1146,6 +1141,7 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     D_HL_05 = slope_y_i_alpha_1 * D_pred_psi_beta
     Pyy_00 = (HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 + HL_04 * D_HL_04 +
         slope_y_i_alpha_1 * D_HL_05 + R_0)
+    minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D
     HL_10 = (L_pred_40 * slope_y_i_alpha_1 + L_pred_50 * slope_y_i_beta_1 + slope_y_i_beta_3 -
         minus_slope_y_i_beta_5 * L_pred_30)
     HL_11 = slope_y_i_alpha_1 * L_pred_41 + L_pred_51 * slope_y_i_beta_1 - minus_slope_y_i_beta_5 * L_pred_31

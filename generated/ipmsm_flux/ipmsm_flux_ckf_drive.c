@@ -106,11 +106,11 @@ static void clarke(const float32 phase[2], float32 i_out[2])
 /* What the DC link allows: a share of the largest current */
 static void allow(const float32 command[2], const float32 rotor[1], float32 share_out[1])
 {
-    const float32 omega_ref = command[0];
     const float32 v_dc = command[1];
-    const float32 omega = rotor[0];
     const float32 held = smaller(larger(PER_LOW * (v_dc - LINK_LOW), 0.0f), 1.0f);
     const float32 taken = smaller(larger(PER_HIGH * (LINK_HIGH - v_dc), 0.0f), 1.0f);
+    const float32 omega = rotor[0];
+    const float32 omega_ref = command[0];
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));
@@ -135,20 +135,18 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 injection[2], float32 duty_out[3], float32 v_out[2], float32 injection_out[2])
 {
     const float32 omega = rotor[0];
-    const float32 theta = rotor[1];
+    const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 v_dc = link[0];
+    const float32 v_link = larger(v_dc, 1.0f);
     const float32 duty_a = duty[0];
     const float32 duty_b = duty[1];
     const float32 duty_c = duty[2];
-    const float32 v_alpha = v[0];
-    const float32 v_beta = v[1];
-    const float32 v_dc = link[0];
-    const float32 amplitude = injection[0];
-    const float32 sign = injection[1];
-    const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
-    const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
         larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+    const float32 sign = injection[1];
+    const float32 amplitude = injection[0];
     const float32 size = sign * smaller(amplitude * left, room);
+    const float32 theta = rotor[1];
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
@@ -156,6 +154,8 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 added_beta = sin_theta * size;
     const float32 half = -0.5f * added_alpha;
     const float32 cross = SQRT_3_BY_2 * added_beta;
+    const float32 v_alpha = v[0];
+    const float32 v_beta = v[1];
 
     duty_out[0] = duty_a + added_alpha / v_link;
     duty_out[1] = duty_b + (half + cross) / v_link;

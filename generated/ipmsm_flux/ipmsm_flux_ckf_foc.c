@@ -108,12 +108,12 @@ static void clarke(const float32 phase[2], float32 i_out[2])
 /* h, eq. 5: i_alpha, i_beta in A as the filter believes them */
 static void believed_currents(const float32 x[4], float32 i_out[2])
 {
-    const float32 psi_alpha = x[0];
-    const float32 psi_beta = x[1];
     const float32 theta = x[3];
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
+    const float32 psi_alpha = x[0];
+    const float32 psi_beta = x[1];
     const float32 psi_d = cos_theta * psi_alpha + sin_theta * psi_beta;
     const float32 i_salient = SALIENCY * psi_d - INV_L_D_PSI_M;
     const float32 i_alpha_believed = INV_L_Q * psi_alpha + cos_theta * i_salient;
@@ -128,43 +128,29 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 gain[10], const float32 integrator[4], float32 duty_out[3], float32 v_out[2],
     float32 integrator_out[4])
 {
-    const float32 i_alpha = i[0];
-    const float32 i_beta = i[1];
-    const float32 omega = rotor[0];
-    const float32 theta = rotor[1];
-    const float32 omega_ref = command[0];
-    const float32 v_dc = command[1];
-    const float32 gain_speed_p = gain[0];
-    const float32 gain_speed_i = gain[1];
-    const float32 gain_current_d_p = gain[2];
-    const float32 gain_current_q_p = gain[3];
-    const float32 gain_current_i = gain[4];
-    const float32 gain_max_current = gain[5];
-    const float32 gain_dead_share = gain[6];
-    const float32 gain_dead_current = gain[7];
-    const float32 gain_advance = gain[8];
-    const float32 gain_weakening = gain[9];
-    const float32 integral_speed = integrator[0];
-    const float32 integral_d = integrator[1];
-    const float32 integral_q = integrator[2];
-    const float32 integral_weakening = integrator[3];
-
     /* --- Park */
+    const float32 theta = rotor[1];
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
+    const float32 i_alpha = i[0];
+    const float32 i_beta = i[1];
     const float32 i_d = cos_theta * i_alpha + sin_theta * i_beta;
     const float32 i_q = cos_theta * i_beta - sin_theta * i_alpha;
 
     /* --- speed PI */
+    const float32 omega_ref = command[0];
+    const float32 omega = rotor[0];
     const float32 error_omega = omega_ref - omega;
     const float32 omega_e = POLE_PAIRS * omega;
+    const float32 gain_max_current = gain[5];
     const float32 reluctance_at_limit = MTPA_RATIO * gain_max_current;
     const float32 root_at_limit = PMSM_SQRT(1.0f + 8.0f * (reluctance_at_limit * reluctance_at_limit));
     const float32 d_share_at_limit = 2.0f * reluctance_at_limit / (1.0f + root_at_limit);
     const float32 d_against_at_limit = d_share_at_limit * gain_max_current;
 
     /* --- what current and voltage allow */
+    const float32 integral_weakening = integrator[3];
     const float32 d_asked_at_limit = integral_weakening - d_against_at_limit;
     const float32 omega_e_squared = omega_e * omega_e;
     const float32 d_least_voltage = CANCELLING_CURRENT * omega_e_squared / (omega_e_squared + CORNER_SQUARED)
@@ -175,8 +161,11 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 q_left = larger(PMSM_SQRT(larger(gain_max_current * gain_max_current -
         d_at_limit * d_at_limit, 0.0f)) - beyond_deepest, 0.0f);
     const float32 torque_limit = TORQUE_PER_A * q_left * larger(1.0f - MTPA_RATIO * d_at_limit, LEAST_FLUX);
+    const float32 gain_speed_p = gain[0];
+    const float32 integral_speed = integrator[0];
     const float32 torque_wanted = gain_speed_p * error_omega + integral_speed;
     const float32 torque_ref = larger(-torque_limit, smaller(torque_limit, torque_wanted));
+    const float32 gain_speed_i = gain[1];
     const float32 integral_speed_next = integral_speed + gain_speed_i * error_omega +
         smaller(gain_speed_i / gain_speed_p, 1.0f) * (torque_ref - torque_wanted);
 
@@ -199,10 +188,15 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     /* --- current PI with decoupling */
     const float32 error_d = i_d_ref - i_d;
     const float32 error_q = i_q_ref - i_q;
+    const float32 gain_current_d_p = gain[2];
+    const float32 integral_d = integrator[1];
     const float32 v_d_wanted = gain_current_d_p * error_d + integral_d - omega_e * (L_Q * i_q);
+    const float32 gain_current_q_p = gain[3];
+    const float32 integral_q = integrator[2];
     const float32 v_q_wanted = gain_current_q_p * error_q + integral_q + omega_e * (L_D * i_d + PSI_M);
 
     /* --- voltage hexagon's inner circle */
+    const float32 v_dc = command[1];
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 v_max = ONE_BY_SQRT_3 * v_link;
     const float32 v_wanted_squared = v_d_wanted * v_d_wanted + v_q_wanted * v_q_wanted;
@@ -214,17 +208,20 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 v_room = ROOM_PER_LINK * v_link;
     const float32 v_room_squared = v_room * v_room;
     const float32 v_squared_left = larger(v_room_squared - v_wanted_squared, -v_room_squared);
+    const float32 gain_weakening = gain[9];
     const float32 integral_weakening_next =
         larger(smaller(integral_weakening + gain_weakening * v_squared_left, 0.0f),
         -(d_deepest + gain_max_current));
 
     /* --- anti-windup by back-calculation */
+    const float32 gain_current_i = gain[4];
     const float32 integral_d_next = integral_d + gain_current_i * error_d +
         smaller(gain_current_i / gain_current_d_p, 1.0f) * (v_d - v_d_wanted);
     const float32 integral_q_next = integral_q + gain_current_i * error_q +
         smaller(gain_current_i / gain_current_q_p, 1.0f) * (v_q - v_q_wanted);
 
     /* --- inverse Park at the angle in the middle of the acting interval */
+    const float32 gain_advance = gain[8];
     const float32 theta_acting = theta + omega_e * gain_advance;
     const pmsm_pair sincos_theta_acting = sin_cos(theta_acting);
     const float32 sin_theta_acting = sincos_theta_acting.sine;
@@ -237,6 +234,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 cross_i_beta = SQRT_3_BY_2 * i_beta;
     const float32 i_b = minus_half_i_alpha + cross_i_beta;
     const float32 i_c = minus_half_i_alpha - cross_i_beta;
+    const float32 gain_dead_current = gain[7];
     const float32 sign_i_a = larger(-1.0f, smaller(1.0f, i_alpha / gain_dead_current));
     const float32 sign_i_b = larger(-1.0f, smaller(1.0f, i_b / gain_dead_current));
     const float32 sign_i_c = larger(-1.0f, smaller(1.0f, i_c / gain_dead_current));
@@ -249,6 +247,7 @@ static void control(const float32 i[2], const float32 rotor[2], const float32 co
     const float32 v_highest = larger(v_alpha, larger(v_b, v_c));
     const float32 v_lowest = smaller(v_alpha, smaller(v_b, v_c));
     const float32 v_common = 0.5f * (v_highest + v_lowest);
+    const float32 gain_dead_share = gain[6];
 
     duty_out[0] = smaller(larger(0.5f + (v_alpha - v_common) / v_link + gain_dead_share * sign_i_a, 0.0f),
         1.0f);

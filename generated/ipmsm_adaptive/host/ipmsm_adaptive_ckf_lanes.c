@@ -384,6 +384,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
             part_of_even_torque_0_2 * total_psi_q_between_0 +
             n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
+            total_psi_q_between_0 * part_of_even_torque_0_3;
         const float32 n_D_1 = 7.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
         const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
@@ -420,6 +422,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
         const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+            total_psi_q_between_1 * part_of_even_torque_1_2;
         const float32 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
         const float32 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
@@ -487,12 +491,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
         const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-        const float32 odd_omega_next_0 =
-            GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-            GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10;
-        const float32 odd_omega_next_1 = 1.0f +
-            GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
-            GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
+        const float32 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_60) + L_10;
+        const float32 odd_omega_next_1 = 1.0f + GAIN_OMEGA * (odd_torque_1 - L_61);
         const float32 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
         const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
         const float32 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);

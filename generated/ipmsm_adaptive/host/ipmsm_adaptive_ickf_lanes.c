@@ -431,6 +431,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
             part_of_even_torque_0_2 * total_psi_q_between_0 +
             n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
+            total_psi_q_between_0 * part_of_even_torque_0_3;
         const float32 n_D_1 = 7.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
         const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
@@ -467,6 +469,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
         const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+            total_psi_q_between_1 * part_of_even_torque_1_2;
         const float32 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
         const float32 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
@@ -534,12 +538,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
         const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-        const float32 odd_omega_next_0 =
-            GAIN_OMEGA * odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-            GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_3 - L_60) + L_10;
-        const float32 odd_omega_next_1 = 1.0f +
-            GAIN_OMEGA * odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
-            GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
+        const float32 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_60) + L_10;
+        const float32 odd_omega_next_1 = 1.0f + GAIN_OMEGA * (odd_torque_1 - L_61);
         const float32 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
         const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
         const float32 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);
@@ -874,10 +874,7 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 i_beta_meas = y[1].of[lane];
 
         /* --- eq. 31: x_pred - x^j */
-        const float32 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
-        const float32 deviation_psi_beta = psi_beta_pred - psi_beta_j;
         const float32 deviation_theta = theta_pred - theta_j;
-        const float32 deviation_magnet_flux = magnet_flux_pred - magnet_flux_j;
 
         /* --- eq. 20: Jacobian */
         const pmsm_pair sincos_theta_j = sin_cos(theta_j);
@@ -890,25 +887,22 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency;
         const float32 slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j;
         const float32 part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j;
-        const float32 sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j;
         const float32 slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 -
-            sin_theta_j_times_i_salient_j;
+            sin_theta_j * i_salient_j;
         const float32 slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j;
-        const float32 cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j;
         const float32 slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 +
-            cos_theta_j_times_i_salient_j;
+            cos_theta_j * i_salient_j;
 
         /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-        const float32 minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D;
-        const float32 innovation_i_alpha = minus_slope_y_i_alpha_5 * deviation_magnet_flux - INV_L_Q * psi_alpha_j
-            - cos_theta_j_times_i_salient_j - slope_y_i_alpha_0 * deviation_psi_alpha -
-            slope_y_i_alpha_1 * deviation_psi_beta - slope_y_i_alpha_3 * deviation_theta + i_alpha_meas;
-        const float32 minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D;
-        const float32 innovation_i_beta = minus_slope_y_i_beta_5 * deviation_magnet_flux - INV_L_Q * psi_beta_j -
-            sin_theta_j_times_i_salient_j - slope_y_i_alpha_1 * deviation_psi_alpha -
-            deviation_psi_beta * slope_y_i_beta_1 - deviation_theta * slope_y_i_beta_3 + i_beta_meas;
+        const float32 part_of_innovation_i_alpha = cos_theta_j_times_saliency * psi_alpha_pred +
+            saliency_times_sin_theta_j * psi_beta_pred - INV_L_D * magnet_flux_pred;
+        const float32 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_pred -
+            cos_theta_j * part_of_innovation_i_alpha - slope_y_i_alpha_3 * deviation_theta;
+        const float32 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_pred -
+            sin_theta_j * part_of_innovation_i_alpha - deviation_theta * slope_y_i_beta_3;
 
         /* --- eq. 22: Pyy^j */
+        const float32 minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D;
         const float32 HL_00 = L_pred_40 * slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_50 + slope_y_i_alpha_3 -
             minus_slope_y_i_alpha_5 * L_pred_30;
         const float32 D_HL_00 = D_pred_theta * HL_00;
@@ -926,6 +920,7 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 D_HL_05 = slope_y_i_alpha_1 * D_pred_psi_beta;
         const float32 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 +
             HL_04 * D_HL_04 + slope_y_i_alpha_1 * D_HL_05 + R_0;
+        const float32 minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D;
         const float32 HL_10 = L_pred_40 * slope_y_i_alpha_1 + L_pred_50 * slope_y_i_beta_1 + slope_y_i_beta_3 -
             minus_slope_y_i_beta_5 * L_pred_30;
         const float32 HL_11 = slope_y_i_alpha_1 * L_pred_41 + L_pred_51 * slope_y_i_beta_1 -

@@ -173,23 +173,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_psi_alpha = LD[0];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_psi_alpha = LD[0];
     const float64 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_psi_beta = LD[2];
     const float64 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -230,50 +229,33 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
 static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10], float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_psi_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
-    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
     const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
     const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 D_psi_alpha = LD[0];
     const float64 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
+    const float64 L_10 = LD[1];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -288,9 +270,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_d_mid_scaled_and_v_d_scal_2 = psi_d_mid * ONE_MINUS_LOSS_Q + v_d * GAIN_Q;
     const float64 odd_psi_q_next_0 = odd_psi_beta_turned_0 * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_0 -
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 D_psi_beta = LD[2];
     const float64 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -300,12 +287,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         ONE_MINUS_LOSS_Q_X4 * sin_theta_mid * D_sind_theta_mid_1;
     const float64 odd_psi_q_next_1 = cos_theta_mid * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_1 -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 even_psi_d_next_2 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_2;
     const float64 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_mid_scaled_and_v_q_scaled;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 odd_psi_q_next_2 = MAGNET_TURN_POLE_PAIRS_PSI_M -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_2;
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
     const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
@@ -317,11 +308,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
         n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float64 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float64 D_omega = LD[5];
     const float64 n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2;
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
         n_D_sind_theta_mid_2 * odd_psi_q_next_2;
     const float64 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float64 sinc_theta_mid_3 = turn[6];
     const float64 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
+    const float64 D_theta = LD[9];
     const float64 n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3;
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
         minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
@@ -400,11 +394,13 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_omega_0 = D_psi_alpha * L_20;
@@ -419,6 +415,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
@@ -435,6 +432,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_odd_theta_2;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
         D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
     const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
@@ -470,18 +468,17 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_out[8])
 {
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 D_pred_psi_alpha = LD_pred[0];
+    const float64 L_pred_30 = LD_pred[6];
     const float64 z_theta_0 = D_pred_psi_alpha * L_pred_30 * L_pred_30;
+    const float64 D_pred_psi_beta = LD_pred[2];
+    const float64 L_pred_31 = LD_pred[7];
     const float64 z_theta_1 = D_pred_psi_beta * L_pred_31 * L_pred_31;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
     const float64 z_theta_2 = D_pred_omega * L_pred_32 * L_pred_32;
+    const float64 D_pred_theta = LD_pred[9];
 
     if (z_theta_0 + z_theta_1 + z_theta_2 + D_pred_theta > SMALL_TURN) {
         float64 z[4];
@@ -522,41 +519,22 @@ static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_o
 static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pred[10], const float64 R[2],
     const float64 y[2], const float64 turn_pred[8], float64 x_out[4], float64 LD_out[10], float64 nis_out[1])
 {
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-    const float64 sinc_theta_0 = turn_pred[0];
-    const float64 cosm1_theta_0 = turn_pred[1];
-    const float64 sinc_theta_1 = turn_pred[2];
-    const float64 cosm1_theta_1 = turn_pred[3];
-    const float64 sinc_theta_2 = turn_pred[4];
-    const float64 cosm1_theta_2 = turn_pred[5];
-    const float64 sinc_theta_3 = turn_pred[6];
-    const float64 cosm1_theta_3 = turn_pred[7];
-
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 theta_pred = x_pred[3];
     const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 sinc_theta_0 = turn_pred[0];
     const float64 sind_theta_0 = L_pred_30 * sinc_theta_0;
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 D_sind_theta_0 = sind_theta_0 * D_pred_psi_alpha;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
+    const float64 cosm1_theta_0 = turn_pred[1];
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         D_sind_theta_0 * 4.0 * odd_psi_beta_turned_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
@@ -567,13 +545,19 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 saliency_times_psi_d_pred = SALIENCY * psi_d_pred;
     const float64 i_salient_pred = saliency_times_psi_d_pred - INV_L_D_PSI_M;
     const float64 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 sinc_theta_1 = turn_pred[2];
     const float64 sind_theta_1 = L_pred_31 * sinc_theta_1;
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 D_sind_theta_1 = D_pred_psi_beta * sind_theta_1;
+    const float64 cosm1_theta_1 = turn_pred[3];
     const float64 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * 4.0 * D_sind_theta_1;
     const float64 one_plus_cosm1_theta_1 = 1.0 + cosm1_theta_1;
     const float64 odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 + psi_beta_turned * sind_theta_1;
     const float64 even_i_salient_pred_1 = SALIENCY * even_psi_d_pred_1;
+    const float64 cosm1_theta_2 = turn_pred[5];
     const float64 even_i_salient_pred_2 = saliency_times_psi_d_pred * cosm1_theta_2;
+    const float64 cosm1_theta_3 = turn_pred[7];
     const float64 even_i_salient_pred_3 = saliency_times_psi_d_pred * cosm1_theta_3;
     const float64 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
     const float64 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * total_i_salient_pred_0;
@@ -589,16 +573,21 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         SALIENCY * one_plus_cosm1_theta_1 * odd_psi_d_pred_1;
     const float64 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sind_theta_0 * total_i_salient_pred_0;
     const float64 odd_y_i_beta_1 = INV_L_Q * cos_theta_pred + sind_theta_1 * total_i_salient_pred_1;
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 sinc_theta_2 = turn_pred[4];
     const float64 sind_theta_2 = L_pred_32 * sinc_theta_2;
     const float64 odd_y_i_beta_2 = total_i_salient_pred_2 * sind_theta_2;
+    const float64 sinc_theta_3 = turn_pred[6];
     const float64 odd_y_i_beta_3 = total_i_salient_pred_3 * sinc_theta_3;
 
     /* --- eq. 21 */
     const float64 curv_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0;
     const float64 curv_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1;
     const float64 odd_psi_d_pred_2 = psi_beta_turned * sind_theta_2;
+    const float64 D_pred_omega = LD_pred[5];
     const float64 curv_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_omega;
     const float64 odd_psi_d_pred_3 = psi_beta_turned * sinc_theta_3;
+    const float64 D_pred_theta = LD_pred[9];
     const float64 curv_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_theta;
     const float64 curv_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
         even_y_i_alpha_3;
@@ -616,6 +605,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 dev_y_i_beta_3 = curv_y_i_beta_3 - curv_y_i_beta_mean;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
+    const float64 R_0 = R[0];
+    const float64 R_1 = R[1];
     const float64 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
     const float64 R_0_min_R_1 = smaller(R_0, R_1);
     const float64 noise_00 = larger(R_turned_00 + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
@@ -626,6 +617,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
 
     /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    const float64 i_alpha_meas = y[0];
+    const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -685,10 +678,13 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
     const float64 psi_beta_new = nu_by_var_first * (g_first_1 + L_pred_10 * g_first_0) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred;
+    const float64 L_pred_21 = LD_pred[4];
     const float64 gain_first_21 = g_first_2 + g_first_1 * L_pred_21;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float64 L_pred_20 = LD_pred[3];
     const float64 L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21;
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
         nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + omega_pred;
     const float64 gain_first_32 = g_first_3 + L_pred_32 * g_first_2;
