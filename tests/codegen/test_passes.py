@@ -115,6 +115,9 @@ def test_what_a_collected_sum_has_in_common_with_others_is_multiplied_once() -> 
     total = g.op("sub", first, g.op("mul", kq, g.op("add", a, b)))
     assert products(g, [total], collect) == 3
 
+    half = g.op("add", g.op("mul", k, v), g.op("add", g.op("mul", kq, a), g.op("mul", q, b)))
+    assert products(g, [half], collect) == 3, "what one of the terms alone holds goes in with it"
+
 
 def one_after_another(graph: Graph, roots: list[int], pipeline: Any) -> tuple[Graph, list[int]]:
     """A pipeline with nothing remembered: each pass on what the one before it made."""

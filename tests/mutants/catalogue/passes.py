@@ -90,7 +90,7 @@ PASS = (
             "list(factors)",
             pass_checks("collect"),
         ),
-        ("common factor of the first term alone", "common &= Counter(factors)", "pass", pass_checks("collect")),
+        ("common factor of the first term alone", "common &= Counter(factors)", "pass", COUNTED),
         (
             "common factor goes in",
             "common = Counter(other for other in inner[0][1] if other in others)",
