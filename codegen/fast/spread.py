@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from codegen.fast.affine import affine_states
 from codegen.fast.dependent_rows import DependentRow, Gram
 from codegen.fast.factored import Matrix
 from codegen.fast.frame import Frame
@@ -152,6 +153,33 @@ class SigmaPoints:
         names = [f"{name}_turned" if frame and k < 2 else name for k, name in enumerate(tape.inputs)]
         states = dict(zip(names, point, strict=True))
         return values, {**named, **states}  # the first name offered is the one taken
+
+    def expected(
+        self,
+        b: GraphBuilder,
+        tape: Tape,
+        x: Vector,
+        back: tuple[Vector, Vector],
+        frame: Frame | None,
+        run: Spread,
+    ) -> list[tuple[Expr, Expr]]:
+        """h(x) + H (x_pred - x), H at x, as a sum of two: what an iterate expects to be measured.
+
+        ``back``: x_pred, and x_pred - x. In what h is affine in, a, and what else it depends on, z, it is
+        h(a_pred, z) + H_z (z_pred - z): h is asked where a is predicted, and H spares those columns.
+        """
+        x_pred, difference = back
+        affine, zero = affine_states(self.model), x[0] * 0.0
+        at = [x_pred[i] if i in affine else value for i, value in enumerate(x)]
+        left = [zero if i in affine else value for i, value in enumerate(difference)]
+        algebra = SplitAlgebra(zero, frame.angle if frame else None)
+        held = [part.base for part in self.replay(b, tape, algebra, at, [zero] * self.n, [], frame)[0]]
+        if run.jacobian is None:
+            slopes = [part.odd for part in self.replay(b, tape, algebra, x, left, [], frame)[0]]
+        else:
+            turned = frame.into(left) if frame else left
+            slopes = [dot(row, turned) for row in run.jacobian]
+        return list(zip(held, slopes, strict=True))
 
     def wrong_data(self, b: GraphBuilder, inputs: list[Vector], frame: Frame | None) -> Matrix | None:
         """Rows of G, of which Q_p = G G^T; in the turned frame, if there is one. None where all data are exact."""

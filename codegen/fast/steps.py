@@ -9,11 +9,10 @@ import casadi as ca
 
 from codegen.fast.dependent_rows import find_dependent_rows, follows
 from codegen.fast.factored import Matrix, ScalarUpdates, decorrelated, factor, from_packed, to_packed
-from codegen.fast.frame import Frame, turns_freely
+from codegen.fast.frame import turns_freely
 from codegen.fast.guards import average, look_at_result, watch_pivots
 from codegen.fast.measurement import Measurement
-from codegen.fast.split import SplitAlgebra
-from codegen.fast.spread import SigmaPoints, Spread
+from codegen.fast.spread import SigmaPoints
 from codegen.fast.tape import Tape
 from codegen.fast.turns import split_turns, spread_of
 from codegen.ir.covariance import place
@@ -195,7 +194,7 @@ class FilterBuilder(SigmaPoints):
         R, y = self._measured(b)
         back = [before - now for before, now in zip(x_pred, x_j, strict=True)]
         b.stage("back", "31", "x_pred - x^j", back, [f"deviation_{s}" for s in self.states], scale="none")
-        meas = self._measurement(b, x_j, L, D, R, y, back)
+        meas = self._measurement(b, x_j, L, D, R, y, (x_pred, back))
         meaning = f"y - h(x^j) - H^j (x_pred - x^j){meas.where}"
         b.stage("innovation", "31", meaning, meas.innovation, _innovation_names(), scale="none")
         rows = meas.rows
@@ -272,11 +271,11 @@ class FilterBuilder(SigmaPoints):
         D: Vector,
         R: Vector,
         y: Vector,
-        back: Vector | None = None,
+        back: tuple[Vector, Vector] | None = None,
     ) -> Measurement:
         """The measurement linearised about ``x`` as the filter takes it: rows of (effective H) L, noise, innovation.
 
-        ``back``: x_pred - x, for an iterate; then the innovation is eq. 31's, with H by the dual numbers.
+        ``back``: x_pred and x_pred - x, for an iterate; then the innovation is eq. 31's, with H by the dual numbers.
         """
         h, named = self.model.measure(ca.vertsplit(self.model.x))
         tag = "pred" if back is None else "j"
@@ -302,19 +301,9 @@ class FilterBuilder(SigmaPoints):
             mean = [base + d for base, d in zip(run.base, offset, strict=True)]
             innovation = [turned[k] - mean[k] for k in range(2)]
         else:
-            slopes = self._slope(b, tape, x, back, frame, run)
-            innovation = [turned[k] - run.base[k] - slopes[k] for k in range(2)]
+            expected = self.expected(b, tape, x, back, frame, run)
+            innovation = [turned[k] - held - moved for k, (held, moved) in enumerate(expected)]
         return Measurement(run.odd, noise, innovation, self._floor(R), where)
-
-    def _slope(
-        self, b: GraphBuilder, tape: Tape, x: Vector, direction: Vector, frame: Frame | None, run: Spread
-    ) -> Vector:
-        """H at x times a direction."""
-        if run.jacobian is not None:
-            turned = frame.into(direction) if frame else direction
-            return [dot(row, turned) for row in run.jacobian]
-        algebra = SplitAlgebra(x[0] * 0.0, frame.angle if frame else None)
-        return [part.odd for part in self.replay(b, tape, algebra, x, direction, [], frame)[0]]
 
     def _floor(self, R: Vector) -> Expr:
         """The lower bound of a measurement's variance in any frame."""

@@ -95,19 +95,33 @@ class _Collector:
                 rest = list(factors)
                 rest.remove(factor)
                 inner.append((negative, rest))
-            terms[held[0]] = self._wrap(factor, inner)
+            others = {other for k, (_, factors) in enumerate(terms) if k not in held for other in factors}
+            terms[held[0]] = self._wrap(factor, inner, others)
             for k in reversed(held[1:]):
                 del terms[k]
+
+    def _is_const(self, factor: int) -> bool:
+        return factor >= 0 and self.graph[factor].op == "const"
 
     def _is_input(self, factors: list[int]) -> bool:
         """A bare input is added last: what corrects a state is small beside it, and is summed up first."""
         return len(factors) == 1 and factors[0] >= 0 and self.graph[factors[0]].op == "input"
 
-    def _wrap(self, factor: int, inner: list[Term]) -> Term:
-        """factor * (sum of inner), as one term; its sign is the first inner term's."""
+    def _wrap(self, factor: int, inner: list[Term], others: set[int]) -> Term:
+        """factor * (sum of inner), as one term; its sign is the first inner term's.
+
+        What all inner terms hold besides stays a factor of the term where it is among those of the sum's ``others``:
+        it is collected with them.
+        """
         flip = inner[0][0]
-        total = self._sum([(negative != flip, factors) for negative, factors in inner])
-        return flip, [self._collected(self.new.op("mul", total, self.moved[factor]))]
+        common = Counter(other for other in inner[0][1] if other in others)
+        for _, factors in inner[1:]:
+            common &= Counter(factors)
+        if any(self._is_const(k) and k not in common for k in (factor, *inner[0][1])):  # numbers that meet are one
+            common = Counter({k: times for k, times in common.items() if not self._is_const(k)})
+        rests = [(negative != flip, list((Counter(factors) - common).elements())) for negative, factors in inner]
+        product = self.new.op("mul", self._sum(rests), self.moved[factor])
+        return flip, [*common.elements(), self._collected(product)]
 
     def _collected(self, node: int) -> int:
         """A node of the new graph under a name of its own among the old ones."""

@@ -459,6 +459,7 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid
     minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 + n_D_odd_decay_off_0 * odd_i_beta_turned_0
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
+    half_one_plus_cosm1_theta_mid_0 = 0.5 * one_plus_cosm1_theta_mid_0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
     n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0
     odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10
@@ -466,8 +467,13 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     odd_i_alpha_next_0 = (decay_now * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
         odd_decay_off_0 * i_alpha_turned)
     even_i_q_between_0 = (cosm1_theta_mid_0 * i_q_between -
-        minus_even_i_beta_next_0 * 0.5 * one_plus_cosm1_theta_mid_0 -
+        minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
         n_D_sind_theta_mid_0 * 0.5 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0))
+    odd_i_beta_next_0 = (decay_now * odd_i_beta_turned_0 - odd_emf_step_0 * one_plus_cosm1_theta_mid_0 -
+        i_beta_turned * odd_decay_off_0)
+    even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 - n_D_odd_decay_off_0 * odd_i_alpha_turned_0
+    odd_i_q_between_0 = (half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
+        sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5))
     odd_omega_e_1 = POLE_PAIRS * L_21
     odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31
     odd_emf_step_1 = GAIN_E * odd_omega_e_1
@@ -476,22 +482,29 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1
     minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 + cos_theta_mid * n_D_odd_decay_off_1
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
+    half_one_plus_cosm1_theta_mid_1 = 0.5 * one_plus_cosm1_theta_mid_1
     sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1
     n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
     odd_i_alpha_next_1 = (decay_now * sin_theta_mid + emf_step * sind_theta_mid_1 -
         i_alpha_turned * odd_decay_off_1)
     even_i_q_between_1 = (cosm1_theta_mid_1 * i_q_between -
-        minus_even_i_beta_next_1 * 0.5 * one_plus_cosm1_theta_mid_1 -
+        minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
         n_D_sind_theta_mid_1 * 0.5 * (sin_theta_mid + odd_i_alpha_next_1))
+    odd_i_beta_next_1 = (decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1 -
+        i_beta_turned * odd_decay_off_1)
+    even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 - sin_theta_mid * n_D_odd_decay_off_1
+    odd_i_q_between_1 = (half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
+        sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5))
     odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
     minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2
     one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2
+    half_one_plus_cosm1_theta_mid_2 = 0.5 * one_plus_cosm1_theta_mid_2
     sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2
     n_D_sind_theta_mid_2 = 6.0 * D_omega * sind_theta_mid_2
     odd_decay_off_2 = GAIN_V * L_52
     odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * odd_decay_off_2
     even_i_q_between_2 = (cosm1_theta_mid_2 * i_q_between -
-        minus_even_i_beta_next_2 * 0.5 * one_plus_cosm1_theta_mid_2 -
+        minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
         n_D_sind_theta_mid_2 * 0.5 * odd_i_alpha_next_2)
     minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3
     one_plus_cosm1_theta_mid_3 = 1.0 + cosm1_theta_mid_3
@@ -501,23 +514,13 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     even_i_q_between_3 = (cosm1_theta_mid_3 * i_q_between -
         minus_even_i_beta_next_3 * 0.5 * one_plus_cosm1_theta_mid_3 -
         3.0 * sinc_theta_mid_3 * D_odd_i_alpha_3)
-    even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 - n_D_odd_decay_off_0 * odd_i_alpha_turned_0
-    even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 - sin_theta_mid * n_D_odd_decay_off_1
     even_i_alpha_next_2 = GAIN_E_POLE_PAIRS * n_D_sind_theta_mid_2
-    odd_i_beta_next_0 = (decay_now * odd_i_beta_turned_0 - odd_emf_step_0 * one_plus_cosm1_theta_mid_0 -
-        i_beta_turned * odd_decay_off_0)
-    odd_i_beta_next_1 = (decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1 -
-        i_beta_turned * odd_decay_off_1)
-    odd_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0)
-        - GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5) -
-        GAIN_OMEGA * L_40 + L_20)
-    odd_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1)
-        - GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5) -
-        GAIN_OMEGA * L_41 + L_21)
+    odd_omega_next_0 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 - GAIN_OMEGA * L_40 + L_20
+    odd_omega_next_1 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 - GAIN_OMEGA * L_41 + L_21
     minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 + i_beta_turned * odd_decay_off_2
     odd_omega_next_2 = (1.0 -
-        GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 + L_42) -
-        GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5))
+        GAIN_OMEGA_GAIN_TORQUE * (half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
+        sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5)) - GAIN_OMEGA * L_42)
     odd_stator_resistance_next_0 = L_50 * ONE_MINUS_RETURN
     odd_stator_resistance_next_1 = L_51 * ONE_MINUS_RETURN
     odd_stator_resistance_next_2 = L_52 * ONE_MINUS_RETURN
@@ -737,9 +740,8 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     i_alpha_pred = i_alpha_of_x + cos_theta_mid * curv_i_alpha_mean + sin_theta_mid * minus_curv_i_beta_mean
     i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + GAIN_V * v_beta
     i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean - cos_theta_mid * minus_curv_i_beta_mean
-    omega_of_x = (GAIN_OMEGA_GAIN_TORQUE_BY2 * cos_theta_mid * (i_beta_of_x + i_beta) -
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * sin_theta_mid * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque +
-        omega)
+    omega_of_x = (GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+        sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque + omega)
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
     stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN + OWN_STATOR_RESISTANCE_RETURN

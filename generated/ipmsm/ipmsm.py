@@ -447,8 +447,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     n_D_odd_coupling_0 = n_D_0 * odd_coupling_0
     even_i_d_mid_0 = (even_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (even_v_d_0 - coupling * even_i_q_now_0 -
         n_D_odd_coupling_0 * odd_i_q_now_0))
-    odd_i_d_mid_0 = (odd_i_d_now_0 * DECAY_HALF_D + (odd_v_d_0 - coupling * odd_i_q_now_0) * GAIN_HALF_D -
-        odd_coupling_0 * GAIN_HALF_D * (i_q_now + even_i_q_now_0))
+    odd_i_d_mid_0 = (odd_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (odd_v_d_0 - coupling * odd_i_q_now_0 -
+        odd_coupling_0 * (i_q_now + even_i_q_now_0)))
     v_q_minus_omega_e_times_psi_m = v_q - omega_e * PSI_M
     i_d_now_times_coupling = i_d_now * coupling
     part_of_i_q_mid = v_q_minus_omega_e_times_psi_m - i_d_now_times_coupling
@@ -456,21 +456,20 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_i_q_mid_0 = (DECAY_HALF_Q * even_i_q_now_0 + GAIN_HALF_Q * (even_v_q_0 - coupling * even_i_d_now_0 -
         n_D_odd_coupling_0 * odd_i_d_now_0))
     part_of_odd_i_q_mid_0 = v_d * sind_theta_mid_0 + PSI_M * odd_omega_e_0
-    odd_i_q_mid_0 = (DECAY_HALF_Q * odd_i_q_now_0 -
-        GAIN_HALF_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_now_0) -
-        GAIN_HALF_Q * odd_coupling_0 * (i_d_now + even_i_d_now_0))
+    odd_i_q_mid_0 = (DECAY_HALF_Q * odd_i_q_now_0 - GAIN_HALF_Q * (part_of_odd_i_q_mid_0 +
+        coupling * odd_i_d_now_0 + odd_coupling_0 * (i_d_now + even_i_d_now_0)))
     v_d_sub_coupling_x_i_q_mid = v_d - coupling * i_q_mid
     i_d_next = DECAY_D * i_d_now + GAIN_D * v_d_sub_coupling_x_i_q_mid
     even_i_d_next_0 = (DECAY_D * even_i_d_now_0 + GAIN_D * (even_v_d_0 - coupling * even_i_q_mid_0 -
         n_D_odd_coupling_0 * odd_i_q_mid_0))
-    odd_i_d_next_0 = (DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0) -
-        GAIN_D * odd_coupling_0 * (i_q_mid + even_i_q_mid_0))
+    odd_i_d_next_0 = (DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0 -
+        odd_coupling_0 * (i_q_mid + even_i_q_mid_0)))
     part_of_i_q_next = v_q_minus_omega_e_times_psi_m - coupling * i_d_mid
     i_q_next = i_q_now * DECAY_Q + GAIN_Q * part_of_i_q_next
     even_i_q_next_0 = (even_i_q_now_0 * DECAY_Q + GAIN_Q * (even_v_q_0 - coupling * even_i_d_mid_0 -
         n_D_odd_coupling_0 * odd_i_d_mid_0))
-    odd_i_q_next_0 = (odd_i_q_now_0 * DECAY_Q - (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0) * GAIN_Q -
-        odd_coupling_0 * GAIN_Q * (i_d_mid + even_i_d_mid_0))
+    odd_i_q_next_0 = (odd_i_q_now_0 * DECAY_Q - GAIN_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0 +
+        odd_coupling_0 * (i_d_mid + even_i_d_mid_0)))
     i_d_between = 0.5 * (i_d_now + i_d_next)
     i_q_between = 0.5 * (i_q_now + i_q_next)
     even_i_q_between_0 = 0.5 * (even_i_q_now_0 + even_i_q_next_0)
@@ -492,22 +491,21 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     n_D_odd_coupling_1 = n_D_1 * odd_coupling_1
     even_i_d_mid_1 = (DECAY_HALF_D * even_i_d_now_1 + GAIN_HALF_D * (even_v_d_1 - coupling * even_i_q_now_1 -
         n_D_odd_coupling_1 * odd_i_q_now_1))
-    odd_i_d_mid_1 = (DECAY_HALF_D * odd_i_d_now_1 + GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1) -
-        GAIN_HALF_D * odd_coupling_1 * (i_q_now + even_i_q_now_1))
+    odd_i_d_mid_1 = (DECAY_HALF_D * odd_i_d_now_1 + GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1 -
+        odd_coupling_1 * (i_q_now + even_i_q_now_1)))
     even_i_q_mid_1 = (DECAY_HALF_Q * even_i_q_now_1 + GAIN_HALF_Q * (even_v_q_1 - coupling * even_i_d_now_1 -
         n_D_odd_coupling_1 * odd_i_d_now_1))
     part_of_odd_i_q_mid_1 = v_d * sind_theta_mid_1 + PSI_M * odd_omega_e_1
-    odd_i_q_mid_1 = (DECAY_HALF_Q * odd_i_q_now_1 -
-        GAIN_HALF_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_now_1) -
-        GAIN_HALF_Q * odd_coupling_1 * (i_d_now + even_i_d_now_1))
+    odd_i_q_mid_1 = (DECAY_HALF_Q * odd_i_q_now_1 - GAIN_HALF_Q * (part_of_odd_i_q_mid_1 +
+        coupling * odd_i_d_now_1 + odd_coupling_1 * (i_d_now + even_i_d_now_1)))
     even_i_d_next_1 = (DECAY_D * even_i_d_now_1 + GAIN_D * (even_v_d_1 - coupling * even_i_q_mid_1 -
         n_D_odd_coupling_1 * odd_i_q_mid_1))
-    odd_i_d_next_1 = (DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1) -
-        GAIN_D * odd_coupling_1 * (i_q_mid + even_i_q_mid_1))
+    odd_i_d_next_1 = (DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1 -
+        odd_coupling_1 * (i_q_mid + even_i_q_mid_1)))
     even_i_q_next_1 = (DECAY_Q * even_i_q_now_1 + GAIN_Q * (even_v_q_1 - coupling * even_i_d_mid_1 -
         n_D_odd_coupling_1 * odd_i_d_mid_1))
-    odd_i_q_next_1 = (DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1) -
-        GAIN_Q * odd_coupling_1 * (i_d_mid + even_i_d_mid_1))
+    odd_i_q_next_1 = (DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1 +
+        odd_coupling_1 * (i_d_mid + even_i_d_mid_1)))
     even_i_q_between_1 = 0.5 * (even_i_q_now_1 + even_i_q_next_1)
     odd_i_q_between_1 = 0.5 * (odd_i_q_now_1 + odd_i_q_next_1)
     odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32
@@ -558,6 +556,15 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     even_i_q_next_3 = (even_i_q_now_3 * decay_q_and_coupling_sq_scaled + GAIN_Q * even_v_q_3 -
         coupling_times_gain_q * (DECAY_HALF_D * even_i_d_now_3 + GAIN_HALF_D * even_v_d_3))
     even_i_q_between_3 = 0.5 * (even_i_q_now_3 + even_i_q_next_3)
+    total_i_q_between_3 = i_q_between + even_i_q_between_3
+    odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3)
+    minus_odd_i_q_next_3 = (decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 + GAIN_Q * minus_odd_v_q_3 +
+        coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3))
+    minus_odd_i_q_between_3 = 0.5 * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3)
+    psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between
+    even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3)
+    odd_torque_3 = (GAIN_TORQUE * (total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
+        minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_3_scaled)))
     total_i_d_next_0 = i_d_next + even_i_d_next_0
     even_i_alpha_next_0 = (even_i_d_next_0 + cosm1_theta_mid_0 * total_i_d_next_0 -
         n_D_sind_theta_mid_0 * odd_i_q_next_0)
@@ -574,8 +581,6 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     total_i_d_next_3 = i_d_next + even_i_d_next_3
     n_D_3 = 5.0 * D_theta
     n_D_sind_theta_mid_3 = n_D_3 * sinc_theta_mid_3
-    minus_odd_i_q_next_3 = (decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 + GAIN_Q * minus_odd_v_q_3 +
-        coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3))
     even_i_alpha_next_3 = (even_i_d_next_3 + cosm1_theta_mid_3 * total_i_d_next_3 +
         n_D_sind_theta_mid_3 * minus_odd_i_q_next_3)
     total_i_q_next_0 = i_q_next + even_i_q_next_0
@@ -602,33 +607,26 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         minus_odd_i_q_next_2 * one_plus_cosm1_theta_mid_2)
     odd_i_beta_next_3 = (total_i_d_next_3 * sinc_theta_mid_3 -
         minus_odd_i_q_next_3 * one_plus_cosm1_theta_mid_3)
-    psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between
     even_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (even_i_d_now_0 + even_i_d_next_0)
     total_i_q_between_0 = i_q_between + even_i_q_between_0
     odd_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (odd_i_d_now_0 + odd_i_d_next_0)
-    odd_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_0_scaled) +
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_0 * odd_i_d_now_and_next_0_scaled - L_40) + L_20)
+    odd_omega_next_0 = (GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
+        even_i_d_now_and_next_0_scaled) + total_i_q_between_0 * odd_i_d_now_and_next_0_scaled) -
+        GAIN_OMEGA * L_40 + L_20)
     even_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (even_i_d_now_1 + even_i_d_next_1)
     total_i_q_between_1 = i_q_between + even_i_q_between_1
     odd_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (odd_i_d_now_1 + odd_i_d_next_1)
-    odd_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_1_scaled) +
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_1 * odd_i_d_now_and_next_1_scaled - L_41) + L_21)
+    odd_omega_next_1 = (GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
+        even_i_d_now_and_next_1_scaled) + total_i_q_between_1 * odd_i_d_now_and_next_1_scaled) -
+        GAIN_OMEGA * L_41 + L_21)
     total_i_q_between_2 = i_q_between + even_i_q_between_2
     odd_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (odd_i_d_now_2 + odd_i_d_next_2)
     minus_odd_i_q_between_2 = 0.5 * (minus_odd_i_q_now_2 + minus_odd_i_q_next_2)
     even_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (even_i_d_now_2 + even_i_d_next_2)
-    odd_omega_next_2 = (1.0 + GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_2 * odd_i_d_now_and_next_2_scaled
-        - L_42) - GAIN_OMEGA_GAIN_TORQUE * minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_2_scaled))
-    total_i_q_between_3 = i_q_between + even_i_q_between_3
-    odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3)
-    minus_odd_i_q_between_3 = 0.5 * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3)
-    even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3)
-    odd_omega_next_3 = (GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
-        GAIN_TORQUE * minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_3_scaled) - L_43))
+    odd_omega_next_2 = (1.0 + GAIN_OMEGA_GAIN_TORQUE * (total_i_q_between_2 * odd_i_d_now_and_next_2_scaled -
+        minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_2_scaled)) -
+        GAIN_OMEGA * L_42)
+    odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43)
 
     # --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned
     G_i_alpha_R = (i_d_now * SIGMA_R_DECAY_D + v_d_sub_coupling_x_i_q_mid * SIGMA_R_GAIN_D -

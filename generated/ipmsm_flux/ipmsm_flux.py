@@ -818,8 +818,6 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     (i_alpha_meas, i_beta_meas) = y
 
     # --- eq. 31: x_pred - x^j
-    deviation_psi_alpha = psi_alpha_pred - psi_alpha_j
-    deviation_psi_beta = psi_beta_pred - psi_beta_j
     deviation_theta = theta_pred - theta_j
 
     # --- eq. 20: Jacobian
@@ -832,18 +830,16 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency
     slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j
     part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j
-    sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j
-    slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 - sin_theta_j_times_i_salient_j
+    slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 - sin_theta_j * i_salient_j
     slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j
-    cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j
-    slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 + cos_theta_j_times_i_salient_j
+    slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 + cos_theta_j * i_salient_j
 
     # --- eq. 31: y - h(x^j) - H^j (x_pred - x^j)
-    innovation_i_alpha = (i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-        slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
+    part_of_innovation_i_alpha = (cos_theta_j_times_saliency * psi_alpha_pred +
+        saliency_times_sin_theta_j * psi_beta_pred - INV_L_D_PSI_M)
+    innovation_i_alpha = (i_alpha_meas - INV_L_Q * psi_alpha_pred - cos_theta_j * part_of_innovation_i_alpha -
         slope_y_i_alpha_3 * deviation_theta)
-    innovation_i_beta = (i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-        slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
+    innovation_i_beta = (i_beta_meas - INV_L_Q * psi_beta_pred - sin_theta_j * part_of_innovation_i_alpha -
         deviation_theta * slope_y_i_beta_3)
 
     # --- eq. 22: Pyy^j

@@ -59,11 +59,11 @@ static float32 larger(float32 a, float32 b)
 /* What the DC link allows: a share of the largest current */
 static void allow(const float32 command[2], const float32 rotor[1], float32 share_out[1])
 {
-    const float32 omega_ref = command[0];
     const float32 v_dc = command[1];
-    const float32 omega = rotor[0];
     const float32 held = smaller(larger(PER_LOW * (v_dc - LINK_LOW), 0.0f), 1.0f);
     const float32 taken = smaller(larger(PER_HIGH * (LINK_HIGH - v_dc), 0.0f), 1.0f);
+    const float32 omega = rotor[0];
+    const float32 omega_ref = command[0];
     const float32 braking = larger(smaller(PER_BRAKING * ((omega - omega_ref) * omega), 1.0f), 0.0f);
 
     share_out[0] = held * (1.0f - braking * (1.0f - taken));

@@ -180,18 +180,17 @@ static int within(const float32 value[2], float32 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float32 LD[10], float32 turn_out[8])
 {
-    const float32 D_i_alpha = LD[0];
-    const float32 D_i_beta = LD[2];
-    const float32 D_omega = LD[5];
-    const float32 L_30 = LD[6];
-    const float32 L_31 = LD[7];
-    const float32 L_32 = LD[8];
-    const float32 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float32 D_i_alpha = LD[0];
+    const float32 L_30 = LD[6];
     const float32 z_theta_0 = D_i_alpha * L_30 * L_30;
+    const float32 D_i_beta = LD[2];
+    const float32 L_31 = LD[7];
     const float32 z_theta_1 = D_i_beta * L_31 * L_31;
+    const float32 D_omega = LD[5];
+    const float32 L_32 = LD[8];
     const float32 z_theta_2 = D_omega * L_32 * L_32;
+    const float32 D_theta = LD[9];
 
     if (z_theta_0 + z_theta_1 + z_theta_2 + D_theta > SMALL_TURN) {
         float32 z[4];
@@ -216,61 +215,50 @@ static int time_update_turns(float32 LD[10], float32 turn_out[8])
 static void time_update(const float32 x[4], const float32 LD[10], const float32 Q[4], const float32 u[2],
     const float32 turn[8], float32 x_pred_out[4], float32 LD_pred_out[10], float32 check_out[1])
 {
-    const float32 i_alpha = x[0];
-    const float32 i_beta = x[1];
-    const float32 omega = x[2];
-    const float32 theta = x[3];
-    const float32 D_i_alpha = LD[0];
-    const float32 L_10 = LD[1];
-    const float32 D_i_beta = LD[2];
-    const float32 L_20 = LD[3];
-    const float32 L_21 = LD[4];
-    const float32 D_omega = LD[5];
-    const float32 L_30 = LD[6];
-    const float32 L_31 = LD[7];
-    const float32 L_32 = LD[8];
-    const float32 D_theta = LD[9];
-    const float32 Q_0 = Q[0];
-    const float32 Q_1 = Q[1];
-    const float32 Q_2 = Q[2];
-    const float32 Q_3 = Q[3];
-    const float32 v_alpha = u[0];
-    const float32 v_beta = u[1];
-    const float32 sinc_theta_0 = turn[0];
-    const float32 cosm1_theta_0 = turn[1];
-    const float32 sinc_theta_1 = turn[2];
-    const float32 cosm1_theta_1 = turn[3];
-    const float32 sinc_theta_2 = turn[4];
-    const float32 cosm1_theta_2 = turn[5];
-    const float32 sinc_theta_3 = turn[6];
-    const float32 cosm1_theta_3 = turn[7];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float32 theta = x[3];
     const pmsm_pair sincos_theta = sin_cos(theta);
     const float32 sin_theta = sincos_theta.sine;
     const float32 cos_theta = sincos_theta.cosine;
     const float32 decay_i_times_cos_theta = DECAY_I * cos_theta;
     const float32 decay_i_times_sin_theta = DECAY_I * sin_theta;
+    const float32 omega = x[2];
     const float32 emf_step = GAIN_E_POLE_PAIRS * omega;
+    const float32 L_30 = LD[6];
+    const float32 sinc_theta_0 = turn[0];
     const float32 sind_theta_0 = L_30 * sinc_theta_0;
+    const float32 L_10 = LD[1];
     const float32 odd_i_alpha_next_0 = decay_i_times_cos_theta + decay_i_times_sin_theta * L_10 +
         emf_step * sind_theta_0;
+    const float32 L_31 = LD[7];
+    const float32 sinc_theta_1 = turn[2];
     const float32 sind_theta_1 = L_31 * sinc_theta_1;
     const float32 odd_i_alpha_next_1 = decay_i_times_sin_theta + emf_step * sind_theta_1;
+    const float32 L_20 = LD[3];
+    const float32 cosm1_theta_0 = turn[1];
     const float32 odd_i_beta_next_0 = decay_i_times_cos_theta * L_10 - decay_i_times_sin_theta -
         GAIN_E_POLE_PAIRS * L_20 * (1.0f + cosm1_theta_0);
+    const float32 L_21 = LD[4];
+    const float32 cosm1_theta_1 = turn[3];
     const float32 odd_i_beta_next_1 = decay_i_times_cos_theta -
         GAIN_E_POLE_PAIRS * L_21 * (1.0f + cosm1_theta_1);
     const float32 odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30;
     const float32 odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31;
+    const float32 L_32 = LD[8];
     const float32 odd_theta_next_2 = POLE_PAIRS_SAMPLE_TIME + L_32;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
+    const float32 D_i_alpha = LD[0];
     const float32 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
+    const float32 D_i_beta = LD[2];
     const float32 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float32 emf_step_sq = emf_step * emf_step;
+    const float32 sinc_theta_2 = turn[4];
     const float32 sind_theta_2 = L_32 * sinc_theta_2;
+    const float32 D_omega = LD[5];
     const float32 curv_i_alpha_2 = D_omega * sind_theta_2;
+    const float32 sinc_theta_3 = turn[6];
+    const float32 D_theta = LD[9];
     const float32 D_sind_theta_3 = sinc_theta_3 * D_theta;
     const float32 D_odd_omega_0 = L_20 * D_i_alpha;
     const float32 curv_i_alpha_0 = sind_theta_0 * D_odd_omega_0;
@@ -284,9 +272,11 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha;
     const float32 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
     const float32 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
+    const float32 cosm1_theta_2 = turn[5];
     const float32 one_plus_cosm1_theta_2 = 1.0f + cosm1_theta_2;
     const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
     const float32 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
+    const float32 cosm1_theta_3 = turn[7];
     const float32 curv_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
     const float32 curv_i_beta_mean = curv_i_beta_sum * 0.25f;
     const float32 dev_i_beta_0 = cosm1_theta_0 - curv_i_beta_mean;
@@ -301,11 +291,13 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         curv_i_alpha_0 * dev_i_beta_0 + curv_i_alpha_1 * dev_i_beta_1);
     const float32 P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0f;
     const float32 P_turn = sin_theta * P_tilt;
+    const float32 Q_0 = Q[0];
     const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float32 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float32 P_pred_10 = cos_theta * P_tilt - P_turned_10;
     const float32 inv_D_pred_i_alpha = 1.0f / D_pred_i_alpha;
     const float32 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float32 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float32 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
@@ -323,6 +315,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float32 inv_D_pred_i_beta = 1.0f / D_pred_i_beta;
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float32 Q_2 = Q[2];
     const float32 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega) + Q_2;
     const float32 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float32 P_turned_30 = D_odd_i_alpha_0 * odd_theta_next_0 + D_odd_i_alpha_1 * odd_theta_next_1 +
@@ -339,6 +332,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
         D_odd_omega_1 * odd_theta_next_1 + D_odd_theta_2);
     const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float32 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float32 Q_3 = Q[3];
     const float32 P_pred_33 = D_i_alpha * odd_theta_next_0 * odd_theta_next_0 +
         D_i_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
     const float32 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
@@ -346,8 +340,12 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
 
     /* --- eq. 16: x_pred = mean X_i' */
     const float32 part_of_i_alpha_pred = emf_step + emf_step * curv_i_beta_mean;
+    const float32 i_alpha = x[0];
+    const float32 v_alpha = u[0];
     const float32 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
         cos_theta * offset_i_alpha;
+    const float32 i_beta = x[1];
+    const float32 v_beta = u[1];
     const float32 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
         sin_theta * offset_i_alpha;
     const float32 omega_pred = omega * DECAY_OMEGA;
@@ -377,32 +375,22 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
 static void ickf_measurement_update(const float32 x_pred[4], const float32 LD_pred[10], const float32 R[2],
     const float32 y[2], float32 x_out[4], float32 LD_out[10], float32 nis_out[1])
 {
-    const float32 i_alpha_pred = x_pred[0];
-    const float32 i_beta_pred = x_pred[1];
-    const float32 omega_pred = x_pred[2];
-    const float32 theta_pred = x_pred[3];
-    const float32 D_pred_i_alpha = LD_pred[0];
-    const float32 L_pred_10 = LD_pred[1];
-    const float32 D_pred_i_beta = LD_pred[2];
-    const float32 L_pred_20 = LD_pred[3];
-    const float32 L_pred_21 = LD_pred[4];
-    const float32 D_pred_omega = LD_pred[5];
-    const float32 L_pred_30 = LD_pred[6];
-    const float32 L_pred_31 = LD_pred[7];
-    const float32 L_pred_32 = LD_pred[8];
-    const float32 D_pred_theta = LD_pred[9];
-    const float32 R_0 = R[0];
-    const float32 R_1 = R[1];
-    const float32 i_alpha_meas = y[0];
-    const float32 i_beta_meas = y[1];
-
     /* --- eq. 31: y - y_pred; x^{j+1} */
+    const float32 i_alpha_meas = y[0];
+    const float32 i_alpha_pred = x_pred[0];
     const float32 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float32 R_0 = R[0];
+    const float32 D_pred_i_alpha = LD_pred[0];
     const float32 var_first = R_0 + D_pred_i_alpha;
     const float32 one_per_var_first = 1.0f / var_first;
     const float32 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float32 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float32 i_beta_meas = y[1];
+    const float32 L_pred_10 = LD_pred[1];
+    const float32 i_beta_pred = x_pred[1];
     const float32 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float32 R_1 = R[1];
+    const float32 D_pred_i_beta = LD_pred[2];
     const float32 var_second_1 = R_1 + D_pred_i_beta;
     const float32 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float32 g_second_0 = D_first_0 * L_pred_10;
@@ -413,8 +401,14 @@ static void ickf_measurement_update(const float32 x_pred[4], const float32 LD_pr
     const float32 i_alpha_after = correction_second_0 + i_alpha_pred;
     const float32 i_beta_after = i_beta_meas - R_1 * nu_by_var_second;
     const float32 part_of_omega_after = D_pred_i_beta * nu_by_var_second;
+    const float32 L_pred_20 = LD_pred[3];
+    const float32 L_pred_21 = LD_pred[4];
+    const float32 omega_pred = x_pred[2];
     const float32 omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 +
         omega_pred;
+    const float32 L_pred_30 = LD_pred[6];
+    const float32 L_pred_31 = LD_pred[7];
+    const float32 theta_pred = x_pred[3];
     const float32 theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 +
         theta_pred;
 
@@ -430,6 +424,9 @@ static void ickf_measurement_update(const float32 x_pred[4], const float32 LD_pr
     /* --- normalised innovation squared */
     const float32 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float32 D_pred_omega = LD_pred[5];
+    const float32 L_pred_32 = LD_pred[8];
+    const float32 D_pred_theta = LD_pred[9];
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;

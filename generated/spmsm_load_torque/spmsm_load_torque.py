@@ -57,6 +57,7 @@ DECAY_I = 0.708708218076448  # exp(-T R / L)
 GAIN_V = 0.10131888066906156  # (1 - exp(-T R / L)) / R, A/V
 DECAY_OMEGA = 0.9999750003124974  # exp(-T D / J)
 GAIN_OMEGA = 0.012499843751302076  # (1 - exp(-T D / J)) / D, rad/s per N m
+GAIN_TORQUE = 1.0499999999999998  # 1.5 p psi_m, N m/A
 HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
 GAIN_E_POLE_PAIRS = 0.07092321646834308  # GAIN_E * POLE_PAIRS
 GAIN_E_POLE_PAIRS_BY5 = 0.014184643293668617  # 0.2 * GAIN_E * POLE_PAIRS
@@ -71,7 +72,6 @@ PAIR_WEIGHT = 0.2  # 1 / 5: weight of the two points of a column of S
 PAIR_WEIGHT_SQ = 0.04000000000000001  # PAIR_WEIGHT * PAIR_WEIGHT
 GAIN_E_SQ_POLE_PAIRS_SQ = 0.0050301026342154526  # GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS
 GAIN_OMEGA_GAIN_TORQUE = 0.013124835938867178  # GAIN_OMEGA * GAIN_TORQUE
-GAIN_E_GAIN_TORQUE_PP_BY2 = 0.037234688645880115  # 0.5 * GAIN_E * GAIN_TORQUE * POLE_PAIRS
 GAIN_TORQUE_BY2 = 0.5249999999999999  # 0.5 * GAIN_TORQUE
 GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 = 0.0046542779020188295  # 5 * GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS
 GAIN_E_GAIN_OMEGA_GAIN_TQ_PP = 0.0009308555804037658  # GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS
@@ -102,7 +102,6 @@ PER_BRAKING = 0.0625  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 CURVE_DEPTH = 1.1  # of -i_d at the largest torque, which the curve may take
 GAIN_E = 0.01773080411708577  # psi_m (1 - exp(-T R / L)) / R, A s/rad
 HALF_T = 5e-05  # T / 2, s
-GAIN_TORQUE = 1.0499999999999998  # 1.5 p psi_m, N m/A
 
 
 def _smaller(a, b):
@@ -438,25 +437,24 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
         part_of_even_i_q_between_2 * omega_scaled)
     D_sind_theta_mid_3 = sinc_theta_mid_3 * D_theta
     part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3
-    even_i_q_between_3 = (cosm1_theta_mid_3 * i_q_between -
-        cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3) -
+    even_i_q_between_3 = (cosm1_theta_mid_3 * (i_q_between -
+        omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3)) -
         omega_scaled * part_of_even_i_q_between_3)
     odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 - GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0
     odd_i_beta_next_1 = DECAY_I * cos_theta_mid - GAIN_E_POLE_PAIRS * L_21 * one_plus_cosm1_theta_mid_1
     curv_i_alpha_0 = L_20 * D_sind_theta_mid_0
     odd_omega_next_0 = (L_20 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
-        - GAIN_OMEGA * L_40)
+        GAIN_OMEGA * (sind_theta_mid_0 * GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
+        + L_40))
     curv_i_alpha_1 = L_21 * D_sind_theta_mid_1
     odd_omega_next_1 = (L_21 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
-        - GAIN_OMEGA * L_41)
+        GAIN_OMEGA * (sind_theta_mid_1 * GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
+        + L_41))
     odd_omega_next_2 = (DECAY_OMEGA -
-        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * GAIN_E_GAIN_TORQUE_PP_BY2 +
-        L_42) -
-        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2))
+        GAIN_OMEGA_GAIN_TORQUE * (GAIN_E_POLE_PAIRS_BY2 * one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2
+        + sind_theta_mid_2 * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2)) - GAIN_OMEGA * L_42)
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred
     D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0
@@ -581,8 +579,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     i_alpha_pred = i_alpha_of_x + cos_theta_mid * offset_i_alpha + sin_theta_mid * minus_offset_i_beta
     i_beta_of_x = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta
     i_beta_pred = i_beta_of_x + sin_theta_mid * offset_i_alpha - cos_theta_mid * minus_offset_i_beta
-    omega_of_x = (omega * DECAY_OMEGA + cos_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_beta_of_x + i_beta) -
-        sin_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque)
+    omega_of_x = (omega * DECAY_OMEGA + GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+        sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque)
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta
 

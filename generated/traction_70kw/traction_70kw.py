@@ -58,60 +58,47 @@ SALIENCY = 3000.0  # 1 / L_d - 1 / L_q, A/Wb
 SIGN_PER_A = 0.16666666666666666  # 1 / I_0, 1/A: below I_0 a leg's sign fades
 V_DEAD = 11.999999999999998  # V_dc t_d f_sw + V_drop, V: what a leg loses
 POLE_PAIRS = 4.0  # p
+HALF_T = 5e-05  # T / 2, s
+MAGNET_TURN = 1.0780580978414631e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
 GAIN_D = 9.955134696795931e-05  # (1 - exp(-T R / L_d)) L_d / R, s
 LOSS_D = 0.008959621227116337  # 1 - exp(-T R / L_d)
 GAIN_Q = 9.98202158057399e-05  # (1 - exp(-T R / L_q)) L_q / R, s
 GAIN_OMEGA = 0.0016666666666666668  # T / J, rad/s per N m
+SAMPLE_TIME = 0.0001  # sample time, s
+SIGMA_R_MAGNET_TURN = 7.19206772965264e-11  # what MAGNET_TURN changes with one sigma of R
 SIGMA_R_GAIN_D = -1.4934140452487696e-07  # what GAIN_D changes with one sigma of R
 SIGMA_R_LOSS_D = 0.002977874330618508  # what LOSS_D changes with one sigma of R
 SIGMA_R_GAIN_Q = -5.995188763067467e-08  # what GAIN_Q changes with one sigma of R
 SIGMA_R_LOSS_Q = 0.0011975993390674162  # what LOSS_Q changes with one sigma of R
+SIGMA_L_D = 3.338662406813045e-05  # one sigma of L_d
+SIGMA_L_Q = 8.346656017032612e-05  # one sigma of L_q
+SIGMA_PSI_M = 0.004821028515438036  # one sigma of psi_m
+SIGMA_V_D = 4.006394888175652  # one sigma of V_d, V
+SIGMA_LOSS = 11.31370849898476  # V: one sigma of either axis where no sign is sure
 INV_L_D_PSI_M = 400.0  # INV_L_D * PSI_M
 SQRT_3_BY_2 = 0.8660254037844386  # sqrt(3) / 2
 TWO_THIRDS = 0.6666666666666666  # 2 / 3
 ONE_BY_SQRT_3 = 0.5773502691896258  # 1 / sqrt(3)
 HALF_T_POLE_PAIRS = 0.0002  # HALF_T * POLE_PAIRS
 HALF_T_SQ_POLE_PAIRS_SQ = 4e-08  # HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS
-ONE_MINUS_LOSS_Q = 0.9964064722309933  # 1 - LOSS_Q
-MAGNET_TURN_POLE_PAIRS_PSI_M = 3.449785913092682e-11  # MAGNET_TURN * POLE_PAIRS * PSI_M
 ONE_MINUS_LOSS_D = 0.9910403787728836  # 1 - LOSS_D
-HALF_T_POLE_PAIRS_X5 = 0.001  # 5 * HALF_T * POLE_PAIRS
+ONE_MINUS_LOSS_Q = 0.9964064722309933  # 1 - LOSS_Q
+MAGNET_TURN_PSI_M = 8.624464782731705e-12  # MAGNET_TURN * PSI_M
+MAGNET_TURN_POLE_PAIRS_PSI_M = 3.449785913092682e-11  # MAGNET_TURN * POLE_PAIRS * PSI_M
 PAIR_WEIGHT = 0.2  # 1 / 5: weight of the two points of a column of S
-GAIN_OMEGA_BY2 = 0.0008333333333333334  # 0.5 * GAIN_OMEGA
 GAIN_TORQUE_INV_L_D_PSI_M = 2400.0  # GAIN_TORQUE * INV_L_D * PSI_M
+GAIN_TORQUE_SALIENCY = 18000.0  # GAIN_TORQUE * SALIENCY
 GAIN_TORQUE_SALIENCY_BY2 = 9000.0  # 0.5 * GAIN_TORQUE * SALIENCY
-GAIN_OMEGA_BY5 = 0.0003333333333333334  # 0.2 * GAIN_OMEGA
-GAIN_TORQUE_SALIENCY_X5_BY4 = 22500.0  # 1.25 * GAIN_TORQUE * SALIENCY
-G_OMEGA_HALF_T_PAIR_WEIGHT_PP = 6.666666666666667e-08  # GAIN_OMEGA * HALF_T * PAIR_WEIGHT * POLE_PAIRS
-GAIN_TORQUE_SALIENCY_BY4 = 4500.0  # 0.25 * GAIN_TORQUE * SALIENCY
-PAIR_WEIGHT_SQ = 0.04000000000000001  # PAIR_WEIGHT * PAIR_WEIGHT
-PP_PSI_M_SIGMA_R_MAGNET_TURN = 2.301461673488845e-11  # POLE_PAIRS * PSI_M * SIGMA_R_MAGNET_TURN
+GAIN_TORQUE_SALIENCY_X5_BY2 = 45000.0  # 2.5 * GAIN_TORQUE * SALIENCY
+GAIN_OMEGA_HALF_T_POLE_PAIRS = 3.3333333333333335e-07  # GAIN_OMEGA * HALF_T * POLE_PAIRS
 GAIN_OMEGA_SQ = 2.7777777777777783e-06  # GAIN_OMEGA * GAIN_OMEGA
-GAIN_OMEGA_SQ_X101250000 = 281.25000000000006  # 101250000 * GAIN_OMEGA * GAIN_OMEGA
-G_O_S_G_T_S_S_46C = 8.08133333333334e-13  # GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_D * SIGMA_L_D + GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_Q * SIGMA_L_Q
-G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ = 2.324231594666668e-09  # GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_PSI_M * SIGMA_PSI_M
-GAIN_OMEGA_SQ_SIGMA_V_D_SQ = 4.458666666666667e-05  # GAIN_OMEGA * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D
-GAIN_D_GAIN_TORQUE_SALIENCY_BY4 = 0.4479810613558169  # 0.25 * GAIN_D * GAIN_TORQUE * SALIENCY
-GAIN_Q_BY2 = 4.991010790286995e-05  # 0.5 * GAIN_Q
-G_D_S_G_O_S_G_T_S_S_S_S_L_A1B = 7.135538891857215e-05  # 0.0625 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SALIENCY * SALIENCY * SIGMA_LOSS * SIGMA_LOSS
-G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1 = 8.856955985337321e-13  # 0.25 * GAIN_OMEGA * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS
-GAIN_OMEGA_ONE_MINUS_LOSS_D = 0.0016517339646214728  # GAIN_OMEGA * (1 - LOSS_D)
-G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89 = 4.458666666666669e-15  # GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D
-G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24 = 2.7866666666666685e-14  # GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q
-G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D = 9.29692637866667e-11  # GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M
-GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ = 2.6631976340868474e-06  # GAIN_D * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D
-G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7 = 9.514051855809618e-06  # 0.25 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY * SIGMA_LOSS * SIGMA_LOSS
-GAIN_OMEGA_ONE_MINUS_LOSS_Q = 0.0016606774537183224  # GAIN_OMEGA * (1 - LOSS_Q)
-GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ = 2.6703904132351534e-06  # GAIN_OMEGA * GAIN_Q * SIGMA_V_D * SIGMA_V_D
-G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2 = 1.0628347182404783e-09  # 0.5 * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS
-PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901 = 1.7834666666666678e-16  # POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D
-PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC = 1.1146666666666673e-15  # POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q
-PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 = 3.718770551466668e-12  # POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M
-GAIN_D_SQ_SIGMA_V_D_SQ = 1.5907494702913685e-07  # GAIN_D * GAIN_D * SIGMA_V_D * SIGMA_V_D
-GAIN_D_SQ_SIGMA_LOSS_SQ = 1.2685402474412826e-06  # GAIN_D * GAIN_D * SIGMA_LOSS * SIGMA_LOSS
-GAIN_Q_SQ_SIGMA_V_D_SQ = 1.5993536840082718e-07  # GAIN_Q * GAIN_Q * SIGMA_V_D * SIGMA_V_D
-GAIN_Q_SQ_SIGMA_LOSS_SQ = 1.2754016618885739e-06  # GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS
-GAIN_D_GAIN_Q_SIGMA_V_D_SQ = 1.59504577540731e-07  # GAIN_D * GAIN_Q * SIGMA_V_D * SIGMA_V_D
+GAIN_OMEGA_BY2 = 0.0008333333333333334  # 0.5 * GAIN_OMEGA
+GAIN_OMEGA_GAIN_TQ_SIGMA_L_D = 3.3386624068130447e-07  # GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_D
+GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q = 8.346656017032611e-07  # GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_Q
+GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M = 4.821028515438036e-05  # GAIN_OMEGA * GAIN_TORQUE * SIGMA_PSI_M
+GAIN_OMEGA_SIGMA_V_D_BY2 = 0.003338662406813044  # 0.5 * GAIN_OMEGA * SIGMA_V_D
+G_D_G_OMEGA_G_TQ_SAL_BY2 = 0.0014932702045193898  # 0.5 * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY
+GAIN_OMEGA_GAIN_Q_BY2 = 8.318351317144992e-08  # 0.5 * GAIN_OMEGA * GAIN_Q
 INV_L_Q_PLUS_SALIENCY = 5000.0  # INV_L_Q + SALIENCY
 PAIR_WT_MINUS_PAIR_WT_SQ = 0.16  # PAIR_WEIGHT - PAIR_WEIGHT * PAIR_WEIGHT
 PAIR_WEIGHT_SQ_SALIENCY_X5 = 600.0000000000001  # 5 * PAIR_WEIGHT * PAIR_WEIGHT * SALIENCY
@@ -142,17 +129,8 @@ LINK_HIGH = 750.0  # 1.25 of the DC link, V: no braking from here up
 PER_BRAKING = 0.0035600161767135063  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.011936621315463415  # 1 / (0.2 of rated speed), s/rad
 INV_L_D = 5000.0  # 1 / L_d, A/Wb
-HALF_T = 5e-05  # T / 2, s
-MAGNET_TURN = 1.0780580978414631e-10  # (1 + a - 2 (1 - a) / z) T / 2, s
 LOSS_Q = 0.0035935277690066357  # 1 - exp(-T R / L_q)
 GAIN_TORQUE = 6.0  # 1.5 p
-SAMPLE_TIME = 0.0001  # sample time, s
-SIGMA_R_MAGNET_TURN = 7.19206772965264e-11  # what MAGNET_TURN changes with one sigma of R
-SIGMA_L_D = 3.338662406813045e-05  # one sigma of L_d
-SIGMA_L_Q = 8.346656017032612e-05  # one sigma of L_q
-SIGMA_PSI_M = 0.004821028515438036  # one sigma of psi_m
-SIGMA_V_D = 4.006394888175652  # one sigma of V_d, V
-SIGMA_LOSS = 11.31370849898476  # V: one sigma of either axis where no sign is sure
 
 
 def _smaller(a, b):
@@ -205,8 +183,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
-        ((status & COVARIANCE_REPAIRED) == 0))
+    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
+        (f.nis < f.nis_max))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -224,33 +202,38 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
-    z = x * x
-    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
-        -0.0416666427412639) * z + 1.0))
-    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
-        -0.12499983073263368) * z + 1.0)
-    return s * c, 2.0 * (c * c) - 1.0
+    ROUND = 12582912.0
+    ROUND_EVEN = 25165824.0
+    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
+    k = x * 0.3183098861837907 + ROUND - ROUND
+    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
+    # --- the sign is -1 for odd k
+    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
+    sign = 1.0 - 2.0 * (odd * odd)
+    # --- minimax polynomials in z = r^2
+    z = r * r
+    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
+        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
+        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
+        0.0416666557299502))
 
 
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
-    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
-    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -377,19 +360,8 @@ def new_filter(dtype=np.float32, **tuning):
     return f
 
 
-def _size(value):
-    """|value|, lane by lane, in whose order stand the bits without sign that C compares; NaN is below nothing."""
-    return _larger(value, -value)
-
-
 def _within(values, limit):
-    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not."""
-    most = _size(limit)
-    return (_size(values[0]) <= most) & (_size(values[1]) <= most)
-
-
-def _is_within(values, limit):
-    """The same by squares, as the controller does."""
+    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not. By squares, as in C."""
     most = limit * limit
     return (values[0] * values[0] <= most) & (values[1] * values[1] <= most)
 
@@ -470,20 +442,22 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     (sinc_theta_mid_0, cosm1_theta_mid_0, sinc_theta_mid_1, cosm1_theta_mid_1) = turn
 
     # --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    theta_mid = HALF_T_POLE_PAIRS * omega + theta
-    odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10
-    theta_mid_wrapped = math.wrap(theta_mid)
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
+    omega_e = POLE_PAIRS * omega
+    odd_omega_e_0 = POLE_PAIRS * L_10
+    theta_mid = HALF_T * omega_e + theta
+    odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
+    n_D_0 = D_theta * 5.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
-    n_D_sind_theta_mid_0 = D_theta * 5.0 * sind_theta_mid_0
+    n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0
     odd_psi_beta_turned_0 = cos_theta_mid * L_30 - sin_theta_mid * L_20
     even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 + n_D_sind_theta_mid_0 * odd_psi_beta_turned_0
     one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0
     odd_psi_alpha_turned_0 = cos_theta_mid * L_20 + sin_theta_mid * L_30
     psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid
-    odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 + psi_q_mid * sind_theta_mid_0
-    even_psi_q_mid_0 = psi_q_mid * cosm1_theta_mid_0 - n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0
+    odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 + sind_theta_mid_0 * psi_q_mid
+    even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid - n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0
     odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 - psi_d_mid * sind_theta_mid_0
     v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta
     v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha
@@ -492,64 +466,66 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     psi_d_next = psi_d_mid + gain_d_times_v_d - LOSS_D * psi_d_mid_minus_m
     even_psi_d_next_0 = ONE_MINUS_LOSS_D * even_psi_d_mid_0 + gain_d_times_v_d * cosm1_theta_mid_0
     gain_d_times_v_q = GAIN_D * v_q
-    odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + gain_d_times_v_q * sind_theta_mid_0
+    odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + sind_theta_mid_0 * gain_d_times_v_q
     gain_q_times_v_q = GAIN_Q * v_q
-    psi_q_next = ONE_MINUS_LOSS_Q * psi_q_mid + gain_q_times_v_q + omega * MAGNET_TURN_POLE_PAIRS_PSI_M
-    even_psi_q_next_0 = ONE_MINUS_LOSS_Q * even_psi_q_mid_0 + gain_q_times_v_q * cosm1_theta_mid_0
+    omega_e_times_psi_m = omega_e * PSI_M
+    psi_q_next = ONE_MINUS_LOSS_Q * psi_q_mid + gain_q_times_v_q + MAGNET_TURN * omega_e_times_psi_m
+    even_psi_q_next_0 = ONE_MINUS_LOSS_Q * even_psi_q_mid_0 + cosm1_theta_mid_0 * gain_q_times_v_q
     v_d_times_gain_q = v_d * GAIN_Q
-    odd_psi_q_next_0 = (ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - v_d_times_gain_q * sind_theta_mid_0 +
-        MAGNET_TURN_POLE_PAIRS_PSI_M * L_10)
-    psi_q_mid_plus_next = psi_q_mid + psi_q_next
-    psi_q_between = 0.5 * psi_q_mid_plus_next
-    even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0
-    even_psi_q_between_0 = 0.5 * even_psi_q_mid_plus_next_0
-    part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M - GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next)
-    part_of_even_torque_0 = 0.5 * part_of_omega_pred
+    odd_psi_q_next_0 = (ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - sind_theta_mid_0 * v_d_times_gain_q +
+        odd_omega_e_0 * MAGNET_TURN_PSI_M)
+    psi_d_between = 0.5 * (psi_d_mid + psi_d_next)
+    psi_q_between = 0.5 * (psi_q_mid + psi_q_next)
+    even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0)
+    odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0)
+    part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY
     part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
     total_psi_q_between_0 = psi_q_between + even_psi_q_between_0
-    odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0
-    odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0
-    even_torque_0 = (part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+    odd_psi_d_mid_and_next_0_scaled = GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0)
+    even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
         part_of_even_torque_0_2 * total_psi_q_between_0 -
-        D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0)
-    n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1
+        n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0)
+    odd_torque_0 = (odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+        total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled)
+    n_D_1 = 5.0 * D_omega
+    sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
+    n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
     odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21
     even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 + n_D_sind_theta_mid_1 * odd_psi_beta_turned_1
     one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1
     odd_psi_alpha_turned_1 = cos_theta_mid * L_21 + sin_theta_mid * L_31
-    sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
-    odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 + psi_q_mid * sind_theta_mid_1
-    even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 - n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1
+    odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 + sind_theta_mid_1 * psi_q_mid
+    even_psi_q_mid_1 = cosm1_theta_mid_1 * psi_q_mid - n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1
     odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 - psi_d_mid * sind_theta_mid_1
     even_psi_d_next_1 = ONE_MINUS_LOSS_D * even_psi_d_mid_1 + gain_d_times_v_d * cosm1_theta_mid_1
     odd_psi_d_next_1 = ONE_MINUS_LOSS_D * odd_psi_d_mid_1 + sind_theta_mid_1 * gain_d_times_v_q
-    even_psi_q_next_1 = ONE_MINUS_LOSS_Q * even_psi_q_mid_1 + gain_q_times_v_q * cosm1_theta_mid_1
+    even_psi_q_next_1 = ONE_MINUS_LOSS_Q * even_psi_q_mid_1 + cosm1_theta_mid_1 * gain_q_times_v_q
     odd_psi_q_next_1 = (ONE_MINUS_LOSS_Q * odd_psi_q_mid_1 - v_d_times_gain_q * sind_theta_mid_1 +
         MAGNET_TURN_POLE_PAIRS_PSI_M)
-    even_psi_q_mid_plus_next_1 = even_psi_q_mid_1 + even_psi_q_next_1
-    even_psi_q_between_1 = 0.5 * even_psi_q_mid_plus_next_1
+    even_psi_q_between_1 = 0.5 * (even_psi_q_mid_1 + even_psi_q_next_1)
+    odd_psi_q_between_1 = 0.5 * (odd_psi_q_mid_1 + odd_psi_q_next_1)
     part_of_even_torque_1 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_1 + even_psi_d_next_1)
     total_psi_q_between_1 = psi_q_between + even_psi_q_between_1
-    odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1
-    odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1
-    even_torque_1 = (part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
+    odd_psi_d_mid_and_next_1_scaled = GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1)
+    even_torque_1 = (part_of_even_torque_0 * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 -
-        D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1)
+        n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1)
+    odd_torque_1 = (odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+        total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled)
     odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32
     odd_psi_q_mid_2 = cos_theta_mid * L_32 - sin_theta_mid
     odd_psi_d_next_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2
     odd_psi_q_next_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2
-    odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2
+    odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2)
     odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2
-    psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4
-    odd_torque_2 = (part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
-        odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled)
+    psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2
+    odd_torque_2 = (part_of_even_torque_0 * odd_psi_q_between_2 -
+        odd_psi_d_mid_plus_next_2 * psi_q_between_scaled)
     odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D
     odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q
-    part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3
-    part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3
-    odd_torque_3 = (part_of_even_torque_0 * part_of_curv_omega_sum_2 -
-        part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled)
+    odd_psi_q_between_3 = 0.5 * (cos_theta_mid + odd_psi_q_next_3)
+    part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3
+    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 - part_of_curv_omega_sum * psi_q_between_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
         n_D_sind_theta_mid_0 * odd_psi_q_next_0)
@@ -570,143 +546,138 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0)
     odd_psi_beta_next_1 = (sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1)
-    odd_omega_next_0 = (GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2)
-        - GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
-        L_10)
-    odd_omega_next_1 = (1.0 +
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41))
+    odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_40) + L_10
+    odd_omega_next_1 = 1.0 + GAIN_OMEGA * (odd_torque_1 - L_41)
+    odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_42)
+    odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43)
 
     # --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned
     G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D
-    G_psi_beta_R = v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q + omega * PP_PSI_M_SIGMA_R_MAGNET_TURN
+    theta_minus_theta_mid = theta - theta_mid
+    sin_theta_minus_theta_mid, cos_theta_minus_theta_mid = math.sin_cos(theta_minus_theta_mid)
+    part_of_G_omega_L_d = (SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
+        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M)
+    part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_G_omega_L_d
+    part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_G_omega_L_d
+    i_d = (cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
+        sin_theta_minus_theta_mid * part_of_G_omega_L_d_2)
+    sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d
+    omega_e_times_sample_time = omega_e * SAMPLE_TIME
+    part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time
+    G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d
+    i_q = (cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
+        sin_theta_minus_theta_mid * part_of_G_omega_L_d_3)
+    cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q
+    part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time
+    G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q
+    part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time
+    G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m
+    sigma_loss_times_unsure = SIGMA_LOSS * unsure
+    G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure
+    G_psi_beta_R = (v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
+        omega_e_times_psi_m * SIGMA_R_MAGNET_TURN)
+    sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q
+    G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q
+    G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure
+    psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY
+    G_omega_R = (GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
+        psi_q_between_scaled_2 * G_psi_alpha_R))
+    cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d
+    G_omega_L_d = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
+        part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d))
+    G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q
+    part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta)
+    part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha)
+    G_omega_V_d = (GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
+        part_of_even_torque_0 * part_of_G_omega_V_d_2))
+    G_omega_loss_across = GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred
     D_odd_omega_0 = D_theta * odd_omega_next_0
     D_odd_omega_1 = D_omega * odd_omega_next_1
-    odd_torque_2_minus_L_42 = odd_torque_2 - L_42
-    odd_torque_3_minus_L_43 = odd_torque_3 - L_43
-    part_of_curv_omega_sum = odd_psi_q_mid_plus_next_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha
-    part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta
-    curv_omega_sum = (even_torque_0 + even_torque_1 -
-        GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4))
-    part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R - psi_q_mid_plus_next_scaled * G_psi_alpha_R
-    part_of_P_pred_32_2 = math.wrap(theta - theta_mid)
-    sin_part_of_P_pred_32_2, cos_part_of_P_pred_32_2 = math.sin_cos(part_of_P_pred_32_2)
-    part_of_P_pred_32_3 = (SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
-        psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M)
-    part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3
-    part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3
-    i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 - sin_part_of_P_pred_32_2 * part_of_P_pred_32_5
-    i_q_sq = i_q * i_q
-    i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 + sin_part_of_P_pred_32_2 * part_of_P_pred_32_4
-    i_d_sq = i_d * i_d
-    g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta
-    g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha
-    part_of_P_pred_32_6 = (psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-        part_of_omega_pred * GAIN_Q_BY2 * g_q)
-    unsure_sq = unsure * unsure
-    psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq
-    part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq
-    part_of_P_pred_32_8 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
-        (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
-        D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
-        PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
-        curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ + part_of_P_pred_32 * part_of_P_pred_32 +
-        D_load_torque) * GAIN_OMEGA_SQ +
-        GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-        part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
-        i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
-        psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-        part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1)
-    D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0
-    part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
-    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9
-    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
-        odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3)
+    D_odd_omega_2 = D_psi_alpha * odd_omega_next_2
+    D_odd_omega_3 = D_psi_beta * odd_omega_next_3
+    minus_D_odd_omega_4 = GAIN_OMEGA * D_load_torque
+    minus_even_torque_2 = (GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha)
+    minus_even_torque_3 = (GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_3 * part_of_curv_omega_sum * D_psi_beta)
+    curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3
+    curv_omega_mean = PAIR_WEIGHT * curv_omega_sum
+    minus_G_omega_L_q = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q
+        + part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q))
+    minus_G_omega_loss_along = G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure
+    part_of_P_pred_32 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
+        + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+        minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
+        curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
+        minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
+        minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across)
+    part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
+    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2
+    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_omega * HALF_T_POLE_PAIRS) +
+        D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3)
     D_pred_theta = _larger(P_pred_33, Q_3)
     inv_D_pred_theta = 1.0 / D_pred_theta
     L_pred_10 = P_pred_32 * inv_D_pred_theta
-    P_pred_22 = part_of_P_pred_32_8 + Q_2
+    P_pred_22 = part_of_P_pred_32 + Q_2
     D_pred_omega = _larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2)
-    odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha
-    sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta
     curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1
-    mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ
-    G_omega_R = GAIN_OMEGA * part_of_P_pred_32
-    omega_x_sin = omega * sin_part_of_P_pred_32_2
-    omega_x_sin_times_i_q = omega_x_sin * i_q
-    i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89
-    omega_x_cos = omega * cos_part_of_P_pred_32_2
-    i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24
+    curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT
+    minus_G_psi_alpha_V_d = SIGMA_V_D * part_of_G_omega_V_d
     P_turned_20 = (D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+        odd_psi_d_next_2 * D_odd_omega_2 + odd_psi_d_next_3 * D_odd_omega_3 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
-        even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
-        G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
-        + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
-        psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7)
+        even_psi_alpha_next_1 * even_torque_1) - curv_psi_alpha_mean * curv_omega_mean) +
+        G_psi_alpha_R * G_omega_R + G_omega_L_d * G_psi_alpha_L_d - minus_G_omega_L_q * G_psi_alpha_L_q +
+        G_omega_psi_m * G_psi_alpha_psi_m - G_omega_V_d * minus_G_psi_alpha_V_d -
+        minus_G_omega_loss_along * G_psi_alpha_loss_along)
     D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1
-    P_turned_30 = (HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
-        D_theta_times_odd_theta_mid_0 * odd_psi_alpha_next_0)
-    odd_psi_q_mid_2_x_D_psi_alpha = odd_psi_q_mid_2 * D_psi_alpha
-    cos_theta_mid_times_D_psi_beta = cos_theta_mid * D_psi_beta
+    D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0
+    P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) + odd_theta_mid_0 * D_odd_psi_alpha_0
     curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1
-    mean_psi_beta_by_n = curv_psi_beta_sum * PAIR_WEIGHT_SQ
-    omega_x_cos_times_i_q = omega_x_cos * i_q
+    curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum
+    minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d
+    minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m
+    minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2
     P_turned_21 = (D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+        odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0 +
-        even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
-        G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
-        omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-        part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2)
+        even_psi_beta_next_1 * even_torque_1) - curv_psi_beta_mean * curv_omega_mean) +
+        G_psi_beta_R * G_omega_R - G_omega_L_d * minus_G_psi_beta_L_d - minus_G_omega_L_q * G_psi_beta_L_q -
+        G_omega_psi_m * minus_G_psi_beta_psi_m - G_omega_V_d * minus_G_psi_beta_V_d +
+        G_omega_loss_across * G_psi_beta_loss_across)
     D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1
-    P_turned_31 = (HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
-        D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0)
+    D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0
+    P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) + odd_theta_mid_0 * D_odd_psi_beta_0
     P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31
     L_pred_20 = inv_D_pred_theta * P_pred_30
     P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21
     LD_pred_21 = P_pred_20 - L_pred_10 * P_pred_30
     inv_D_pred_omega = 1.0 / D_pred_omega
     L_pred_21 = LD_pred_21 * inv_D_pred_omega
-    D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0
-    D_odd_psi_alpha_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha
-    D_odd_psi_alpha_3 = ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta
-    omega_x_sin_sq = omega_x_sin * omega_x_sin
-    i_d_sq_scaled_2 = i_d_sq * PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901
-    omega_x_cos_sq = omega_x_cos * omega_x_cos
-    i_q_sq_scaled = i_q_sq * PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC
     P_turned_00 = (odd_psi_alpha_next_0 * D_odd_psi_alpha_0 + odd_psi_alpha_next_1 * D_odd_psi_alpha_1 +
-        odd_psi_d_next_2 * D_odd_psi_alpha_2 + odd_psi_d_next_3 * D_odd_psi_alpha_3 +
+        odd_psi_d_next_2 * odd_psi_d_next_2 * D_psi_alpha + odd_psi_d_next_3 * odd_psi_d_next_3 * D_psi_beta +
         PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
-        even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_sum * mean_psi_alpha_by_n +
-        G_psi_alpha_R * G_psi_alpha_R + omega_x_sin_sq * i_d_sq_scaled_2 + omega_x_cos_sq * i_q_sq_scaled +
-        omega_x_sin_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_d * g_d * GAIN_D_SQ_SIGMA_V_D_SQ +
-        unsure_sq * GAIN_D_SQ_SIGMA_LOSS_SQ)
-    D_odd_psi_beta_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha
-    D_odd_psi_beta_3 = ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta
-    P_turned_11 = (D_theta * odd_psi_beta_next_0 * odd_psi_beta_next_0 +
-        odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
-        odd_psi_q_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
-        even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_beta_by_n +
-        G_psi_beta_R * G_psi_beta_R + omega_x_cos_sq * i_d_sq_scaled_2 + omega_x_sin_sq * i_q_sq_scaled +
-        omega_x_cos_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_q * g_q * GAIN_Q_SQ_SIGMA_V_D_SQ +
-        unsure_sq * GAIN_Q_SQ_SIGMA_LOSS_SQ)
-    omega_x_cos_times_omega_x_sin = omega_x_cos * omega_x_sin
-    P_turned_10 = (D_odd_psi_alpha_0 * odd_psi_beta_next_0 + D_odd_psi_alpha_1 * odd_psi_beta_next_1 +
-        odd_psi_q_next_2 * D_odd_psi_alpha_2 + odd_psi_q_next_3 * D_odd_psi_alpha_3 +
+        even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_mean * curv_psi_alpha_mean +
+        G_psi_alpha_R * G_psi_alpha_R + G_psi_alpha_L_d * G_psi_alpha_L_d + G_psi_alpha_L_q * G_psi_alpha_L_q
+        + G_psi_alpha_psi_m * G_psi_alpha_psi_m + minus_G_psi_alpha_V_d * minus_G_psi_alpha_V_d +
+        G_psi_alpha_loss_along * G_psi_alpha_loss_along)
+    D_odd_psi_beta_2 = odd_psi_q_next_2 * D_psi_alpha
+    D_odd_psi_beta_3 = odd_psi_q_next_3 * D_psi_beta
+    P_turned_11 = (odd_psi_beta_next_0 * D_odd_psi_beta_0 + odd_psi_beta_next_1 * D_odd_psi_beta_1 +
+        odd_psi_q_next_2 * D_odd_psi_beta_2 + odd_psi_q_next_3 * D_odd_psi_beta_3 +
+        PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
+        even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_mean * curv_psi_beta_mean +
+        G_psi_beta_R * G_psi_beta_R + minus_G_psi_beta_L_d * minus_G_psi_beta_L_d +
+        G_psi_beta_L_q * G_psi_beta_L_q + minus_G_psi_beta_psi_m * minus_G_psi_beta_psi_m +
+        minus_G_psi_beta_V_d * minus_G_psi_beta_V_d + G_psi_beta_loss_across * G_psi_beta_loss_across)
+    P_turned_10 = (odd_psi_alpha_next_0 * D_odd_psi_beta_0 + odd_psi_alpha_next_1 * D_odd_psi_beta_1 +
+        odd_psi_d_next_2 * D_odd_psi_beta_2 + odd_psi_d_next_3 * D_odd_psi_beta_3 +
         PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
-        even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_alpha_by_n +
-        G_psi_beta_R * G_psi_alpha_R - omega_x_cos_times_omega_x_sin * i_d_sq_scaled_2 +
-        omega_x_cos_times_omega_x_sin * i_q_sq_scaled -
-        omega_x_cos_times_omega_x_sin * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 +
-        g_d * g_q * GAIN_D_GAIN_Q_SIGMA_V_D_SQ)
+        even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_alpha_mean * curv_psi_beta_mean +
+        G_psi_beta_R * G_psi_alpha_R - G_psi_alpha_L_d * minus_G_psi_beta_L_d +
+        G_psi_alpha_L_q * G_psi_beta_L_q - G_psi_alpha_psi_m * minus_G_psi_beta_psi_m +
+        minus_G_psi_alpha_V_d * minus_G_psi_beta_V_d)
     P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0
     P_turn = sin_theta_mid * P_tilt
     P_pred_00 = P_turned_00 - P_turn + Q_0
@@ -727,17 +698,16 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     D_odd_load_torque_1 = D_omega * L_41
     D_odd_load_torque_2 = D_psi_alpha * L_42
     D_odd_load_torque_3 = D_psi_beta * L_43
-    P_pred_42 = (D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1 +
-        GAIN_OMEGA * D_odd_load_torque_2 * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA * D_odd_load_torque_3 * odd_torque_3_minus_L_43 - GAIN_OMEGA * D_load_torque)
-    P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) + D_theta_times_odd_theta_mid_0 * L_40
+    P_pred_42 = (odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1 +
+        odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 - minus_D_odd_omega_4)
+    P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) + odd_theta_mid_0 * D_odd_load_torque_0
     L_pred_40 = inv_D_pred_theta * P_pred_43
     LD_pred_41 = P_pred_42 - L_pred_10 * P_pred_43
     L_pred_41 = inv_D_pred_omega * LD_pred_41
-    P_turned_40 = (D_odd_load_torque_0 * odd_psi_alpha_next_0 + D_odd_load_torque_1 * odd_psi_alpha_next_1 +
-        D_odd_psi_alpha_2 * L_42 + D_odd_psi_alpha_3 * L_43)
-    P_turned_41 = (D_odd_load_torque_0 * odd_psi_beta_next_0 + D_odd_load_torque_1 * odd_psi_beta_next_1 +
-        D_odd_psi_beta_2 * L_42 + D_odd_psi_beta_3 * L_43)
+    P_turned_40 = (odd_psi_alpha_next_0 * D_odd_load_torque_0 + odd_psi_alpha_next_1 * D_odd_load_torque_1 +
+        odd_psi_d_next_2 * D_odd_load_torque_2 + odd_psi_d_next_3 * D_odd_load_torque_3)
+    P_turned_41 = (odd_psi_beta_next_0 * D_odd_load_torque_0 + odd_psi_beta_next_1 * D_odd_load_torque_1 +
+        odd_psi_q_next_2 * D_odd_load_torque_2 + odd_psi_q_next_3 * D_odd_load_torque_3)
     P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41
     LD_pred_42 = P_pred_40 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_41
     L_pred_42 = inv_D_pred_psi_alpha * LD_pred_42
@@ -750,19 +720,16 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4))
 
     # --- eq. 16: x_pred = mean X_i'
-    offset_omega = GAIN_OMEGA_BY5 * curv_omega_sum
-    offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP
-    cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT
-    sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT
-    psi_alpha_pred = (cos_theta_mid * psi_d_next - sin_theta_mid * psi_q_next +
-        curv_psi_alpha_sum * cos_theta_mid_times_pair_weight -
-        sin_theta_mid_times_pair_weight * curv_psi_beta_sum)
-    psi_beta_pred = (sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
-        curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
-        cos_theta_mid_times_pair_weight * curv_psi_beta_sum)
-    omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next - GAIN_OMEGA * load_torque + omega
+    offset_omega = GAIN_OMEGA * curv_omega_mean
+    offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS
+    psi_alpha_mean = psi_d_next + curv_psi_alpha_mean
+    psi_beta_mean = psi_q_next + curv_psi_beta_mean
+    psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
+    psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
+    omega_of_x = ((GAIN_TORQUE_INV_L_D_PSI_M -
+        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega)
     omega_pred = omega_of_x + offset_omega
-    theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta
+    theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
 
     # --- sum of the pivots, for the guard
     check = D_pred_theta + D_pred_omega + D_pred_psi_alpha + D_pred_psi_beta + D_pred_load_torque
@@ -802,8 +769,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     (sinc_theta_0, cosm1_theta_0) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    theta_pred_wrapped = math.wrap(theta_pred)
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_30 - sin_theta_pred * L_pred_20
@@ -839,7 +805,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) + even_y_i_alpha_0 * (curv_y_i_beta_mean -
         part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5))
 
-    # --- eq. 25: y - y_pred, in the rotor's frame
+    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -847,15 +813,15 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
     g_first_3 = HL_03 * D_pred_psi_beta
-    var_first_3 = noise_00 + HL_03 * g_first_3
+    var_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
     HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2
     g_first_2 = D_pred_psi_alpha * HL_02
-    var_first_2 = var_first_3 + HL_02 * g_first_2
+    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, noise_00)
     HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1
     g_first_1 = D_pred_omega * HL_01
-    var_first_1 = var_first_2 + HL_01 * g_first_1
+    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, noise_00)
     g_first_0 = D_pred_theta * odd_y_i_alpha_0
-    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
+    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00
@@ -871,24 +837,24 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3
     D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3
     g_second_3 = HL_13_apart * D_first_3
-    var_second_3 = R_second + HL_13_apart * g_second_3
+    var_second_3 = _larger(R_second + HL_13_apart * g_second_3, R_second)
     change_first_32 = (sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3)
     f_second_2 = HL_12_apart - HL_13_apart * change_first_32
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    var_second_2 = var_second_3 + f_second_2 * g_second_2
+    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
     lambda_first_1 = HL_01 * one_per_var_first_2
     f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = var_second_2 + f_second_1 * g_second_1
+    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
     D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = var_second_1 + f_second_0 * g_second_0
+    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
     gain_first_21 = g_first_2 + L_pred_21 * g_first_1
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
     gain_second_21 = g_second_2 + L_first_21 * g_second_1
@@ -909,7 +875,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
     omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred
+    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
     gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42
     gain_first_41 = gain_first_42 + g_first_1 * L_pred_41
     L_first_42 = L_pred_42 - change_first_32 * L_pred_43
@@ -961,7 +927,7 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred,),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
         (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_psi_alpha, L_pred_30, L_pred_31,
             L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
@@ -999,10 +965,9 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
+    # The sum of pivots, mean and states is no number if one of them is none.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
-    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1038,8 +1003,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    theta_wrapped = math.wrap(theta)
-    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
+    sin_theta, cos_theta = math.sin_cos(theta)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1110,8 +1074,7 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    theta_acting_wrapped = math.wrap(theta_acting)
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1185,7 +1148,7 @@ def foc_step(c, filter_step, phase, command, math):
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    i = _select(_is_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
     held = []
     for new, old, limit in zip(command, c.command_held, c.command_max):
         good = new * new <= limit * limit
@@ -1434,8 +1397,7 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    theta_wrapped = math.wrap(theta)
-    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
+    sin_theta, cos_theta = math.sin_cos(theta)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -1560,7 +1522,6 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
-    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[5] = np.where(where, FLUX_SQUARED * s.spread[1], LD[5])[()]
     LD[9] = np.where(where, FLUX_SQUARED * s.spread[1], LD[9])[()]
     LD[2] = np.where(where, s.spread[0], LD[2])[()]
@@ -2089,8 +2050,7 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    theta_wrapped = math.wrap(theta)
-    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
+    sin_theta, cos_theta = math.sin_cos(theta)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

@@ -13,6 +13,7 @@ from codegen.ir.graph import Graph
 from codegen.passes import (
     PIPELINES,
     _Ways,
+    collect,
     distribute,
     pull_signs,
     reuse_products,
@@ -92,6 +93,30 @@ def test_the_pipelines_change_no_value_and_add_no_work() -> None:
     for seed in range(1000, 1120):
         found = check(seed, run_passes, seed % 2 == 0)
         assert found is None or found[1] <= found[0], seed
+
+
+def products(graph: Graph, roots: list[int], rewrite: Any) -> int:
+    """Multiplications that the rewritten graph has, its values compared at a point."""
+    new, moved = rewrite(graph, roots)
+    point = {node.name: Fraction(k + 2, 3) for k, node in enumerate(graph.nodes) if node.op == "input"}
+    before, after = exact(graph, roots, point), exact(new, [moved[root] for root in roots], point)
+    assert before is not None
+    assert after is not None
+    assert [before[root] for root in roots] == [after[moved[root]] for root in roots]
+    return sum(new[index].op == "mul" for index in new.reachable(moved[root] for root in roots))
+
+
+def test_what_a_collected_sum_has_in_common_with_others_is_multiplied_once() -> None:
+    """k v - k c o - k q a - k q b = k (v - c o - q (a + b)): k stays outside, where the other terms have it."""
+    g = Graph()
+    k, (v, c, o, q, a, b) = g.const(3.0, "K"), (g.input(name) for name in "vcoqab")
+    kq = g.op("mul", k, q)
+    first = g.op("sub", g.op("mul", k, v), g.op("mul", k, g.op("mul", c, o)))
+    total = g.op("sub", first, g.op("mul", kq, g.op("add", a, b)))
+    assert products(g, [total], collect) == 3
+
+    half = g.op("add", g.op("mul", k, v), g.op("add", g.op("mul", kq, a), g.op("mul", q, b)))
+    assert products(g, [half], collect) == 3, "what one of the terms alone holds goes in with it"
 
 
 def one_after_another(graph: Graph, roots: list[int], pipeline: Any) -> tuple[Graph, list[int]]:

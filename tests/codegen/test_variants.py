@@ -10,7 +10,7 @@ import pytest
 
 from codegen.evidence.box import sample_box
 from codegen.fast import steps as fast_steps
-from codegen.fast.frame import turns_freely
+from codegen.fast.frame import Frame, turns_freely
 from codegen.generate import draft
 from model.drives.load import load_drive
 from model.filters import FilterStep
@@ -174,7 +174,7 @@ def test_without_the_symmetry_no_frame_is_used_and_the_filter_is_right(monkeypat
     def refuse(*args: Any) -> Any:
         raise AssertionError("a frame was turned for a machine that has no such symmetry")
 
-    monkeypatch.setattr(fast_steps.Frame, "at", refuse)
+    monkeypatch.setattr(Frame, "at", refuse)
     for link in compare(drive):
         assert link.passed, (link.kind, [(row.stage, row.worst) for row in link.rows if not row.passed])
 

@@ -111,25 +111,48 @@ class CPrinter(FlowPrinter):
     def _declaration(self, name: str, expression: str) -> str:
         return wrap_line(f"const {self.numbers.real} {name} = {expression};", INDENT, INDENT)
 
-    def format_body(self, listing: Listing) -> list[str]:
-        """Sections with their headings."""
+    def format_body(self, listing: Listing, reads: dict[str, str] | None = None) -> list[str]:
+        """Sections with their headings.
+
+        ``reads``: declarations of inputs by name, each to stand before the first statement that reads it; left in it
+        are those that none reads. GCC keeps what is read early in registers until it spills others for it.
+        """
         lines: list[str] = []
         for section in listing.sections:
             if section.heading:
                 lines += ["", wrap_line(f"/* --- {section.heading} */", INDENT, "   ")]
             for statement in section.statements:
+                if reads:
+                    lines += [reads.pop(name) for name in self._inputs_of(listing, statement) if name in reads]
                 lines += self.format_statement(listing, statement)
         return lines
+
+    @staticmethod
+    def _inputs_of(listing: Listing, statement: Statement) -> list[str]:
+        """Names of the inputs in a statement's expression, in its order."""
+        found, stack = [], [statement.node]
+        while stack:
+            index = stack.pop()
+            node = listing.graph[index]
+            if node.op == "input":
+                found.append(node.name)
+            elif index == statement.node or index not in listing.names:
+                stack += reversed(node.args)
+        return found
 
     # --- functions
 
     def format_block(self, listing: Listing) -> str:
-        """A block as a static function: inputs read first, outputs written last, so they may alias."""
+        """A block as a static function: inputs read where they are used, outputs written last, so they may alias."""
         title = listing.block.title + ("; returns the status" if listing.spreads else "")
         lines = [f"/* {title} */", *self._signature(listing), "{"]
-        for port, used in listing.used_inputs.items():
-            lines += [f"{INDENT}const {self.numbers.real} {name} = {port}[{k}];" for k, name in used]
-        lines += [*self.format_body(listing), ""]
+        reads = {
+            name: f"{INDENT}const {self.numbers.real} {name} = {port}[{k}];"
+            for port, used in listing.used_inputs.items()
+            for k, name in used
+        }
+        body = self.format_body(listing, reads)
+        lines += [*(body[1:] if body and not body[0] else body), *reads.values(), ""]
         if listing.spreads:
             lines += self._turns(listing)
         else:

@@ -209,23 +209,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[15], float64 turn_out[8])
 {
-    const float64 D_i_alpha = LD[0];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_i_alpha = LD[0];
     const float64 z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_i_beta = LD[2];
     const float64 z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -266,56 +265,30 @@ static int time_update_turns(float64 LD[15], float64 turn_out[8])
 static void time_update(const float64 x[5], const float64 LD[15], const float64 Q[5], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[5], float64 LD_pred_out[15], float64 check_out[1])
 {
-    const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 D_i_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_load_torque = LD[14];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 omega = x[2];
     const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_20 = LD[3];
     const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
+    const float64 theta = x[3];
     const float64 theta_mid = HALF_T * omega_e + theta;
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
     const float64 theta_mid_wrapped = wrap_angle(theta_mid);
     const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 i_alpha = x[0];
+    const float64 i_beta = x[1];
     const float64 i_d_now = cos_theta_mid * i_alpha + sin_theta_mid * i_beta;
+    const float64 D_i_alpha = LD[0];
     const float64 n_D_0 = D_i_alpha * 5.0;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+    const float64 L_10 = LD[1];
     const float64 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_i_d_now_0 = i_d_now * cosm1_theta_mid_0 + n_D_sind_theta_mid_0 * odd_i_beta_turned_0;
     const float64 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -325,6 +298,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_q_now_0 = i_q_now * cosm1_theta_mid_0 - n_D_sind_theta_mid_0 * odd_i_alpha_turned_0;
     const float64 odd_i_q_now_0 = odd_i_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
         i_d_now * sind_theta_mid_0;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 even_v_d_0 = v_d * cosm1_theta_mid_0;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
@@ -338,9 +313,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 n_D_odd_coupling_0 = n_D_0 * odd_coupling_0;
     const float64 even_i_d_mid_0 = even_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (even_v_d_0 -
         coupling * even_i_q_now_0 - n_D_odd_coupling_0 * odd_i_q_now_0);
-    const float64 odd_i_d_mid_0 = odd_i_d_now_0 * DECAY_HALF_D +
-        (odd_v_d_0 - coupling * odd_i_q_now_0) * GAIN_HALF_D -
-        odd_coupling_0 * GAIN_HALF_D * (i_q_now + even_i_q_now_0);
+    const float64 odd_i_d_mid_0 = odd_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (odd_v_d_0 -
+        coupling * odd_i_q_now_0 - odd_coupling_0 * (i_q_now + even_i_q_now_0));
     const float64 v_q_minus_omega_e_times_psi_m = v_q - omega_e * PSI_M;
     const float64 i_d_now_times_coupling = i_d_now * coupling;
     const float64 part_of_i_q_mid = v_q_minus_omega_e_times_psi_m - i_d_now_times_coupling;
@@ -348,31 +322,34 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_q_mid_0 = DECAY_HALF_Q * even_i_q_now_0 + GAIN_HALF_Q * (even_v_q_0 -
         coupling * even_i_d_now_0 - n_D_odd_coupling_0 * odd_i_d_now_0);
     const float64 part_of_odd_i_q_mid_0 = v_d * sind_theta_mid_0 + PSI_M * odd_omega_e_0;
-    const float64 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 -
-        GAIN_HALF_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_now_0) -
-        GAIN_HALF_Q * odd_coupling_0 * (i_d_now + even_i_d_now_0);
+    const float64 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 - GAIN_HALF_Q * (part_of_odd_i_q_mid_0 +
+        coupling * odd_i_d_now_0 + odd_coupling_0 * (i_d_now + even_i_d_now_0));
     const float64 v_d_sub_coupling_x_i_q_mid = v_d - coupling * i_q_mid;
     const float64 i_d_next = DECAY_D * i_d_now + GAIN_D * v_d_sub_coupling_x_i_q_mid;
     const float64 even_i_d_next_0 = DECAY_D * even_i_d_now_0 + GAIN_D * (even_v_d_0 -
         coupling * even_i_q_mid_0 - n_D_odd_coupling_0 * odd_i_q_mid_0);
-    const float64 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0) -
-        GAIN_D * odd_coupling_0 * (i_q_mid + even_i_q_mid_0);
+    const float64 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0 -
+        odd_coupling_0 * (i_q_mid + even_i_q_mid_0));
     const float64 part_of_i_q_next = v_q_minus_omega_e_times_psi_m - coupling * i_d_mid;
     const float64 i_q_next = i_q_now * DECAY_Q + GAIN_Q * part_of_i_q_next;
     const float64 even_i_q_next_0 = even_i_q_now_0 * DECAY_Q + GAIN_Q * (even_v_q_0 -
         coupling * even_i_d_mid_0 - n_D_odd_coupling_0 * odd_i_d_mid_0);
-    const float64 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q -
-        (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0) * GAIN_Q -
-        odd_coupling_0 * GAIN_Q * (i_d_mid + even_i_d_mid_0);
+    const float64 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q - GAIN_Q * (part_of_odd_i_q_mid_0 +
+        coupling * odd_i_d_mid_0 + odd_coupling_0 * (i_d_mid + even_i_d_mid_0));
     const float64 i_d_between = 0.5 * (i_d_now + i_d_next);
     const float64 i_q_between = 0.5 * (i_q_now + i_q_next);
     const float64 even_i_q_between_0 = 0.5 * (even_i_q_now_0 + even_i_q_next_0);
     const float64 odd_i_q_between_0 = 0.5 * (odd_i_q_now_0 + odd_i_q_next_0);
+    const float64 L_21 = LD[4];
     const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
+    const float64 D_i_beta = LD[2];
     const float64 n_D_1 = 5.0 * D_i_beta;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_i_d_now_1 = i_d_now * cosm1_theta_mid_1 + cos_theta_mid * n_D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
     const float64 odd_i_d_now_1 = sin_theta_mid * one_plus_cosm1_theta_mid_1 + i_q_now * sind_theta_mid_1;
@@ -385,34 +362,35 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 n_D_odd_coupling_1 = n_D_1 * odd_coupling_1;
     const float64 even_i_d_mid_1 = DECAY_HALF_D * even_i_d_now_1 + GAIN_HALF_D * (even_v_d_1 -
         coupling * even_i_q_now_1 - n_D_odd_coupling_1 * odd_i_q_now_1);
-    const float64 odd_i_d_mid_1 = DECAY_HALF_D * odd_i_d_now_1 +
-        GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1) -
-        GAIN_HALF_D * odd_coupling_1 * (i_q_now + even_i_q_now_1);
+    const float64 odd_i_d_mid_1 = DECAY_HALF_D * odd_i_d_now_1 + GAIN_HALF_D * (odd_v_d_1 -
+        coupling * odd_i_q_now_1 - odd_coupling_1 * (i_q_now + even_i_q_now_1));
     const float64 even_i_q_mid_1 = DECAY_HALF_Q * even_i_q_now_1 + GAIN_HALF_Q * (even_v_q_1 -
         coupling * even_i_d_now_1 - n_D_odd_coupling_1 * odd_i_d_now_1);
     const float64 part_of_odd_i_q_mid_1 = v_d * sind_theta_mid_1 + PSI_M * odd_omega_e_1;
-    const float64 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 -
-        GAIN_HALF_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_now_1) -
-        GAIN_HALF_Q * odd_coupling_1 * (i_d_now + even_i_d_now_1);
+    const float64 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 - GAIN_HALF_Q * (part_of_odd_i_q_mid_1 +
+        coupling * odd_i_d_now_1 + odd_coupling_1 * (i_d_now + even_i_d_now_1));
     const float64 even_i_d_next_1 = DECAY_D * even_i_d_now_1 + GAIN_D * (even_v_d_1 -
         coupling * even_i_q_mid_1 - n_D_odd_coupling_1 * odd_i_q_mid_1);
-    const float64 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1) -
-        GAIN_D * odd_coupling_1 * (i_q_mid + even_i_q_mid_1);
+    const float64 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1 -
+        odd_coupling_1 * (i_q_mid + even_i_q_mid_1));
     const float64 even_i_q_next_1 = DECAY_Q * even_i_q_now_1 + GAIN_Q * (even_v_q_1 -
         coupling * even_i_d_mid_1 - n_D_odd_coupling_1 * odd_i_d_mid_1);
-    const float64 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 -
-        GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1) -
-        GAIN_Q * odd_coupling_1 * (i_d_mid + even_i_d_mid_1);
+    const float64 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 +
+        coupling * odd_i_d_mid_1 + odd_coupling_1 * (i_d_mid + even_i_d_mid_1));
     const float64 even_i_q_between_1 = 0.5 * (even_i_q_now_1 + even_i_q_next_1);
     const float64 odd_i_q_between_1 = 0.5 * (odd_i_q_now_1 + odd_i_q_next_1);
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 even_i_d_now_2 = i_d_now * cosm1_theta_mid_2;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 odd_i_d_now_2 = i_q_now * sind_theta_mid_2;
     const float64 even_i_q_now_2 = i_q_now * cosm1_theta_mid_2;
     const float64 even_v_d_2 = v_d * cosm1_theta_mid_2;
     const float64 odd_v_d_2 = v_q * sind_theta_mid_2;
     const float64 even_v_q_2 = v_q * cosm1_theta_mid_2;
+    const float64 D_omega = LD[5];
     const float64 n_D_2 = 5.0 * D_omega;
     const float64 n_D_odd_coupling_2 = n_D_2 * POLE_PAIRS_SALIENCY;
     const float64 minus_odd_i_q_now_2 = i_d_now * sind_theta_mid_2;
@@ -435,7 +413,9 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_q_next_2 = DECAY_Q * even_i_q_now_2 + GAIN_Q * (even_v_q_2 -
         coupling * even_i_d_mid_2 - n_D_odd_coupling_2 * odd_i_d_mid_2);
     const float64 even_i_q_between_2 = 0.5 * (even_i_q_now_2 + even_i_q_next_2);
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 even_i_d_now_3 = i_d_now * cosm1_theta_mid_3;
+    const float64 sinc_theta_mid_3 = turn[6];
     const float64 odd_i_d_now_3 = i_q_now * sinc_theta_mid_3;
     const float64 even_i_q_now_3 = i_q_now * cosm1_theta_mid_3;
     const float64 even_v_d_3 = v_d * cosm1_theta_mid_3;
@@ -455,6 +435,16 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_q_next_3 = even_i_q_now_3 * decay_q_and_coupling_sq_scaled + GAIN_Q * even_v_q_3 -
         coupling_times_gain_q * (DECAY_HALF_D * even_i_d_now_3 + GAIN_HALF_D * even_v_d_3);
     const float64 even_i_q_between_3 = 0.5 * (even_i_q_now_3 + even_i_q_next_3);
+    const float64 total_i_q_between_3 = i_q_between + even_i_q_between_3;
+    const float64 odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3);
+    const float64 minus_odd_i_q_next_3 = decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 +
+        GAIN_Q * minus_odd_v_q_3 +
+        coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3);
+    const float64 minus_odd_i_q_between_3 = 0.5 * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3);
+    const float64 psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between;
+    const float64 even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
+    const float64 odd_torque_3 = GAIN_TORQUE * (total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
+        minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_3_scaled));
     const float64 total_i_d_next_0 = i_d_next + even_i_d_next_0;
     const float64 even_i_alpha_next_0 = even_i_d_next_0 + cosm1_theta_mid_0 * total_i_d_next_0 -
         n_D_sind_theta_mid_0 * odd_i_q_next_0;
@@ -469,11 +459,9 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_alpha_next_2 = even_i_d_next_2 + cosm1_theta_mid_2 * total_i_d_next_2 +
         n_D_sind_theta_mid_2 * minus_odd_i_q_next_2;
     const float64 total_i_d_next_3 = i_d_next + even_i_d_next_3;
+    const float64 D_theta = LD[9];
     const float64 n_D_3 = 5.0 * D_theta;
     const float64 n_D_sind_theta_mid_3 = n_D_3 * sinc_theta_mid_3;
-    const float64 minus_odd_i_q_next_3 = decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 +
-        GAIN_Q * minus_odd_v_q_3 +
-        coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3);
     const float64 even_i_alpha_next_3 = even_i_d_next_3 + cosm1_theta_mid_3 * total_i_d_next_3 +
         n_D_sind_theta_mid_3 * minus_odd_i_q_next_3;
     const float64 total_i_q_next_0 = i_q_next + even_i_q_next_0;
@@ -506,37 +494,33 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         minus_odd_i_q_next_2 * one_plus_cosm1_theta_mid_2;
     const float64 odd_i_beta_next_3 = total_i_d_next_3 * sinc_theta_mid_3 -
         minus_odd_i_q_next_3 * one_plus_cosm1_theta_mid_3;
-    const float64 psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between;
     const float64 even_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (even_i_d_now_0 + even_i_d_next_0);
     const float64 total_i_q_between_0 = i_q_between + even_i_q_between_0;
     const float64 odd_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (odd_i_d_now_0 + odd_i_d_next_0);
+    const float64 L_40 = LD[10];
     const float64 odd_omega_next_0 =
-        GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_0_scaled) +
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_0 * odd_i_d_now_and_next_0_scaled - L_40) + L_20;
+        GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
+        even_i_d_now_and_next_0_scaled) + total_i_q_between_0 * odd_i_d_now_and_next_0_scaled) -
+        GAIN_OMEGA * L_40 + L_20;
     const float64 even_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (even_i_d_now_1 + even_i_d_next_1);
     const float64 total_i_q_between_1 = i_q_between + even_i_q_between_1;
     const float64 odd_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (odd_i_d_now_1 + odd_i_d_next_1);
+    const float64 L_41 = LD[11];
     const float64 odd_omega_next_1 =
-        GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_1_scaled) +
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_1 * odd_i_d_now_and_next_1_scaled - L_41) + L_21;
+        GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
+        even_i_d_now_and_next_1_scaled) + total_i_q_between_1 * odd_i_d_now_and_next_1_scaled) -
+        GAIN_OMEGA * L_41 + L_21;
     const float64 total_i_q_between_2 = i_q_between + even_i_q_between_2;
     const float64 odd_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (odd_i_d_now_2 + odd_i_d_next_2);
     const float64 minus_odd_i_q_between_2 = 0.5 * (minus_odd_i_q_now_2 + minus_odd_i_q_next_2);
     const float64 even_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (even_i_d_now_2 + even_i_d_next_2);
+    const float64 L_42 = LD[12];
     const float64 odd_omega_next_2 = 1.0 +
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_2 * odd_i_d_now_and_next_2_scaled - L_42) -
-        GAIN_OMEGA_GAIN_TORQUE * minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_2_scaled);
-    const float64 total_i_q_between_3 = i_q_between + even_i_q_between_3;
-    const float64 odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3);
-    const float64 minus_odd_i_q_between_3 = 0.5 * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3);
-    const float64 even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
-    const float64 odd_omega_next_3 =
-        GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
-        GAIN_TORQUE * minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled +
-        even_i_d_now_and_next_3_scaled) - L_43);
+        GAIN_OMEGA_GAIN_TORQUE * (total_i_q_between_2 * odd_i_d_now_and_next_2_scaled -
+        minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_2_scaled)) -
+        GAIN_OMEGA * L_42;
+    const float64 L_43 = LD[13];
+    const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
 
     /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
     const float64 G_i_alpha_R = i_d_now * SIGMA_R_DECAY_D + v_d_sub_coupling_x_i_q_mid * SIGMA_R_GAIN_D -
@@ -600,11 +584,13 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         minus_G_i_alpha_L_q * G_i_beta_L_q;
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_omega_0 = D_i_alpha * odd_omega_next_0;
@@ -643,6 +629,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float64 D_load_torque = LD[14];
     const float64 minus_D_odd_omega_4 = GAIN_OMEGA * D_load_torque;
     const float64 part_of_P_pred_22 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
@@ -650,6 +637,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         curv_omega_1 * curv_omega_1 + curv_omega_2 * curv_omega_2 + curv_omega_3 * curv_omega_3) -
         curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
         G_omega_L_q * G_omega_L_q;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_22 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0 * D_odd_i_alpha_0 +
@@ -667,6 +655,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
         D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0 + D_i_beta * odd_theta_mid_1 * odd_theta_mid_1 +
         D_omega * odd_theta_mid_2 * odd_theta_mid_2 + D_theta + Q_3;
@@ -697,6 +686,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
     const float64 L_pred_43 = LD_pred_43 / D_pred_theta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
         L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
     const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
@@ -709,6 +699,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 i_beta_mean = i_q_next + curv_i_beta_mean;
     const float64 i_alpha_pred = cos_theta_mid * i_alpha_mean - sin_theta_mid * i_beta_mean;
     const float64 i_beta_pred = sin_theta_mid * i_alpha_mean + cos_theta_mid * i_beta_mean;
+    const float64 load_torque = x[4];
     const float64 omega_of_x = GAIN_OMEGA * (GAIN_TORQUE * psi_m_and_i_d_between_scaled * i_q_between -
         load_torque) + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
@@ -744,38 +735,22 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
 static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pred[15], const float64 R[2],
     const float64 y[2], float64 x_out[5], float64 LD_out[15], float64 nis_out[1])
 {
-    const float64 i_alpha_pred = x_pred[0];
-    const float64 i_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 D_pred_i_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_i_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_load_torque = LD_pred[14];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
     /* --- eq. 31: y - y_pred; x^{j+1} */
+    const float64 i_alpha_meas = y[0];
+    const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float64 R_0 = R[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float64 i_beta_meas = y[1];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 i_beta_pred = x_pred[1];
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float64 R_1 = R[1];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
@@ -786,10 +761,19 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
     const float64 i_alpha_after = correction_second_0 + i_alpha_pred;
     const float64 i_beta_after = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_after = D_pred_i_beta * nu_by_var_second;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_after = correction_second_0 * L_pred_20 + part_of_omega_after * L_pred_21 +
         omega_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 theta_pred = x_pred[3];
     const float64 theta_after = correction_second_0 * L_pred_30 + part_of_omega_after * L_pred_31 +
         theta_pred;
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_after = correction_second_0 * L_pred_40 + part_of_omega_after * L_pred_41 +
         load_torque_pred;
 
@@ -806,6 +790,12 @@ static void ickf_measurement_update(const float64 x_pred[5], const float64 LD_pr
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_theta = LD_pred[9];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_load_torque = LD_pred[14];
 
     x_out[0] = i_alpha_after;
     x_out[1] = i_beta_after;

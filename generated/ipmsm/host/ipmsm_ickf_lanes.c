@@ -383,9 +383,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 n_D_odd_coupling_0 = n_D_0 * odd_coupling_0;
         const float32 even_i_d_mid_0 = even_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (even_v_d_0 -
             coupling * even_i_q_now_0 - n_D_odd_coupling_0 * odd_i_q_now_0);
-        const float32 odd_i_d_mid_0 = odd_i_d_now_0 * DECAY_HALF_D +
-            (odd_v_d_0 - coupling * odd_i_q_now_0) * GAIN_HALF_D -
-            odd_coupling_0 * GAIN_HALF_D * (i_q_now + even_i_q_now_0);
+        const float32 odd_i_d_mid_0 = odd_i_d_now_0 * DECAY_HALF_D + GAIN_HALF_D * (odd_v_d_0 -
+            coupling * odd_i_q_now_0 - odd_coupling_0 * (i_q_now + even_i_q_now_0));
         const float32 v_q_minus_omega_e_times_psi_m = v_q - omega_e * PSI_M;
         const float32 i_d_now_times_coupling = i_d_now * coupling;
         const float32 part_of_i_q_mid = v_q_minus_omega_e_times_psi_m - i_d_now_times_coupling;
@@ -393,22 +392,20 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_i_q_mid_0 = DECAY_HALF_Q * even_i_q_now_0 + GAIN_HALF_Q * (even_v_q_0 -
             coupling * even_i_d_now_0 - n_D_odd_coupling_0 * odd_i_d_now_0);
         const float32 part_of_odd_i_q_mid_0 = v_d * sind_theta_mid_0 + PSI_M * odd_omega_e_0;
-        const float32 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 -
-            GAIN_HALF_Q * (part_of_odd_i_q_mid_0 + coupling * odd_i_d_now_0) -
-            GAIN_HALF_Q * odd_coupling_0 * (i_d_now + even_i_d_now_0);
+        const float32 odd_i_q_mid_0 = DECAY_HALF_Q * odd_i_q_now_0 - GAIN_HALF_Q * (part_of_odd_i_q_mid_0 +
+            coupling * odd_i_d_now_0 + odd_coupling_0 * (i_d_now + even_i_d_now_0));
         const float32 v_d_sub_coupling_x_i_q_mid = v_d - coupling * i_q_mid;
         const float32 i_d_next = DECAY_D * i_d_now + GAIN_D * v_d_sub_coupling_x_i_q_mid;
         const float32 even_i_d_next_0 = DECAY_D * even_i_d_now_0 + GAIN_D * (even_v_d_0 -
             coupling * even_i_q_mid_0 - n_D_odd_coupling_0 * odd_i_q_mid_0);
-        const float32 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0) -
-            GAIN_D * odd_coupling_0 * (i_q_mid + even_i_q_mid_0);
+        const float32 odd_i_d_next_0 = DECAY_D * odd_i_d_now_0 + GAIN_D * (odd_v_d_0 - coupling * odd_i_q_mid_0 -
+            odd_coupling_0 * (i_q_mid + even_i_q_mid_0));
         const float32 part_of_i_q_next = v_q_minus_omega_e_times_psi_m - coupling * i_d_mid;
         const float32 i_q_next = i_q_now * DECAY_Q + GAIN_Q * part_of_i_q_next;
         const float32 even_i_q_next_0 = even_i_q_now_0 * DECAY_Q + GAIN_Q * (even_v_q_0 -
             coupling * even_i_d_mid_0 - n_D_odd_coupling_0 * odd_i_d_mid_0);
-        const float32 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q -
-            (part_of_odd_i_q_mid_0 + coupling * odd_i_d_mid_0) * GAIN_Q -
-            odd_coupling_0 * GAIN_Q * (i_d_mid + even_i_d_mid_0);
+        const float32 odd_i_q_next_0 = odd_i_q_now_0 * DECAY_Q - GAIN_Q * (part_of_odd_i_q_mid_0 +
+            coupling * odd_i_d_mid_0 + odd_coupling_0 * (i_d_mid + even_i_d_mid_0));
         const float32 i_d_between = 0.5f * (i_d_now + i_d_next);
         const float32 i_q_between = 0.5f * (i_q_now + i_q_next);
         const float32 even_i_q_between_0 = 0.5f * (even_i_q_now_0 + even_i_q_next_0);
@@ -430,24 +427,21 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 n_D_odd_coupling_1 = n_D_1 * odd_coupling_1;
         const float32 even_i_d_mid_1 = DECAY_HALF_D * even_i_d_now_1 + GAIN_HALF_D * (even_v_d_1 -
             coupling * even_i_q_now_1 - n_D_odd_coupling_1 * odd_i_q_now_1);
-        const float32 odd_i_d_mid_1 = DECAY_HALF_D * odd_i_d_now_1 +
-            GAIN_HALF_D * (odd_v_d_1 - coupling * odd_i_q_now_1) -
-            GAIN_HALF_D * odd_coupling_1 * (i_q_now + even_i_q_now_1);
+        const float32 odd_i_d_mid_1 = DECAY_HALF_D * odd_i_d_now_1 + GAIN_HALF_D * (odd_v_d_1 -
+            coupling * odd_i_q_now_1 - odd_coupling_1 * (i_q_now + even_i_q_now_1));
         const float32 even_i_q_mid_1 = DECAY_HALF_Q * even_i_q_now_1 + GAIN_HALF_Q * (even_v_q_1 -
             coupling * even_i_d_now_1 - n_D_odd_coupling_1 * odd_i_d_now_1);
         const float32 part_of_odd_i_q_mid_1 = v_d * sind_theta_mid_1 + PSI_M * odd_omega_e_1;
-        const float32 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 -
-            GAIN_HALF_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_now_1) -
-            GAIN_HALF_Q * odd_coupling_1 * (i_d_now + even_i_d_now_1);
+        const float32 odd_i_q_mid_1 = DECAY_HALF_Q * odd_i_q_now_1 - GAIN_HALF_Q * (part_of_odd_i_q_mid_1 +
+            coupling * odd_i_d_now_1 + odd_coupling_1 * (i_d_now + even_i_d_now_1));
         const float32 even_i_d_next_1 = DECAY_D * even_i_d_now_1 + GAIN_D * (even_v_d_1 -
             coupling * even_i_q_mid_1 - n_D_odd_coupling_1 * odd_i_q_mid_1);
-        const float32 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1) -
-            GAIN_D * odd_coupling_1 * (i_q_mid + even_i_q_mid_1);
+        const float32 odd_i_d_next_1 = DECAY_D * odd_i_d_now_1 + GAIN_D * (odd_v_d_1 - coupling * odd_i_q_mid_1 -
+            odd_coupling_1 * (i_q_mid + even_i_q_mid_1));
         const float32 even_i_q_next_1 = DECAY_Q * even_i_q_now_1 + GAIN_Q * (even_v_q_1 -
             coupling * even_i_d_mid_1 - n_D_odd_coupling_1 * odd_i_d_mid_1);
-        const float32 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 -
-            GAIN_Q * (part_of_odd_i_q_mid_1 + coupling * odd_i_d_mid_1) -
-            GAIN_Q * odd_coupling_1 * (i_d_mid + even_i_d_mid_1);
+        const float32 odd_i_q_next_1 = DECAY_Q * odd_i_q_now_1 - GAIN_Q * (part_of_odd_i_q_mid_1 +
+            coupling * odd_i_d_mid_1 + odd_coupling_1 * (i_d_mid + even_i_d_mid_1));
         const float32 even_i_q_between_1 = 0.5f * (even_i_q_now_1 + even_i_q_next_1);
         const float32 odd_i_q_between_1 = 0.5f * (odd_i_q_now_1 + odd_i_q_next_1);
         const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
@@ -500,6 +494,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_i_q_next_3 = even_i_q_now_3 * decay_q_and_coupling_sq_scaled + GAIN_Q * even_v_q_3 -
             coupling_times_gain_q * (DECAY_HALF_D * even_i_d_now_3 + GAIN_HALF_D * even_v_d_3);
         const float32 even_i_q_between_3 = 0.5f * (even_i_q_now_3 + even_i_q_next_3);
+        const float32 total_i_q_between_3 = i_q_between + even_i_q_between_3;
+        const float32 odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3);
+        const float32 minus_odd_i_q_next_3 = decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 +
+            GAIN_Q * minus_odd_v_q_3 +
+            coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3);
+        const float32 minus_odd_i_q_between_3 = 0.5f * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3);
+        const float32 psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between;
+        const float32 even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
+        const float32 odd_torque_3 = GAIN_TORQUE * (total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
+            minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_3_scaled));
         const float32 total_i_d_next_0 = i_d_next + even_i_d_next_0;
         const float32 even_i_alpha_next_0 = even_i_d_next_0 + cosm1_theta_mid_0 * total_i_d_next_0 -
             n_D_sind_theta_mid_0 * odd_i_q_next_0;
@@ -516,9 +520,6 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 total_i_d_next_3 = i_d_next + even_i_d_next_3;
         const float32 n_D_3 = 5.0f * D_theta;
         const float32 n_D_sind_theta_mid_3 = n_D_3 * sinc_theta_mid_3;
-        const float32 minus_odd_i_q_next_3 = decay_q_and_coupling_sq_scaled * minus_odd_i_q_now_3 +
-            GAIN_Q * minus_odd_v_q_3 +
-            coupling_times_gain_q * (DECAY_HALF_D * odd_i_d_now_3 + GAIN_HALF_D * odd_v_d_3);
         const float32 even_i_alpha_next_3 = even_i_d_next_3 + cosm1_theta_mid_3 * total_i_d_next_3 +
             n_D_sind_theta_mid_3 * minus_odd_i_q_next_3;
         const float32 total_i_q_next_0 = i_q_next + even_i_q_next_0;
@@ -551,37 +552,29 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             minus_odd_i_q_next_2 * one_plus_cosm1_theta_mid_2;
         const float32 odd_i_beta_next_3 = total_i_d_next_3 * sinc_theta_mid_3 -
             minus_odd_i_q_next_3 * one_plus_cosm1_theta_mid_3;
-        const float32 psi_m_and_i_d_between_scaled = PSI_M + SALIENCY * i_d_between;
         const float32 even_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (even_i_d_now_0 + even_i_d_next_0);
         const float32 total_i_q_between_0 = i_q_between + even_i_q_between_0;
         const float32 odd_i_d_now_and_next_0_scaled = SALIENCY_BY2 * (odd_i_d_now_0 + odd_i_d_next_0);
         const float32 odd_omega_next_0 =
-            GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
-            even_i_d_now_and_next_0_scaled) +
-            GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_0 * odd_i_d_now_and_next_0_scaled - L_40) + L_20;
+            GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_0 * (psi_m_and_i_d_between_scaled +
+            even_i_d_now_and_next_0_scaled) + total_i_q_between_0 * odd_i_d_now_and_next_0_scaled) -
+            GAIN_OMEGA * L_40 + L_20;
         const float32 even_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (even_i_d_now_1 + even_i_d_next_1);
         const float32 total_i_q_between_1 = i_q_between + even_i_q_between_1;
         const float32 odd_i_d_now_and_next_1_scaled = SALIENCY_BY2 * (odd_i_d_now_1 + odd_i_d_next_1);
         const float32 odd_omega_next_1 =
-            GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
-            even_i_d_now_and_next_1_scaled) +
-            GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_1 * odd_i_d_now_and_next_1_scaled - L_41) + L_21;
+            GAIN_OMEGA_GAIN_TORQUE * (odd_i_q_between_1 * (psi_m_and_i_d_between_scaled +
+            even_i_d_now_and_next_1_scaled) + total_i_q_between_1 * odd_i_d_now_and_next_1_scaled) -
+            GAIN_OMEGA * L_41 + L_21;
         const float32 total_i_q_between_2 = i_q_between + even_i_q_between_2;
         const float32 odd_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (odd_i_d_now_2 + odd_i_d_next_2);
         const float32 minus_odd_i_q_between_2 = 0.5f * (minus_odd_i_q_now_2 + minus_odd_i_q_next_2);
         const float32 even_i_d_now_and_next_2_scaled = SALIENCY_BY2 * (even_i_d_now_2 + even_i_d_next_2);
         const float32 odd_omega_next_2 = 1.0f +
-            GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_2 * odd_i_d_now_and_next_2_scaled - L_42) -
-            GAIN_OMEGA_GAIN_TORQUE * minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled +
-            even_i_d_now_and_next_2_scaled);
-        const float32 total_i_q_between_3 = i_q_between + even_i_q_between_3;
-        const float32 odd_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (odd_i_d_now_3 + odd_i_d_next_3);
-        const float32 minus_odd_i_q_between_3 = 0.5f * (minus_odd_i_q_now_3 + minus_odd_i_q_next_3);
-        const float32 even_i_d_now_and_next_3_scaled = SALIENCY_BY2 * (even_i_d_now_3 + even_i_d_next_3);
-        const float32 odd_omega_next_3 =
-            GAIN_OMEGA * (GAIN_TORQUE * total_i_q_between_3 * odd_i_d_now_and_next_3_scaled -
-            GAIN_TORQUE * minus_odd_i_q_between_3 * (psi_m_and_i_d_between_scaled +
-            even_i_d_now_and_next_3_scaled) - L_43);
+            GAIN_OMEGA_GAIN_TORQUE * (total_i_q_between_2 * odd_i_d_now_and_next_2_scaled -
+            minus_odd_i_q_between_2 * (psi_m_and_i_d_between_scaled + even_i_d_now_and_next_2_scaled)) -
+            GAIN_OMEGA * L_42;
+        const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
 
         /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
         const float32 G_i_alpha_R = i_d_now * SIGMA_R_DECAY_D + v_d_sub_coupling_x_i_q_mid * SIGMA_R_GAIN_D -

@@ -75,37 +75,36 @@ static void rotor_phasor(const float64 angle[1], float64 phasor_out[2])
 static void plant_substep(const float64 s[6], const float64 motor[6], const float64 v[2],
     const float64 load[1], const float64 width[1], float64 s_out[6])
 {
-    const float64 z_alpha = s[0];
-    const float64 z_beta = s[1];
-    const float64 omega = s[2];
-    const float64 theta = s[3];
-    const float64 rotor_cos = s[4];
-    const float64 rotor_sin = s[5];
-    const float64 R = motor[0];
-    const float64 per_L_d = motor[1];
-    const float64 per_L_q = motor[2];
-    const float64 psi_m = motor[3];
-    const float64 per_J = motor[4];
-    const float64 D = motor[5];
-    const float64 v_alpha = v[0];
-    const float64 v_beta = v[1];
-    const float64 T_L = load[0];
     const float64 h = width[0];
     const float64 half_h = 0.5 * h;
 
     /* --- slope 1 */
+    const float64 rotor_cos = s[4];
+    const float64 z_alpha = s[0];
+    const float64 rotor_sin = s[5];
+    const float64 z_beta = s[1];
     const float64 part_of_slope1_z_alpha = rotor_cos * z_alpha + rotor_sin * z_beta;
+    const float64 omega = s[2];
     const float64 slope1_theta = 3.0 * omega;
+    const float64 per_L_d = motor[1];
+    const float64 per_L_q = motor[2];
     const float64 part_of_slope1_z_alpha_2 = 1.0 / per_L_d - 1.0 / per_L_q;
     const float64 part_of_slope1_z_alpha_3 = rotor_cos * z_beta - rotor_sin * z_alpha;
+    const float64 v_alpha = v[0];
+    const float64 v_beta = v[1];
+    const float64 R = motor[0];
     const float64 part_of_slope1_z_alpha_4 = per_L_d * (rotor_cos * v_alpha + rotor_sin * v_beta -
         R * part_of_slope1_z_alpha - slope1_theta * part_of_slope1_z_alpha_2 * part_of_slope1_z_alpha_3);
+    const float64 psi_m = motor[3];
     const float64 part_of_slope1_z_alpha_5 = part_of_slope1_z_alpha_2 * part_of_slope1_z_alpha + psi_m;
     const float64 part_of_slope1_z_alpha_6 = per_L_q * (rotor_cos * v_beta - rotor_sin * v_alpha -
         R * part_of_slope1_z_alpha_3 - slope1_theta * part_of_slope1_z_alpha_5);
     const float64 slope1_z_alpha = rotor_cos * part_of_slope1_z_alpha_4 -
         rotor_sin * part_of_slope1_z_alpha_6;
     const float64 slope1_z_beta = rotor_sin * part_of_slope1_z_alpha_4 + rotor_cos * part_of_slope1_z_alpha_6;
+    const float64 T_L = load[0];
+    const float64 D = motor[5];
+    const float64 per_J = motor[4];
     const float64 slope1_omega = (4.5 * (part_of_slope1_z_alpha_5 * part_of_slope1_z_alpha_3) - T_L -
         D * omega) * per_J;
     const float64 slope1_rotor_sin = slope1_theta * rotor_cos;
@@ -187,6 +186,7 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
 
     /* --- weighted mean of the slopes */
     const float64 sixth_h = RUNGE_KUTTA_WEIGHT * h;
+    const float64 theta = s[3];
 
     s_out[0] = z_alpha + sixth_h * (slope1_z_alpha + 2.0 * (slope2_z_alpha + slope3_z_alpha) +
         slope4_z_alpha);

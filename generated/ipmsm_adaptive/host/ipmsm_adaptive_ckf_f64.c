@@ -58,8 +58,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -179,11 +177,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -193,13 +191,12 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[28], float64 turn_out[4])
 {
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_10 = LD[1];
     const float64 odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
+    const float64 D_theta = LD[0];
     const float64 z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 D_omega = LD[2];
     const float64 z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ;
 
     if (z_theta_mid_0 + z_theta_mid_1 > SMALL_TURN) {
@@ -227,69 +224,29 @@ static int time_update_turns(float64 LD[28], float64 turn_out[4])
 static void time_update(const float64 x[7], const float64 LD[28], const float64 Q[7], const float64 u[2],
     const float64 turn[4], float64 x_pred_out[7], float64 LD_pred_out[28], float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 magnet_flux = x[5];
-    const float64 stator_resistance = x[6];
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_stator_resistance = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_magnet_flux = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_psi_alpha = LD[14];
-    const float64 L_50 = LD[15];
-    const float64 L_51 = LD[16];
-    const float64 L_52 = LD[17];
-    const float64 L_53 = LD[18];
-    const float64 L_54 = LD[19];
-    const float64 D_psi_beta = LD[20];
-    const float64 L_60 = LD[21];
-    const float64 L_61 = LD[22];
-    const float64 L_62 = LD[23];
-    const float64 L_63 = LD[24];
-    const float64 L_64 = LD[25];
-    const float64 L_65 = LD[26];
-    const float64 D_load_torque = LD[27];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 Q_5 = Q[5];
-    const float64 Q_6 = Q[6];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 omega = x[2];
     const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_10 = LD[1];
     const float64 odd_omega_e_0 = POLE_PAIRS * L_10;
+    const float64 theta = x[3];
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+    const float64 D_theta = LD[0];
     const float64 n_D_0 = D_theta * 7.0;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+    const float64 L_50 = LD[15];
+    const float64 L_40 = LD[10];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
         n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -301,15 +258,21 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
     const float64 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
         psi_d_mid * sind_theta_mid_0;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 gain_d_times_v_d = GAIN_D * v_d;
+    const float64 stator_resistance = x[6];
     const float64 loss_d_times_stator_resistance = LOSS_D * stator_resistance;
+    const float64 magnet_flux = x[5];
     const float64 psi_d_mid_minus_magnet_flux = psi_d_mid - magnet_flux;
     const float64 psi_d_next = psi_d_mid + gain_d_times_v_d -
         loss_d_times_stator_resistance * psi_d_mid_minus_magnet_flux;
     const float64 part_of_even_psi_d_next_0 = 1.0 - loss_d_times_stator_resistance;
+    const float64 L_20 = LD[3];
     const float64 loss_d_times_L_20 = LOSS_D * L_20;
+    const float64 L_30 = LD[6];
     const float64 odd_psi_d_mid_0_minus_L_30 = odd_psi_d_mid_0 - L_30;
     const float64 even_psi_d_next_0 = part_of_even_psi_d_next_0 * even_psi_d_mid_0 +
         gain_d_times_v_d * cosm1_theta_mid_0 - n_D_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
@@ -334,18 +297,26 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between;
-    const float64 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
+        psi_d_between * GAIN_TORQUE_SALIENCY;
+    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-    const float64 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
+    const float64 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
-        part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
+    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
+        part_of_even_torque_0_2 * total_psi_q_between_0 +
+        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
+        total_psi_q_between_0 * part_of_even_torque_0_3;
+    const float64 D_omega = LD[2];
     const float64 n_D_1 = 7.0 * D_omega;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
     const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+    const float64 L_51 = LD[16];
+    const float64 L_41 = LD[11];
     const float64 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
         n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -356,7 +327,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
     const float64 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
         psi_d_mid * sind_theta_mid_1;
+    const float64 L_21 = LD[4];
     const float64 loss_d_times_L_21 = LOSS_D * L_21;
+    const float64 L_31 = LD[7];
     const float64 odd_psi_d_mid_1_minus_L_31 = odd_psi_d_mid_1 - L_31;
     const float64 even_psi_d_next_1 = part_of_even_psi_d_next_0 * even_psi_d_mid_1 +
         gain_d_times_v_d * cosm1_theta_mid_1 - n_D_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
@@ -376,16 +349,22 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
+    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
+    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        total_psi_q_between_1 * part_of_even_torque_1_2;
+    const float64 L_42 = LD[12];
+    const float64 L_52 = LD[17];
     const float64 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
     const float64 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
+    const float64 L_32 = LD[8];
     const float64 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
     const float64 odd_psi_d_next_2 = odd_psi_d_mid_2 -
         loss_d_times_stator_resistance * odd_psi_d_mid_2_minus_L_32 - LOSS_D * psi_d_mid_minus_magnet_flux;
     const float64 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
         omega_e_times_magnet_turn * L_32;
     const float64 odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2);
+    const float64 D_stator_resistance = LD[5];
     const float64 n_D_2 = 7.0 * D_stator_resistance;
     const float64 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
     const float64 minus_even_psi_d_next_2_scaled = GAIN_TORQUE_SALIENCY_BY2 * minus_even_psi_d_next_2;
@@ -395,9 +374,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
     const float64 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-    const float64 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
+        part_of_even_torque_0 * minus_even_psi_q_between_2 +
+        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+    const float64 odd_torque_2 =
+        odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2;
+    const float64 L_43 = LD[13];
+    const float64 L_53 = LD[18];
     const float64 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
     const float64 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
     const float64 odd_psi_d_next_3 = part_of_even_psi_d_next_0 * odd_psi_d_mid_3 +
@@ -406,8 +389,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3);
     const float64 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
+    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
         psi_q_between * part_of_curv_omega_3;
+    const float64 L_54 = LD[19];
     const float64 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
     const float64 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
     const float64 odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4;
@@ -415,13 +399,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4);
     const float64 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
     const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
+    const float64 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
         odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
     const float64 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
     const float64 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
     const float64 odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5);
     const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-    const float64 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
+    const float64 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
         part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -443,15 +427,17 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
     const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-    const float64 odd_omega_next_0 =
-        GAIN_OMEGA * odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
-        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_2 - L_60) + L_10;
-    const float64 odd_omega_next_1 = 1.0 +
-        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
-        GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
+    const float64 L_60 = LD[21];
+    const float64 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_60) + L_10;
+    const float64 L_61 = LD[22];
+    const float64 odd_omega_next_1 = 1.0 + GAIN_OMEGA * (odd_torque_1 - L_61);
+    const float64 L_62 = LD[23];
     const float64 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
+    const float64 L_63 = LD[24];
     const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
+    const float64 L_64 = LD[25];
     const float64 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);
+    const float64 L_65 = LD[26];
     const float64 odd_omega_next_5 = GAIN_OMEGA * (odd_torque_5 - L_65);
     const float64 odd_magnet_flux_next_0 = L_30 * ONE_MINUS_RETURN;
     const float64 odd_magnet_flux_next_1 = L_31 * ONE_MINUS_RETURN;
@@ -463,9 +449,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 D_odd_omega_0 = D_theta * odd_omega_next_0;
     const float64 D_odd_omega_1 = D_omega * odd_omega_next_1;
     const float64 D_odd_omega_2 = D_stator_resistance * odd_omega_next_2;
+    const float64 D_magnet_flux = LD[9];
     const float64 D_odd_omega_3 = D_magnet_flux * odd_omega_next_3;
+    const float64 D_psi_alpha = LD[14];
     const float64 D_odd_omega_4 = D_psi_alpha * odd_omega_next_4;
+    const float64 D_psi_beta = LD[20];
     const float64 D_odd_omega_5 = D_psi_beta * odd_omega_next_5;
+    const float64 D_load_torque = LD[27];
     const float64 minus_D_odd_omega_6 = GAIN_OMEGA * D_load_torque;
     const float64 curv_omega_3 = 7.0 * odd_psi_q_between_3 * part_of_curv_omega_3 * D_magnet_flux;
     const float64 minus_even_torque_4 =
@@ -484,11 +474,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         curv_omega_mean * curv_omega_mean);
     const float64 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
     const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float64 D_pred_theta = larger(P_pred_33, Q_3);
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_10 = P_pred_32 * inv_D_pred_theta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_32 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float64 D_odd_stator_resistance_0 = D_theta * odd_stator_resistance_next_0;
@@ -502,6 +494,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
+    const float64 Q_6 = Q[6];
     const float64 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
         odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
         ONE_MINUS_RETURN * D_odd_stator_resistance_2 + Q_6;
@@ -524,6 +517,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_stator_resistance = 1.0 / D_pred_stator_resistance;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
+    const float64 Q_5 = Q[5];
     const float64 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
         odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
         ONE_MINUS_RETURN * D_odd_magnet_flux_3 + Q_5;
@@ -601,6 +595,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         curv_psi_alpha_mean * curv_psi_beta_mean;
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
@@ -621,6 +616,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
         LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
@@ -663,6 +659,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
         L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
     const float64 L_pred_65 = LD_pred_65 / D_pred_psi_beta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_60 * D_odd_load_torque_0 + L_61 * D_odd_load_torque_1 +
         L_62 * D_odd_load_torque_2 + L_63 * D_odd_load_torque_3 + L_64 * D_odd_load_torque_4 +
         L_65 * D_odd_load_torque_5 + D_load_torque + Q_4;
@@ -677,8 +674,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-    const float64 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
-        omega;
+    const float64 load_torque = x[4];
+    const float64 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
+        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -730,9 +728,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float64 LD_pred[28], float64 turn_pred_out[2])
 {
-    const float64 D_pred_theta = LD_pred[0];
-
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 D_pred_theta = LD_pred[0];
 
     if (D_pred_theta > SMALL_TURN) {
         float64 z[1];
@@ -752,56 +749,21 @@ static int ckf_measurement_update_turns(float64 LD_pred[28], float64 turn_pred_o
 static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pred[28], const float64 R[2],
     const float64 y[2], const float64 turn_pred[2], float64 x_out[7], float64 LD_out[28], float64 nis_out[1])
 {
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 magnet_flux_pred = x_pred[5];
-    const float64 stator_resistance_pred = x_pred[6];
-    const float64 D_pred_theta = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_omega = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_stator_resistance = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_magnet_flux = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_psi_alpha = LD_pred[14];
-    const float64 L_pred_50 = LD_pred[15];
-    const float64 L_pred_51 = LD_pred[16];
-    const float64 L_pred_52 = LD_pred[17];
-    const float64 L_pred_53 = LD_pred[18];
-    const float64 L_pred_54 = LD_pred[19];
-    const float64 D_pred_psi_beta = LD_pred[20];
-    const float64 L_pred_60 = LD_pred[21];
-    const float64 L_pred_61 = LD_pred[22];
-    const float64 L_pred_62 = LD_pred[23];
-    const float64 L_pred_63 = LD_pred[24];
-    const float64 L_pred_64 = LD_pred[25];
-    const float64 L_pred_65 = LD_pred[26];
-    const float64 D_pred_load_torque = LD_pred[27];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-    const float64 sinc_theta_0 = turn_pred[0];
-    const float64 cosm1_theta_0 = turn_pred[1];
-
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
+    const float64 theta_pred = x_pred[3];
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
+    const float64 D_pred_theta = LD_pred[0];
+    const float64 sinc_theta_0 = turn_pred[0];
     const float64 D_sind_theta_0 = D_pred_theta * sinc_theta_0;
+    const float64 L_pred_50 = LD_pred[15];
+    const float64 L_pred_40 = LD_pred[10];
     const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_50 - sin_theta_pred * L_pred_40;
+    const float64 cosm1_theta_0 = turn_pred[1];
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         D_sind_theta_0 * 7.0 * odd_psi_beta_turned_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_pred * L_pred_40 + sin_theta_pred * L_pred_50;
@@ -809,22 +771,33 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 psi_beta_turned = cos_theta_pred * psi_beta_pred - sin_theta_pred * psi_alpha_pred;
     const float64 odd_psi_d_pred_0 = odd_psi_alpha_turned_0 * one_plus_cosm1_theta_0 +
         sinc_theta_0 * psi_beta_turned;
+    const float64 magnet_flux_pred = x_pred[5];
     const float64 i_salient_pred = SALIENCY * psi_d_pred - INV_L_D * magnet_flux_pred;
     const float64 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
+    const float64 L_pred_30 = LD_pred[6];
     const float64 odd_i_salient_pred_0 = SALIENCY * odd_psi_d_pred_0 - INV_L_D * L_pred_30;
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 L_pred_51 = LD_pred[16];
     const float64 odd_psi_d_pred_1 = cos_theta_pred * L_pred_41 + sin_theta_pred * L_pred_51;
     const float64 odd_psi_beta_turned_1 = cos_theta_pred * L_pred_51 - sin_theta_pred * L_pred_41;
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_52 = LD_pred[17];
     const float64 odd_psi_d_pred_2 = cos_theta_pred * L_pred_42 + sin_theta_pred * L_pred_52;
     const float64 odd_psi_beta_turned_2 = cos_theta_pred * L_pred_52 - sin_theta_pred * L_pred_42;
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 L_pred_53 = LD_pred[18];
     const float64 odd_psi_d_pred_3 = cos_theta_pred * L_pred_43 + sin_theta_pred * L_pred_53;
     const float64 odd_psi_beta_turned_3 = cos_theta_pred * L_pred_53 - sin_theta_pred * L_pred_43;
+    const float64 L_pred_54 = LD_pred[19];
     const float64 odd_psi_d_pred_4 = cos_theta_pred + sin_theta_pred * L_pred_54;
     const float64 odd_psi_beta_turned_4 = cos_theta_pred * L_pred_54 - sin_theta_pred;
     const float64 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
     const float64 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * total_i_salient_pred_0;
     const float64 odd_y_i_alpha_0 = INV_L_Q * odd_psi_alpha_turned_0 +
         one_plus_cosm1_theta_0 * odd_i_salient_pred_0;
+    const float64 L_pred_31 = LD_pred[7];
     const float64 odd_y_i_alpha_1 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1 - INV_L_D * L_pred_31;
+    const float64 L_pred_32 = LD_pred[8];
     const float64 odd_y_i_alpha_2 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2 - INV_L_D * L_pred_32;
     const float64 odd_y_i_alpha_3 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_3 - INV_L_D;
     const float64 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sinc_theta_0 * total_i_salient_pred_0;
@@ -839,6 +812,8 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 curv_y_i_beta_mean = D_sind_theta_0 * odd_i_salient_pred_0;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
+    const float64 R_0 = R[0];
+    const float64 R_1 = R[1];
     const float64 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
     const float64 R_0_min_R_1 = smaller(R_0, R_1);
     const float64 noise_00 = larger(R_turned_00 +
@@ -846,26 +821,33 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT;
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; adaptive states within their tolerance */
+    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped, adaptive states within their tolerance */
+    const float64 i_alpha_meas = y[0];
+    const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
         INV_L_Q * psi_beta_turned - curv_y_i_beta_mean;
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
     const float64 HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
+    const float64 D_pred_psi_beta = LD_pred[20];
     const float64 g_first_5 = HL_05 * D_pred_psi_beta;
-    const float64 var_first_5 = noise_00 + HL_05 * g_first_5;
+    const float64 var_first_5 = larger(noise_00 + HL_05 * g_first_5, noise_00);
     const float64 HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4;
+    const float64 D_pred_psi_alpha = LD_pred[14];
     const float64 g_first_4 = D_pred_psi_alpha * HL_04;
-    const float64 var_first_4 = var_first_5 + HL_04 * g_first_4;
+    const float64 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, noise_00);
+    const float64 D_pred_magnet_flux = LD_pred[9];
     const float64 g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3;
-    const float64 var_first_3 = var_first_4 + odd_y_i_alpha_3 * g_first_3;
+    const float64 var_first_3 = larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
+    const float64 D_pred_stator_resistance = LD_pred[5];
     const float64 g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2;
-    const float64 var_first_2 = var_first_3 + odd_y_i_alpha_2 * g_first_2;
+    const float64 var_first_2 = larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
+    const float64 D_pred_omega = LD_pred[2];
     const float64 g_first_1 = D_pred_omega * odd_y_i_alpha_1;
-    const float64 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
+    const float64 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
     const float64 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
+    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00;
@@ -885,37 +867,37 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
     const float64 D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5;
     const float64 g_second_5 = HL_15_apart * D_first_5;
-    const float64 var_second_5 = R_second + HL_15_apart * g_second_5;
+    const float64 var_second_5 = larger(R_second + HL_15_apart * g_second_5, R_second);
     const float64 change_first_54 =
         INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5;
     const float64 f_second_4 = HL_14_apart - HL_15_apart * change_first_54;
     const float64 one_per_var_first_4 = 1.0 / var_first_4;
     const float64 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float64 g_second_4 = D_first_4 * f_second_4;
-    const float64 var_second_4 = var_second_5 + f_second_4 * g_second_4;
+    const float64 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_second);
     const float64 lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4;
     const float64 f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4;
     const float64 one_per_var_first_3 = 1.0 / var_first_3;
     const float64 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float64 g_second_3 = D_first_3 * f_second_3;
-    const float64 var_second_3 = var_second_4 + f_second_3 * g_second_3;
+    const float64 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_second);
     const float64 lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float64 g_second_2 = D_first_2 * f_second_2;
-    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
     const float64 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
     const float64 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
+    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
     const float64 gain_first_43 = g_first_4 + L_pred_43 * g_first_3;
     const float64 gain_first_42 = gain_first_43 + L_pred_42 * g_first_2;
     const float64 gain_first_41 = gain_first_42 + L_pred_41 * g_first_1;
@@ -945,13 +927,21 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 L_first_50 = L_pred_50 - lambda_first_0 * gain_first_51;
     const float64 psi_beta_new = nu_by_var_first * (gain_first_51 + L_pred_50 * g_first_0) +
         nu_by_var_second * (gain_second_51 + g_second_0 * L_first_50) + psi_beta_pred;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float64 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
+    const float64 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
+        theta_pred);
+    const float64 L_pred_65 = LD_pred[26];
+    const float64 L_pred_64 = LD_pred[25];
     const float64 gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64;
+    const float64 L_pred_63 = LD_pred[24];
     const float64 gain_first_63 = gain_first_64 + g_first_3 * L_pred_63;
+    const float64 L_pred_62 = LD_pred[23];
     const float64 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
+    const float64 L_pred_61 = LD_pred[22];
     const float64 gain_first_61 = gain_first_62 + g_first_1 * L_pred_61;
     const float64 L_first_64 = L_pred_64 - change_first_54 * L_pred_65;
     const float64 gain_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64;
@@ -961,7 +951,9 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 gain_second_62 = gain_second_63 + g_second_2 * L_first_62;
     const float64 L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62;
     const float64 gain_second_61 = gain_second_62 + g_second_1 * L_first_61;
+    const float64 L_pred_60 = LD_pred[21];
     const float64 L_first_60 = L_pred_60 - lambda_first_0 * gain_first_61;
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_new = nu_by_var_first * (gain_first_61 + g_first_0 * L_pred_60) +
         nu_by_var_second * (gain_second_61 + g_second_0 * L_first_60) + load_torque_pred;
     const float64 gain_first_32 = g_first_3 + L_pred_32 * g_first_2;
@@ -974,10 +966,13 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     const float64 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX,
         nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
         nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + magnet_flux_pred));
+    const float64 L_pred_21 = LD_pred[4];
     const float64 gain_first_21 = g_first_2 + g_first_1 * L_pred_21;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float64 L_pred_20 = LD_pred[3];
     const float64 L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21;
+    const float64 stator_resistance_pred = x_pred[6];
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE,
         nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
         nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + stator_resistance_pred));
@@ -1022,6 +1017,7 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
 
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second;
+    const float64 D_pred_load_torque = LD_pred[27];
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;
@@ -1103,7 +1099,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1177,27 +1173,9 @@ static void restart(ipmsm_adaptive_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
-    f->LD[15] = 0.0;
-    f->LD[16] = 0.0;
-    f->LD[17] = 0.0;
-    f->LD[18] = 0.0;
-    f->LD[19] = 0.0;
-    f->LD[21] = 0.0;
-    f->LD[22] = 0.0;
-    f->LD[23] = 0.0;
-    f->LD[24] = 0.0;
-    f->LD[25] = 0.0;
-    f->LD[26] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1247,19 +1225,15 @@ int ipmsm_adaptive_ckf_f64_step(ipmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     float64 check[1];
     float64 turn_pred[2];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[3]) && (LD_pred[2] > f->Q[2]) && (LD_pred[5] > f->Q[6]) && (LD_pred[9] > f->Q[5])
@@ -1273,15 +1247,11 @@ int ipmsm_adaptive_ckf_f64_step(ipmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -55,8 +55,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -176,7 +174,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)
@@ -187,8 +185,8 @@ static void copy(float64 *target, const float64 *source, int count)
     }
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -198,13 +196,12 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[28], float64 turn_out[4])
 {
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_10 = LD[1];
     const float64 odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
+    const float64 D_theta = LD[0];
     const float64 z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 D_omega = LD[2];
     const float64 z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ;
 
     if (z_theta_mid_0 + z_theta_mid_1 > SMALL_TURN) {
@@ -232,69 +229,29 @@ static int time_update_turns(float64 LD[28], float64 turn_out[4])
 static void time_update(const float64 x[7], const float64 LD[28], const float64 Q[7], const float64 u[2],
     const float64 turn[4], float64 x_pred_out[7], float64 LD_pred_out[28], float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 magnet_flux = x[5];
-    const float64 stator_resistance = x[6];
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_stator_resistance = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_magnet_flux = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_psi_alpha = LD[14];
-    const float64 L_50 = LD[15];
-    const float64 L_51 = LD[16];
-    const float64 L_52 = LD[17];
-    const float64 L_53 = LD[18];
-    const float64 L_54 = LD[19];
-    const float64 D_psi_beta = LD[20];
-    const float64 L_60 = LD[21];
-    const float64 L_61 = LD[22];
-    const float64 L_62 = LD[23];
-    const float64 L_63 = LD[24];
-    const float64 L_64 = LD[25];
-    const float64 L_65 = LD[26];
-    const float64 D_load_torque = LD[27];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 Q_5 = Q[5];
-    const float64 Q_6 = Q[6];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 omega = x[2];
     const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_10 = LD[1];
     const float64 odd_omega_e_0 = POLE_PAIRS * L_10;
+    const float64 theta = x[3];
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+    const float64 D_theta = LD[0];
     const float64 n_D_0 = D_theta * 7.0;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+    const float64 L_50 = LD[15];
+    const float64 L_40 = LD[10];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_50 - sin_theta_mid * L_40;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
         n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -306,15 +263,21 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
     const float64 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
         psi_d_mid * sind_theta_mid_0;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 gain_d_times_v_d = GAIN_D * v_d;
+    const float64 stator_resistance = x[6];
     const float64 loss_d_times_stator_resistance = LOSS_D * stator_resistance;
+    const float64 magnet_flux = x[5];
     const float64 psi_d_mid_minus_magnet_flux = psi_d_mid - magnet_flux;
     const float64 psi_d_next = psi_d_mid + gain_d_times_v_d -
         loss_d_times_stator_resistance * psi_d_mid_minus_magnet_flux;
     const float64 part_of_even_psi_d_next_0 = 1.0 - loss_d_times_stator_resistance;
+    const float64 L_20 = LD[3];
     const float64 loss_d_times_L_20 = LOSS_D * L_20;
+    const float64 L_30 = LD[6];
     const float64 odd_psi_d_mid_0_minus_L_30 = odd_psi_d_mid_0 - L_30;
     const float64 even_psi_d_next_0 = part_of_even_psi_d_next_0 * even_psi_d_mid_0 +
         gain_d_times_v_d * cosm1_theta_mid_0 - n_D_0 * loss_d_times_L_20 * odd_psi_d_mid_0_minus_L_30;
@@ -339,18 +302,26 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between;
-    const float64 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
+        psi_d_between * GAIN_TORQUE_SALIENCY;
+    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-    const float64 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
+    const float64 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
-        part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
+    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
+        part_of_even_torque_0_2 * total_psi_q_between_0 +
+        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
+    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
+        total_psi_q_between_0 * part_of_even_torque_0_3;
+    const float64 D_omega = LD[2];
     const float64 n_D_1 = 7.0 * D_omega;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
     const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+    const float64 L_51 = LD[16];
+    const float64 L_41 = LD[11];
     const float64 odd_psi_beta_turned_1 = cos_theta_mid * L_51 - sin_theta_mid * L_41;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
         n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -361,7 +332,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
     const float64 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
         psi_d_mid * sind_theta_mid_1;
+    const float64 L_21 = LD[4];
     const float64 loss_d_times_L_21 = LOSS_D * L_21;
+    const float64 L_31 = LD[7];
     const float64 odd_psi_d_mid_1_minus_L_31 = odd_psi_d_mid_1 - L_31;
     const float64 even_psi_d_next_1 = part_of_even_psi_d_next_0 * even_psi_d_mid_1 +
         gain_d_times_v_d * cosm1_theta_mid_1 - n_D_1 * loss_d_times_L_21 * odd_psi_d_mid_1_minus_L_31;
@@ -381,16 +354,22 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
+    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
+    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        total_psi_q_between_1 * part_of_even_torque_1_2;
+    const float64 L_42 = LD[12];
+    const float64 L_52 = LD[17];
     const float64 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
     const float64 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
+    const float64 L_32 = LD[8];
     const float64 odd_psi_d_mid_2_minus_L_32 = odd_psi_d_mid_2 - L_32;
     const float64 odd_psi_d_next_2 = odd_psi_d_mid_2 -
         loss_d_times_stator_resistance * odd_psi_d_mid_2_minus_L_32 - LOSS_D * psi_d_mid_minus_magnet_flux;
     const float64 odd_psi_q_next_2 = part_of_odd_psi_q_next_0 * odd_psi_q_mid_2 - psi_q_mid * LOSS_Q +
         omega_e_times_magnet_turn * L_32;
     const float64 odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2);
+    const float64 D_stator_resistance = LD[5];
     const float64 n_D_2 = 7.0 * D_stator_resistance;
     const float64 minus_even_psi_d_next_2 = LOSS_D * n_D_2 * odd_psi_d_mid_2_minus_L_32;
     const float64 minus_even_psi_d_next_2_scaled = GAIN_TORQUE_SALIENCY_BY2 * minus_even_psi_d_next_2;
@@ -400,9 +379,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
     const float64 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-    const float64 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
+        part_of_even_torque_0 * minus_even_psi_q_between_2 +
+        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+    const float64 odd_torque_2 =
+        odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2;
+    const float64 L_43 = LD[13];
+    const float64 L_53 = LD[18];
     const float64 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
     const float64 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
     const float64 odd_psi_d_next_3 = part_of_even_psi_d_next_0 * odd_psi_d_mid_3 +
@@ -411,8 +394,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3);
     const float64 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
+    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
         psi_q_between * part_of_curv_omega_3;
+    const float64 L_54 = LD[19];
     const float64 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
     const float64 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
     const float64 odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4;
@@ -420,13 +404,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4);
     const float64 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
     const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
+    const float64 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
         odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
     const float64 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
     const float64 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
     const float64 odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5);
     const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-    const float64 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
+    const float64 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
         part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -448,15 +432,17 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
     const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-    const float64 odd_omega_next_0 =
-        GAIN_OMEGA * odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
-        GAIN_OMEGA * (total_psi_q_between_0 * part_of_even_torque_0_2 - L_60) + L_10;
-    const float64 odd_omega_next_1 = 1.0 +
-        GAIN_OMEGA * odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
-        GAIN_OMEGA * (total_psi_q_between_1 * part_of_even_torque_1_2 - L_61);
+    const float64 L_60 = LD[21];
+    const float64 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_60) + L_10;
+    const float64 L_61 = LD[22];
+    const float64 odd_omega_next_1 = 1.0 + GAIN_OMEGA * (odd_torque_1 - L_61);
+    const float64 L_62 = LD[23];
     const float64 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_62);
+    const float64 L_63 = LD[24];
     const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_63);
+    const float64 L_64 = LD[25];
     const float64 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - L_64);
+    const float64 L_65 = LD[26];
     const float64 odd_omega_next_5 = GAIN_OMEGA * (odd_torque_5 - L_65);
     const float64 odd_magnet_flux_next_0 = L_30 * ONE_MINUS_RETURN;
     const float64 odd_magnet_flux_next_1 = L_31 * ONE_MINUS_RETURN;
@@ -468,9 +454,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 D_odd_omega_0 = D_theta * odd_omega_next_0;
     const float64 D_odd_omega_1 = D_omega * odd_omega_next_1;
     const float64 D_odd_omega_2 = D_stator_resistance * odd_omega_next_2;
+    const float64 D_magnet_flux = LD[9];
     const float64 D_odd_omega_3 = D_magnet_flux * odd_omega_next_3;
+    const float64 D_psi_alpha = LD[14];
     const float64 D_odd_omega_4 = D_psi_alpha * odd_omega_next_4;
+    const float64 D_psi_beta = LD[20];
     const float64 D_odd_omega_5 = D_psi_beta * odd_omega_next_5;
+    const float64 D_load_torque = LD[27];
     const float64 minus_D_odd_omega_6 = GAIN_OMEGA * D_load_torque;
     const float64 curv_omega_3 = 7.0 * odd_psi_q_between_3 * part_of_curv_omega_3 * D_magnet_flux;
     const float64 minus_even_torque_4 =
@@ -489,11 +479,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         curv_omega_mean * curv_omega_mean);
     const float64 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
     const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float64 D_pred_theta = larger(P_pred_33, Q_3);
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_10 = P_pred_32 * inv_D_pred_theta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_32 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float64 D_odd_stator_resistance_0 = D_theta * odd_stator_resistance_next_0;
@@ -507,6 +499,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
+    const float64 Q_6 = Q[6];
     const float64 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
         odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
         ONE_MINUS_RETURN * D_odd_stator_resistance_2 + Q_6;
@@ -529,6 +522,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_stator_resistance = 1.0 / D_pred_stator_resistance;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
+    const float64 Q_5 = Q[5];
     const float64 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
         odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
         ONE_MINUS_RETURN * D_odd_magnet_flux_3 + Q_5;
@@ -606,6 +600,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         curv_psi_alpha_mean * curv_psi_beta_mean;
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00 - P_pred_30 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_0);
@@ -626,6 +621,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_31 * L_pred_50 - LD_pred_51 * L_pred_51 -
         LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_1);
@@ -668,6 +664,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 LD_pred_65 = P_pred_41 - L_pred_50 * P_pred_43 - L_pred_51 * LD_pred_61 -
         L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
     const float64 L_pred_65 = LD_pred_65 / D_pred_psi_beta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_60 * D_odd_load_torque_0 + L_61 * D_odd_load_torque_1 +
         L_62 * D_odd_load_torque_2 + L_63 * D_odd_load_torque_3 + L_64 * D_odd_load_torque_4 +
         L_65 * D_odd_load_torque_5 + D_load_torque + Q_4;
@@ -682,8 +679,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-    const float64 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
-        omega;
+    const float64 load_torque = x[4];
+    const float64 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
+        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -737,106 +735,83 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
     const float64 R[2], const float64 y[2], float64 x_j_out[7], float64 nis_out[1], float64 HL_out[12],
     float64 change_out[1])
 {
-    const float64 psi_alpha_j = x_j[0];
-    const float64 psi_beta_j = x_j[1];
-    const float64 omega_j = x_j[2];
-    const float64 theta_j = x_j[3];
-    const float64 load_torque_j = x_j[4];
-    const float64 magnet_flux_j = x_j[5];
-    const float64 stator_resistance_j = x_j[6];
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 magnet_flux_pred = x_pred[5];
-    const float64 stator_resistance_pred = x_pred[6];
-    const float64 D_pred_theta = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_omega = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_stator_resistance = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_magnet_flux = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_psi_alpha = LD_pred[14];
-    const float64 L_pred_50 = LD_pred[15];
-    const float64 L_pred_51 = LD_pred[16];
-    const float64 L_pred_52 = LD_pred[17];
-    const float64 L_pred_53 = LD_pred[18];
-    const float64 L_pred_54 = LD_pred[19];
-    const float64 D_pred_psi_beta = LD_pred[20];
-    const float64 L_pred_60 = LD_pred[21];
-    const float64 L_pred_61 = LD_pred[22];
-    const float64 L_pred_62 = LD_pred[23];
-    const float64 L_pred_63 = LD_pred[24];
-    const float64 L_pred_64 = LD_pred[25];
-    const float64 L_pred_65 = LD_pred[26];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
     /* --- eq. 31: x_pred - x^j */
-    const float64 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
-    const float64 deviation_psi_beta = psi_beta_pred - psi_beta_j;
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_j = x_j[3];
     const float64 deviation_theta = theta_pred - theta_j;
-    const float64 deviation_magnet_flux = magnet_flux_pred - magnet_flux_j;
 
     /* --- eq. 20: Jacobian */
-    const float64 theta_j_wrapped = wrap_angle(theta_j);
-    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j_wrapped);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
     const float64 saliency_times_sin_theta_j = SALIENCY * sin_theta_j;
+    const float64 psi_alpha_j = x_j[0];
+    const float64 psi_beta_j = x_j[1];
+    const float64 magnet_flux_j = x_j[5];
     const float64 i_salient_j = cos_theta_j_times_saliency * psi_alpha_j +
         saliency_times_sin_theta_j * psi_beta_j - INV_L_D * magnet_flux_j;
     const float64 slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency;
     const float64 slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j;
     const float64 part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j;
-    const float64 sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j;
     const float64 slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 -
-        sin_theta_j_times_i_salient_j;
+        sin_theta_j * i_salient_j;
     const float64 slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j;
-    const float64 cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j;
     const float64 slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 +
-        cos_theta_j_times_i_salient_j;
+        cos_theta_j * i_salient_j;
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-    const float64 minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D;
-    const float64 innovation_i_alpha = minus_slope_y_i_alpha_5 * deviation_magnet_flux - INV_L_Q * psi_alpha_j
-        - cos_theta_j_times_i_salient_j - slope_y_i_alpha_0 * deviation_psi_alpha -
-        slope_y_i_alpha_1 * deviation_psi_beta - slope_y_i_alpha_3 * deviation_theta + i_alpha_meas;
-    const float64 minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D;
-    const float64 innovation_i_beta = minus_slope_y_i_beta_5 * deviation_magnet_flux - INV_L_Q * psi_beta_j -
-        sin_theta_j_times_i_salient_j - slope_y_i_alpha_1 * deviation_psi_alpha -
-        deviation_psi_beta * slope_y_i_beta_1 - deviation_theta * slope_y_i_beta_3 + i_beta_meas;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
+    const float64 magnet_flux_pred = x_pred[5];
+    const float64 part_of_innovation_i_alpha = cos_theta_j_times_saliency * psi_alpha_pred +
+        saliency_times_sin_theta_j * psi_beta_pred - INV_L_D * magnet_flux_pred;
+    const float64 i_alpha_meas = y[0];
+    const float64 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_pred -
+        cos_theta_j * part_of_innovation_i_alpha - slope_y_i_alpha_3 * deviation_theta;
+    const float64 i_beta_meas = y[1];
+    const float64 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_pred -
+        sin_theta_j * part_of_innovation_i_alpha - deviation_theta * slope_y_i_beta_3;
 
     /* --- eq. 22: Pyy^j */
+    const float64 minus_slope_y_i_alpha_5 = cos_theta_j * INV_L_D;
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_50 = LD_pred[15];
+    const float64 L_pred_30 = LD_pred[6];
     const float64 HL_00 = L_pred_40 * slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_50 + slope_y_i_alpha_3 -
         minus_slope_y_i_alpha_5 * L_pred_30;
+    const float64 D_pred_theta = LD_pred[0];
     const float64 D_HL_00 = D_pred_theta * HL_00;
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 L_pred_51 = LD_pred[16];
+    const float64 L_pred_31 = LD_pred[7];
     const float64 HL_01 = slope_y_i_alpha_0 * L_pred_41 + slope_y_i_alpha_1 * L_pred_51 -
         minus_slope_y_i_alpha_5 * L_pred_31;
+    const float64 D_pred_omega = LD_pred[2];
     const float64 D_HL_01 = HL_01 * D_pred_omega;
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_52 = LD_pred[17];
+    const float64 L_pred_32 = LD_pred[8];
     const float64 HL_02 = slope_y_i_alpha_0 * L_pred_42 + slope_y_i_alpha_1 * L_pred_52 -
         minus_slope_y_i_alpha_5 * L_pred_32;
+    const float64 D_pred_stator_resistance = LD_pred[5];
     const float64 D_HL_02 = HL_02 * D_pred_stator_resistance;
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 L_pred_53 = LD_pred[18];
     const float64 HL_03 = slope_y_i_alpha_0 * L_pred_43 + slope_y_i_alpha_1 * L_pred_53 -
         minus_slope_y_i_alpha_5;
+    const float64 D_pred_magnet_flux = LD_pred[9];
     const float64 D_HL_03 = HL_03 * D_pred_magnet_flux;
+    const float64 L_pred_54 = LD_pred[19];
     const float64 HL_04 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_54;
+    const float64 D_pred_psi_alpha = LD_pred[14];
     const float64 D_HL_04 = HL_04 * D_pred_psi_alpha;
+    const float64 D_pred_psi_beta = LD_pred[20];
     const float64 D_HL_05 = slope_y_i_alpha_1 * D_pred_psi_beta;
+    const float64 R_0 = R[0];
     const float64 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + HL_03 * D_HL_03 +
         HL_04 * D_HL_04 + slope_y_i_alpha_1 * D_HL_05 + R_0;
+    const float64 minus_slope_y_i_beta_5 = sin_theta_j * INV_L_D;
     const float64 HL_10 = L_pred_40 * slope_y_i_alpha_1 + L_pred_50 * slope_y_i_beta_1 + slope_y_i_beta_3 -
         minus_slope_y_i_beta_5 * L_pred_30;
     const float64 HL_11 = slope_y_i_alpha_1 * L_pred_41 + L_pred_51 * slope_y_i_beta_1 -
@@ -858,6 +833,7 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
     const float64 D_HL_12 = D_pred_stator_resistance * HL_12;
     const float64 D_HL_13 = D_pred_magnet_flux * HL_13;
     const float64 D_HL_14 = D_pred_psi_alpha * HL_14;
+    const float64 R_1 = R[1];
     const float64 Pyy_inv_nu_1 =
         (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
         HL_11 * D_HL_11 + HL_12 * D_HL_12 + HL_13 * D_HL_13 + HL_14 * D_HL_14 + slope_y_i_beta_1 * D_HL_15 -
@@ -875,22 +851,37 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
         L_pred_43 * along_3 + along_4 + psi_alpha_pred;
     const float64 psi_beta_after = L_pred_50 * along_0 + L_pred_51 * along_1 + L_pred_52 * along_2 +
         L_pred_53 * along_3 + L_pred_54 * along_4 + along_5 + psi_beta_pred;
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_after = along_0 * L_pred_10 + along_1 + omega_pred;
     const float64 theta_after = along_0 + theta_pred;
+    const float64 L_pred_60 = LD_pred[21];
+    const float64 L_pred_61 = LD_pred[22];
+    const float64 L_pred_62 = LD_pred[23];
+    const float64 L_pred_63 = LD_pred[24];
+    const float64 L_pred_64 = LD_pred[25];
+    const float64 L_pred_65 = LD_pred[26];
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_after = along_0 * L_pred_60 + along_1 * L_pred_61 + along_2 * L_pred_62 +
         along_3 * L_pred_63 + along_4 * L_pred_64 + along_5 * L_pred_65 + load_torque_pred;
     const float64 magnet_flux_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
         along_3 + magnet_flux_pred;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 stator_resistance_pred = x_pred[6];
     const float64 stator_resistance_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 +
         stator_resistance_pred;
 
     /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
     const float64 step_psi_alpha = psi_alpha_after - psi_alpha_j;
     const float64 step_psi_beta = psi_beta_after - psi_beta_j;
+    const float64 omega_j = x_j[2];
     const float64 step_omega = omega_after - omega_j;
     const float64 step_theta = theta_after - theta_j;
+    const float64 load_torque_j = x_j[4];
     const float64 step_load_torque = load_torque_after - load_torque_j;
     const float64 step_magnet_flux = magnet_flux_after - magnet_flux_j;
+    const float64 stator_resistance_j = x_j[6];
     const float64 step_stator_resistance = stator_resistance_after - stator_resistance_j;
     const float64 change = step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta +
         step_omega * step_omega + step_theta * step_theta + step_load_torque * step_load_torque +
@@ -923,106 +914,80 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
 static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const float64 R[2],
     const float64 HL[12], float64 x_out[7], float64 LD_out[28])
 {
-    const float64 psi_alpha_j = x_j[0];
-    const float64 psi_beta_j = x_j[1];
-    const float64 omega_j = x_j[2];
-    const float64 theta_j = x_j[3];
-    const float64 load_torque_j = x_j[4];
-    const float64 magnet_flux_j = x_j[5];
-    const float64 stator_resistance_j = x_j[6];
-    const float64 D_pred_theta = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_omega = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_stator_resistance = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_magnet_flux = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_psi_alpha = LD_pred[14];
-    const float64 L_pred_50 = LD_pred[15];
-    const float64 L_pred_51 = LD_pred[16];
-    const float64 L_pred_52 = LD_pred[17];
-    const float64 L_pred_53 = LD_pred[18];
-    const float64 L_pred_54 = LD_pred[19];
-    const float64 D_pred_psi_beta = LD_pred[20];
-    const float64 L_pred_60 = LD_pred[21];
-    const float64 L_pred_61 = LD_pred[22];
-    const float64 L_pred_62 = LD_pred[23];
-    const float64 L_pred_63 = LD_pred[24];
-    const float64 L_pred_64 = LD_pred[25];
-    const float64 L_pred_65 = LD_pred[26];
-    const float64 D_pred_load_torque = LD_pred[27];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 HL_00 = HL[0];
-    const float64 HL_01 = HL[1];
-    const float64 HL_02 = HL[2];
-    const float64 HL_03 = HL[3];
-    const float64 HL_04 = HL[4];
-    const float64 HL_05 = HL[5];
-    const float64 HL_10 = HL[6];
-    const float64 HL_11 = HL[7];
-    const float64 HL_12 = HL[8];
-    const float64 HL_13 = HL[9];
-    const float64 HL_14 = HL[10];
-    const float64 HL_15 = HL[11];
-
     /* --- eq. 32 */
+    const float64 HL_05 = HL[5];
+    const float64 D_pred_psi_beta = LD_pred[20];
     const float64 g_first_5 = HL_05 * D_pred_psi_beta;
-    const float64 var_first_5 = HL_05 * g_first_5 + R_0;
+    const float64 R_0 = R[0];
+    const float64 var_first_5 = larger(HL_05 * g_first_5 + R_0, R_0);
+    const float64 HL_04 = HL[4];
+    const float64 D_pred_psi_alpha = LD_pred[14];
     const float64 g_first_4 = HL_04 * D_pred_psi_alpha;
-    const float64 var_first_4 = var_first_5 + HL_04 * g_first_4;
+    const float64 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, R_0);
+    const float64 HL_03 = HL[3];
+    const float64 D_pred_magnet_flux = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_magnet_flux;
-    const float64 var_first_3 = var_first_4 + HL_03 * g_first_3;
+    const float64 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+    const float64 HL_02 = HL[2];
+    const float64 D_pred_stator_resistance = LD_pred[5];
     const float64 g_first_2 = HL_02 * D_pred_stator_resistance;
-    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 HL_01 = HL[1];
+    const float64 D_pred_omega = LD_pred[2];
     const float64 g_first_1 = HL_01 * D_pred_omega;
-    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
-    const float64 var_first = var_first_1 + D_pred_theta * HL_00 * HL_00;
+    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+    const float64 D_pred_theta = LD_pred[0];
+    const float64 HL_00 = HL[0];
+    const float64 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
     const float64 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
     const float64 D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5;
+    const float64 HL_15 = HL[11];
     const float64 g_second_5 = HL_15 * D_first_5;
-    const float64 var_second_5 = HL_15 * g_second_5 + R_1;
+    const float64 R_1 = R[1];
+    const float64 var_second_5 = larger(HL_15 * g_second_5 + R_1, R_1);
     const float64 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
+    const float64 HL_14 = HL[10];
     const float64 f_second_4 = HL_14 - HL_15 * change_first_54;
     const float64 one_per_var_first_4 = 1.0 / var_first_4;
     const float64 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float64 g_second_4 = f_second_4 * D_first_4;
-    const float64 var_second_4 = var_second_5 + f_second_4 * g_second_4;
+    const float64 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_1);
     const float64 lambda_first_3 = HL_03 * one_per_var_first_4;
     const float64 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
+    const float64 HL_13 = HL[9];
     const float64 f_second_3 = HL_13 - lambda_first_3 * gain_first_y4;
     const float64 one_per_var_first_3 = 1.0 / var_first_3;
     const float64 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float64 g_second_3 = f_second_3 * D_first_3;
-    const float64 var_second_3 = var_second_4 + f_second_3 * g_second_3;
+    const float64 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
     const float64 lambda_first_2 = HL_02 * one_per_var_first_3;
     const float64 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
+    const float64 HL_12 = HL[8];
     const float64 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
+    const float64 HL_11 = HL[7];
     const float64 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
     const float64 D_first_0 = D_pred_theta * var_first_1 / var_first;
     const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
+    const float64 HL_10 = HL[6];
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-    const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
+    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
 
-    /* --- eq. 34: adaptive states within their tolerance */
+    /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
+    const float64 theta_j = x_j[3];
+    const float64 theta_new = wrap_angle(theta_j);
+    const float64 magnet_flux_j = x_j[5];
     const float64 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_j));
+    const float64 stator_resistance_j = x_j[6];
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE,
         smaller(MOST_STATOR_RESISTANCE, stator_resistance_j));
 
@@ -1030,19 +995,25 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 D_new_theta = D_first_0 * var_second_1 / var_second;
     const float64 one_per_var_second_1 = 1.0 / var_second_1;
     const float64 lambda_second_0 = f_second_0 * one_per_var_second_1;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
     const float64 D_new_omega = var_second_2 * D_first_1 * one_per_var_second_1;
+    const float64 L_pred_21 = LD_pred[4];
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+    const float64 L_pred_20 = LD_pred[3];
     const float64 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
     const float64 one_per_var_second_2 = 1.0 / var_second_2;
     const float64 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float64 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float64 D_new_stator_resistance = var_second_3 * D_first_2 * one_per_var_second_2;
+    const float64 L_pred_32 = LD_pred[8];
     const float64 gain_first_32 = g_first_3 + g_first_2 * L_pred_32;
     const float64 L_first_32 = L_pred_32 - g_first_3 * lambda_first_2;
     const float64 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float64 L_pred_31 = LD_pred[7];
     const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+    const float64 L_pred_30 = LD_pred[6];
     const float64 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
         lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
     const float64 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
@@ -1050,13 +1021,17 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 lambda_second_2 = f_second_2 * one_per_var_second_3;
     const float64 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
     const float64 D_new_magnet_flux = var_second_4 * D_first_3 * one_per_var_second_3;
+    const float64 L_pred_43 = LD_pred[13];
     const float64 gain_first_43 = g_first_4 + g_first_3 * L_pred_43;
+    const float64 L_pred_42 = LD_pred[12];
     const float64 gain_first_42 = gain_first_43 + g_first_2 * L_pred_42;
     const float64 L_first_43 = L_pred_43 - g_first_4 * lambda_first_3;
     const float64 gain_second_43 = g_second_4 + g_second_3 * L_first_43;
     const float64 L_first_42 = L_pred_42 - lambda_first_2 * gain_first_43;
     const float64 gain_second_42 = gain_second_43 + g_second_2 * L_first_42;
+    const float64 L_pred_41 = LD_pred[11];
     const float64 L_first_41 = L_pred_41 - lambda_first_1 * gain_first_42;
+    const float64 L_pred_40 = LD_pred[10];
     const float64 L_new_40 = L_pred_40 - lambda_first_0 * (gain_first_42 + g_first_1 * L_pred_41) -
         lambda_second_0 * (gain_second_42 + g_second_1 * L_first_41);
     const float64 L_new_41 = L_first_41 - lambda_second_1 * gain_second_42;
@@ -1065,8 +1040,11 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 lambda_second_3 = f_second_3 * one_per_var_second_4;
     const float64 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
     const float64 D_new_psi_alpha = var_second_5 * D_first_4 * one_per_var_second_4;
+    const float64 L_pred_54 = LD_pred[19];
     const float64 gain_first_54 = g_first_5 + g_first_4 * L_pred_54;
+    const float64 L_pred_53 = LD_pred[18];
     const float64 gain_first_53 = gain_first_54 + g_first_3 * L_pred_53;
+    const float64 L_pred_52 = LD_pred[17];
     const float64 gain_first_52 = gain_first_53 + g_first_2 * L_pred_52;
     const float64 L_first_54 = L_pred_54 - change_first_54;
     const float64 gain_second_54 = g_second_5 + g_second_4 * L_first_54;
@@ -1074,7 +1052,9 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 gain_second_53 = gain_second_54 + g_second_3 * L_first_53;
     const float64 L_first_52 = L_pred_52 - lambda_first_2 * gain_first_53;
     const float64 gain_second_52 = gain_second_53 + g_second_2 * L_first_52;
+    const float64 L_pred_51 = LD_pred[16];
     const float64 L_first_51 = L_pred_51 - lambda_first_1 * gain_first_52;
+    const float64 L_pred_50 = LD_pred[15];
     const float64 L_new_50 = L_pred_50 - lambda_first_0 * (gain_first_52 + g_first_1 * L_pred_51) -
         lambda_second_0 * (gain_second_52 + g_second_1 * L_first_51);
     const float64 L_new_51 = L_first_51 - lambda_second_1 * gain_second_52;
@@ -1084,8 +1064,12 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 change_second_54 = g_second_5 * f_second_4 * one_per_var_second_5;
     const float64 L_new_54 = L_first_54 - change_second_54;
     const float64 D_new_psi_beta = D_first_5 * R_1 * one_per_var_second_5;
+    const float64 L_pred_65 = LD_pred[26];
+    const float64 L_pred_64 = LD_pred[25];
     const float64 gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64;
+    const float64 L_pred_63 = LD_pred[24];
     const float64 gain_first_63 = gain_first_64 + g_first_3 * L_pred_63;
+    const float64 L_pred_62 = LD_pred[23];
     const float64 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
     const float64 L_first_64 = L_pred_64 - change_first_54 * L_pred_65;
     const float64 gain_second_64 = g_second_5 * L_pred_65 + g_second_4 * L_first_64;
@@ -1093,18 +1077,25 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 gain_second_63 = gain_second_64 + g_second_3 * L_first_63;
     const float64 L_first_62 = L_pred_62 - lambda_first_2 * gain_first_63;
     const float64 gain_second_62 = gain_second_63 + g_second_2 * L_first_62;
+    const float64 L_pred_61 = LD_pred[22];
     const float64 L_first_61 = L_pred_61 - lambda_first_1 * gain_first_62;
+    const float64 L_pred_60 = LD_pred[21];
     const float64 L_new_60 = L_pred_60 - lambda_first_0 * (gain_first_62 + g_first_1 * L_pred_61) -
         lambda_second_0 * (gain_second_62 + g_second_1 * L_first_61);
     const float64 L_new_61 = L_first_61 - lambda_second_1 * gain_second_62;
     const float64 L_new_62 = L_first_62 - lambda_second_2 * gain_second_63;
     const float64 L_new_63 = L_first_63 - lambda_second_3 * gain_second_64;
     const float64 L_new_64 = L_first_64 - change_second_54 * L_pred_65;
+    const float64 psi_alpha_j = x_j[0];
+    const float64 psi_beta_j = x_j[1];
+    const float64 omega_j = x_j[2];
+    const float64 load_torque_j = x_j[4];
+    const float64 D_pred_load_torque = LD_pred[27];
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
-    x_out[3] = theta_j;
+    x_out[3] = theta_new;
     x_out[4] = load_torque_j;
     x_out[5] = magnet_flux_new;
     x_out[6] = stator_resistance_new;
@@ -1180,7 +1171,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1254,27 +1245,9 @@ static void restart(ipmsm_adaptive_ickf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
-    f->LD[15] = 0.0;
-    f->LD[16] = 0.0;
-    f->LD[17] = 0.0;
-    f->LD[18] = 0.0;
-    f->LD[19] = 0.0;
-    f->LD[21] = 0.0;
-    f->LD[22] = 0.0;
-    f->LD[23] = 0.0;
-    f->LD[24] = 0.0;
-    f->LD[25] = 0.0;
-    f->LD[26] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1326,20 +1299,16 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     float64 nis[1];
     float64 HL[12];
     float64 change[1];
-    int accepted = 0;
-    int iterations;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
     int moving;
-    int status = PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[3]) && (LD_pred[2] > f->Q[2]) && (LD_pred[5] > f->Q[6]) && (LD_pred[9] > f->Q[5])
@@ -1362,15 +1331,11 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -40,8 +40,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -161,11 +159,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -175,23 +173,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_psi_alpha = LD[0];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_psi_alpha = LD[0];
     const float64 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_psi_beta = LD[2];
     const float64 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -232,51 +229,33 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
 static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10], float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_psi_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
-    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
     const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
     const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 D_psi_alpha = LD[0];
     const float64 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
+    const float64 L_10 = LD[1];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -291,9 +270,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_d_mid_scaled_and_v_d_scal_2 = psi_d_mid * ONE_MINUS_LOSS_Q + v_d * GAIN_Q;
     const float64 odd_psi_q_next_0 = odd_psi_beta_turned_0 * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_0 -
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 D_psi_beta = LD[2];
     const float64 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -303,12 +287,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         ONE_MINUS_LOSS_Q_X4 * sin_theta_mid * D_sind_theta_mid_1;
     const float64 odd_psi_q_next_1 = cos_theta_mid * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_1 -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 even_psi_d_next_2 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_2;
     const float64 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_mid_scaled_and_v_q_scaled;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 odd_psi_q_next_2 = MAGNET_TURN_POLE_PAIRS_PSI_M -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_2;
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
     const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
@@ -320,11 +308,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
         n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float64 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float64 D_omega = LD[5];
     const float64 n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2;
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
         n_D_sind_theta_mid_2 * odd_psi_q_next_2;
     const float64 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float64 sinc_theta_mid_3 = turn[6];
     const float64 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
+    const float64 D_theta = LD[9];
     const float64 n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3;
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
         minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
@@ -403,11 +394,13 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_omega_0 = D_psi_alpha * L_20;
@@ -422,6 +415,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
@@ -438,6 +432,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_odd_theta_2;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
         D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
     const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
@@ -473,18 +468,17 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_out[8])
 {
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 D_pred_psi_alpha = LD_pred[0];
+    const float64 L_pred_30 = LD_pred[6];
     const float64 z_theta_0 = D_pred_psi_alpha * L_pred_30 * L_pred_30;
+    const float64 D_pred_psi_beta = LD_pred[2];
+    const float64 L_pred_31 = LD_pred[7];
     const float64 z_theta_1 = D_pred_psi_beta * L_pred_31 * L_pred_31;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
     const float64 z_theta_2 = D_pred_omega * L_pred_32 * L_pred_32;
+    const float64 D_pred_theta = LD_pred[9];
 
     if (z_theta_0 + z_theta_1 + z_theta_2 + D_pred_theta > SMALL_TURN) {
         float64 z[4];
@@ -525,42 +519,22 @@ static int ckf_measurement_update_turns(float64 LD_pred[10], float64 turn_pred_o
 static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pred[10], const float64 R[2],
     const float64 y[2], const float64 turn_pred[8], float64 x_out[4], float64 LD_out[10], float64 nis_out[1])
 {
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-    const float64 sinc_theta_0 = turn_pred[0];
-    const float64 cosm1_theta_0 = turn_pred[1];
-    const float64 sinc_theta_1 = turn_pred[2];
-    const float64 cosm1_theta_1 = turn_pred[3];
-    const float64 sinc_theta_2 = turn_pred[4];
-    const float64 cosm1_theta_2 = turn_pred[5];
-    const float64 sinc_theta_3 = turn_pred[6];
-    const float64 cosm1_theta_3 = turn_pred[7];
-
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
+    const float64 theta_pred = x_pred[3];
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 sinc_theta_0 = turn_pred[0];
     const float64 sind_theta_0 = L_pred_30 * sinc_theta_0;
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 D_sind_theta_0 = sind_theta_0 * D_pred_psi_alpha;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_10 - sin_theta_pred;
+    const float64 cosm1_theta_0 = turn_pred[1];
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         D_sind_theta_0 * 4.0 * odd_psi_beta_turned_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_pred + sin_theta_pred * L_pred_10;
@@ -571,13 +545,19 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 saliency_times_psi_d_pred = SALIENCY * psi_d_pred;
     const float64 i_salient_pred = saliency_times_psi_d_pred - INV_L_D_PSI_M;
     const float64 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 sinc_theta_1 = turn_pred[2];
     const float64 sind_theta_1 = L_pred_31 * sinc_theta_1;
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 D_sind_theta_1 = D_pred_psi_beta * sind_theta_1;
+    const float64 cosm1_theta_1 = turn_pred[3];
     const float64 even_psi_d_pred_1 = psi_d_pred * cosm1_theta_1 + cos_theta_pred * 4.0 * D_sind_theta_1;
     const float64 one_plus_cosm1_theta_1 = 1.0 + cosm1_theta_1;
     const float64 odd_psi_d_pred_1 = sin_theta_pred * one_plus_cosm1_theta_1 + psi_beta_turned * sind_theta_1;
     const float64 even_i_salient_pred_1 = SALIENCY * even_psi_d_pred_1;
+    const float64 cosm1_theta_2 = turn_pred[5];
     const float64 even_i_salient_pred_2 = saliency_times_psi_d_pred * cosm1_theta_2;
+    const float64 cosm1_theta_3 = turn_pred[7];
     const float64 even_i_salient_pred_3 = saliency_times_psi_d_pred * cosm1_theta_3;
     const float64 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
     const float64 even_y_i_alpha_0 = even_i_salient_pred_0 + cosm1_theta_0 * total_i_salient_pred_0;
@@ -593,16 +573,21 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         SALIENCY * one_plus_cosm1_theta_1 * odd_psi_d_pred_1;
     const float64 odd_y_i_beta_0 = INV_L_Q * odd_psi_beta_turned_0 + sind_theta_0 * total_i_salient_pred_0;
     const float64 odd_y_i_beta_1 = INV_L_Q * cos_theta_pred + sind_theta_1 * total_i_salient_pred_1;
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 sinc_theta_2 = turn_pred[4];
     const float64 sind_theta_2 = L_pred_32 * sinc_theta_2;
     const float64 odd_y_i_beta_2 = total_i_salient_pred_2 * sind_theta_2;
+    const float64 sinc_theta_3 = turn_pred[6];
     const float64 odd_y_i_beta_3 = total_i_salient_pred_3 * sinc_theta_3;
 
     /* --- eq. 21 */
     const float64 curv_y_i_beta_0 = odd_psi_d_pred_0 * D_sind_theta_0;
     const float64 curv_y_i_beta_1 = D_sind_theta_1 * odd_psi_d_pred_1;
     const float64 odd_psi_d_pred_2 = psi_beta_turned * sind_theta_2;
+    const float64 D_pred_omega = LD_pred[5];
     const float64 curv_y_i_beta_2 = sind_theta_2 * odd_psi_d_pred_2 * D_pred_omega;
     const float64 odd_psi_d_pred_3 = psi_beta_turned * sinc_theta_3;
+    const float64 D_pred_theta = LD_pred[9];
     const float64 curv_y_i_beta_3 = sinc_theta_3 * odd_psi_d_pred_3 * D_pred_theta;
     const float64 curv_y_i_alpha_sum = even_y_i_alpha_0 + even_y_i_alpha_1 + even_y_i_alpha_2 +
         even_y_i_alpha_3;
@@ -620,6 +605,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 dev_y_i_beta_3 = curv_y_i_beta_3 - curv_y_i_beta_mean;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
+    const float64 R_0 = R[0];
+    const float64 R_1 = R[1];
     const float64 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
     const float64 R_0_min_R_1 = smaller(R_0, R_1);
     const float64 noise_00 = larger(R_turned_00 + 0.25 * (dev_y_i_alpha_0 * dev_y_i_alpha_0 +
@@ -629,7 +616,9 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         SALIENCY * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame */
+    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    const float64 i_alpha_meas = y[0];
+    const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -638,15 +627,15 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 part_of_var_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3;
     const float64 HL_03 = SALIENCY * part_of_var_first;
     const float64 g_first_3 = HL_03 * D_pred_theta;
-    const float64 var_first_3 = noise_00 + HL_03 * g_first_3;
+    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
     const float64 part_of_var_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2;
     const float64 HL_02 = SALIENCY * part_of_var_first_2;
     const float64 g_first_2 = HL_02 * D_pred_omega;
-    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
     const float64 g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1;
-    const float64 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
+    const float64 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
     const float64 g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha;
-    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
+    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -663,25 +652,25 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
     const float64 D_first_3 = noise_00 * D_pred_theta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 var_second_3 = R_second + HL_13_apart * g_second_3;
+    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
     const float64 change_first_32 =
         part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
     const float64 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0;
     const float64 D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
+    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
@@ -689,10 +678,13 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
     const float64 psi_beta_new = nu_by_var_first * (g_first_1 + L_pred_10 * g_first_0) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + psi_beta_pred;
+    const float64 L_pred_21 = LD_pred[4];
     const float64 gain_first_21 = g_first_2 + g_first_1 * L_pred_21;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + g_second_1 * L_first_21;
+    const float64 L_pred_20 = LD_pred[3];
     const float64 L_first_20 = L_pred_20 - lambda_first_0 * gain_first_21;
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = nu_by_var_first * (gain_first_21 + g_first_0 * L_pred_20) +
         nu_by_var_second * (gain_second_21 + g_second_0 * L_first_20) + omega_pred;
     const float64 gain_first_32 = g_first_3 + L_pred_32 * g_first_2;
@@ -702,8 +694,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
     const float64 gain_second_31 = gain_second_32 + g_second_1 * L_first_31;
     const float64 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
-    const float64 theta_new = nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
-        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred;
+    const float64 theta_new = wrap_angle(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred);
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second;
@@ -763,7 +755,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -807,12 +799,9 @@ static void restart(ipmsm_flux_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -862,19 +851,15 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     float64 check[1];
     float64 turn_pred[8];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) &&
@@ -888,15 +873,11 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -39,8 +39,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -160,7 +158,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)
@@ -171,8 +169,8 @@ static void copy(float64 *target, const float64 *source, int count)
     }
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -182,23 +180,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_psi_alpha = LD[0];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_psi_alpha = LD[0];
     const float64 z_theta_mid_0 = D_psi_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_psi_beta = LD[2];
     const float64 z_theta_mid_1 = D_psi_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -239,51 +236,33 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
 static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10], float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 D_psi_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_psi_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
-    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
     const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
+    const float64 v_alpha = u[0];
+    const float64 v_beta = u[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 psi_d_mid_scaled_and_v_d_scaled = ONE_MINUS_LOSS_D * psi_d_mid + GAIN_D * v_d;
     const float64 psi_d_next = psi_d_mid_scaled_and_v_d_scaled + LOSS_D_PSI_M;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 D_psi_alpha = LD[0];
     const float64 D_sind_theta_mid_0 = D_psi_alpha * sind_theta_mid_0;
+    const float64 L_10 = LD[1];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_next_0 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_0 +
         ONE_MINUS_LOSS_D_X4 * D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
@@ -298,9 +277,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 psi_d_mid_scaled_and_v_d_scal_2 = psi_d_mid * ONE_MINUS_LOSS_Q + v_d * GAIN_Q;
     const float64 odd_psi_q_next_0 = odd_psi_beta_turned_0 * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_0 -
         sind_theta_mid_0 * psi_d_mid_scaled_and_v_d_scal_2 + L_20 * MAGNET_TURN_POLE_PAIRS_PSI_M;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 D_psi_beta = LD[2];
     const float64 D_sind_theta_mid_1 = D_psi_beta * sind_theta_mid_1;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_next_1 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_1 +
         ONE_MINUS_LOSS_D_X4 * cos_theta_mid * D_sind_theta_mid_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
@@ -310,12 +294,16 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         ONE_MINUS_LOSS_Q_X4 * sin_theta_mid * D_sind_theta_mid_1;
     const float64 odd_psi_q_next_1 = cos_theta_mid * ONE_MINUS_LOSS_Q * one_plus_cosm1_theta_mid_1 -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_1 + MAGNET_TURN_POLE_PAIRS_PSI_M * L_21;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 even_psi_d_next_2 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_2;
     const float64 even_psi_q_next_2 = cosm1_theta_mid_2 * psi_q_mid_scaled_and_v_q_scaled;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 odd_psi_q_next_2 = MAGNET_TURN_POLE_PAIRS_PSI_M -
         psi_d_mid_scaled_and_v_d_scal_2 * sind_theta_mid_2;
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 even_psi_d_next_3 = psi_d_mid_scaled_and_v_d_scaled * cosm1_theta_mid_3;
     const float64 even_psi_q_next_3 = cosm1_theta_mid_3 * psi_q_mid_scaled_and_v_q_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
@@ -327,11 +315,14 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 even_psi_alpha_next_1 = even_psi_d_next_1 + cosm1_theta_mid_1 * total_psi_d_next_1 -
         n_D_sind_theta_mid_1 * odd_psi_q_next_1;
     const float64 total_psi_d_next_2 = psi_d_next + even_psi_d_next_2;
+    const float64 D_omega = LD[5];
     const float64 n_D_sind_theta_mid_2 = 4.0 * D_omega * sind_theta_mid_2;
     const float64 even_psi_alpha_next_2 = even_psi_d_next_2 + cosm1_theta_mid_2 * total_psi_d_next_2 -
         n_D_sind_theta_mid_2 * odd_psi_q_next_2;
     const float64 total_psi_d_next_3 = psi_d_next + even_psi_d_next_3;
+    const float64 sinc_theta_mid_3 = turn[6];
     const float64 minus_odd_psi_q_next_3 = psi_d_mid_scaled_and_v_d_scal_2 * sinc_theta_mid_3;
+    const float64 D_theta = LD[9];
     const float64 n_D_sind_theta_mid_3 = 4.0 * D_theta * sinc_theta_mid_3;
     const float64 even_psi_alpha_next_3 = even_psi_d_next_3 + cosm1_theta_mid_3 * total_psi_d_next_3 +
         minus_odd_psi_q_next_3 * n_D_sind_theta_mid_3;
@@ -410,11 +401,13 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         dev_psi_alpha_3 * dev_psi_beta_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_omega_0 = D_psi_alpha * L_20;
@@ -429,6 +422,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_psi_beta = 1.0 / D_pred_psi_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = D_odd_psi_alpha_0 * odd_theta_next_0 + D_odd_psi_alpha_1 * odd_theta_next_1 +
@@ -445,6 +439,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_odd_theta_2;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = D_psi_alpha * odd_theta_next_0 * odd_theta_next_0 +
         D_psi_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
     const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
@@ -482,70 +477,59 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 R[2], const float64 y[2], float64 x_j_out[4], float64 nis_out[1], float64 HL_out[8],
     float64 change_out[1])
 {
-    const float64 psi_alpha_j = x_j[0];
-    const float64 psi_beta_j = x_j[1];
-    const float64 omega_j = x_j[2];
-    const float64 theta_j = x_j[3];
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
     /* --- eq. 31: x_pred - x^j */
-    const float64 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
-    const float64 deviation_psi_beta = psi_beta_pred - psi_beta_j;
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_j = x_j[3];
     const float64 deviation_theta = theta_pred - theta_j;
 
     /* --- eq. 20: Jacobian */
-    const float64 theta_j_wrapped = wrap_angle(theta_j);
-    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j_wrapped);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
     const float64 saliency_times_sin_theta_j = SALIENCY * sin_theta_j;
+    const float64 psi_alpha_j = x_j[0];
+    const float64 psi_beta_j = x_j[1];
     const float64 i_salient_j = cos_theta_j_times_saliency * psi_alpha_j +
         saliency_times_sin_theta_j * psi_beta_j - INV_L_D_PSI_M;
     const float64 slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency;
     const float64 slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j;
     const float64 part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j;
-    const float64 sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j;
     const float64 slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 -
-        sin_theta_j_times_i_salient_j;
+        sin_theta_j * i_salient_j;
     const float64 slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j;
-    const float64 cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j;
     const float64 slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 +
-        cos_theta_j_times_i_salient_j;
+        cos_theta_j * i_salient_j;
 
     /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-    const float64 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-        slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
-        slope_y_i_alpha_3 * deviation_theta;
-    const float64 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-        slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
-        deviation_theta * slope_y_i_beta_3;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
+    const float64 part_of_innovation_i_alpha = cos_theta_j_times_saliency * psi_alpha_pred +
+        saliency_times_sin_theta_j * psi_beta_pred - INV_L_D_PSI_M;
+    const float64 i_alpha_meas = y[0];
+    const float64 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_pred -
+        cos_theta_j * part_of_innovation_i_alpha - slope_y_i_alpha_3 * deviation_theta;
+    const float64 i_beta_meas = y[1];
+    const float64 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_pred -
+        sin_theta_j * part_of_innovation_i_alpha - deviation_theta * slope_y_i_beta_3;
 
     /* --- eq. 22: Pyy^j */
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 L_pred_30 = LD_pred[6];
     const float64 HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30;
+    const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 D_HL_00 = D_pred_psi_alpha * HL_00;
+    const float64 L_pred_31 = LD_pred[7];
     const float64 HL_01 = slope_y_i_alpha_1 + slope_y_i_alpha_3 * L_pred_31;
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 D_HL_01 = HL_01 * D_pred_psi_beta;
+    const float64 L_pred_32 = LD_pred[8];
     const float64 HL_02 = slope_y_i_alpha_3 * L_pred_32;
+    const float64 D_pred_omega = LD_pred[5];
     const float64 D_HL_02 = HL_02 * D_pred_omega;
+    const float64 D_pred_theta = LD_pred[9];
     const float64 D_HL_03 = slope_y_i_alpha_3 * D_pred_theta;
+    const float64 R_0 = R[0];
     const float64 Pyy_00 = HL_00 * D_HL_00 + HL_01 * D_HL_01 + HL_02 * D_HL_02 + slope_y_i_alpha_3 * D_HL_03 +
         R_0;
     const float64 HL_10 = slope_y_i_alpha_1 + L_pred_10 * slope_y_i_beta_1 + L_pred_30 * slope_y_i_beta_3;
@@ -560,6 +544,7 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 D_HL_11 = D_pred_psi_beta * HL_11;
     const float64 D_HL_12 = D_pred_omega * HL_12;
     const float64 D_HL_13 = D_pred_theta * slope_y_i_beta_3;
+    const float64 R_1 = R[1];
     const float64 Pyy_inv_nu_1 =
         (innovation_i_beta - innovation_i_alpha * Pyy_10_per_Pyy_00) / larger(HL_10 * D_HL_10 +
         HL_11 * D_HL_11 + HL_12 * D_HL_12 + slope_y_i_beta_3 * D_HL_13 - Pyy_10 * Pyy_10_per_Pyy_00 + R_1,
@@ -572,6 +557,9 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 along_2 = D_HL_02 * Pyy_inv_nu_0 + D_HL_12 * Pyy_inv_nu_1;
     const float64 psi_alpha_after = along_0 + psi_alpha_pred;
     const float64 psi_beta_after = L_pred_10 * along_0 + along_1 + psi_beta_pred;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_after = along_0 * L_pred_20 + along_1 * L_pred_21 + along_2 + omega_pred;
     const float64 theta_after = L_pred_30 * along_0 + L_pred_31 * along_1 + L_pred_32 * along_2 +
         D_HL_03 * Pyy_inv_nu_0 + D_HL_13 * Pyy_inv_nu_1 + theta_pred;
@@ -579,6 +567,7 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     /* --- eq. 33: x^{j+1} - x^j; |x^{j+1} - x^j|^2 */
     const float64 step_psi_alpha = psi_alpha_after - psi_alpha_j;
     const float64 step_psi_beta = psi_beta_after - psi_beta_j;
+    const float64 omega_j = x_j[2];
     const float64 step_omega = omega_after - omega_j;
     const float64 step_theta = theta_after - theta_j;
     const float64 change = step_psi_alpha * step_psi_alpha + step_psi_beta * step_psi_beta +
@@ -604,89 +593,91 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
 static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const float64 R[2],
     const float64 HL[8], float64 x_out[4], float64 LD_out[10])
 {
-    const float64 psi_alpha_j = x_j[0];
-    const float64 psi_beta_j = x_j[1];
-    const float64 omega_j = x_j[2];
-    const float64 theta_j = x_j[3];
-    const float64 D_pred_psi_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_psi_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 HL_00 = HL[0];
-    const float64 HL_01 = HL[1];
-    const float64 HL_02 = HL[2];
-    const float64 HL_03 = HL[3];
-    const float64 HL_10 = HL[4];
-    const float64 HL_11 = HL[5];
-    const float64 HL_12 = HL[6];
-    const float64 HL_13 = HL[7];
-
     /* --- eq. 32 */
+    const float64 HL_03 = HL[3];
+    const float64 D_pred_theta = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_theta;
-    const float64 var_first_3 = HL_03 * g_first_3 + R_0;
+    const float64 R_0 = R[0];
+    const float64 var_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+    const float64 HL_02 = HL[2];
+    const float64 D_pred_omega = LD_pred[5];
     const float64 g_first_2 = HL_02 * D_pred_omega;
-    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 HL_01 = HL[1];
+    const float64 D_pred_psi_beta = LD_pred[2];
     const float64 g_first_1 = HL_01 * D_pred_psi_beta;
-    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
-    const float64 var_first = var_first_1 + D_pred_psi_alpha * HL_00 * HL_00;
+    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+    const float64 D_pred_psi_alpha = LD_pred[0];
+    const float64 HL_00 = HL[0];
+    const float64 var_first = larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0);
     const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
     const float64 D_first_3 = R_0 * D_pred_theta_per_var_first_3;
+    const float64 HL_13 = HL[7];
     const float64 g_second_3 = HL_13 * D_first_3;
-    const float64 var_second_3 = HL_13 * g_second_3 + R_1;
+    const float64 R_1 = R[1];
+    const float64 var_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
     const float64 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
+    const float64 HL_12 = HL[6];
     const float64 f_second_2 = HL_12 - HL_13 * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
+    const float64 HL_11 = HL[5];
     const float64 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
     const float64 D_first_0 = D_pred_psi_alpha * var_first_1 / var_first;
     const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
+    const float64 HL_10 = HL[4];
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-    const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
+    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+
+    /* --- eq. 34: theta wrapped */
+    const float64 theta_j = x_j[3];
+    const float64 theta_new = wrap_angle(theta_j);
 
     /* --- eq. 32: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
     const float64 one_per_var_second_1 = 1.0 / var_second_1;
     const float64 lambda_second_0 = f_second_0 * one_per_var_second_1;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
     const float64 D_new_psi_beta = var_second_2 * D_first_1 * one_per_var_second_1;
+    const float64 L_pred_21 = LD_pred[4];
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
+    const float64 L_pred_20 = LD_pred[3];
     const float64 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
     const float64 one_per_var_second_2 = 1.0 / var_second_2;
     const float64 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float64 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float64 D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2;
+    const float64 L_pred_32 = LD_pred[8];
     const float64 gain_first_32 = g_first_3 + g_first_2 * L_pred_32;
     const float64 L_first_32 = L_pred_32 - change_first_32;
     const float64 gain_second_32 = g_second_3 + g_second_2 * L_first_32;
+    const float64 L_pred_31 = LD_pred[7];
     const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
+    const float64 L_pred_30 = LD_pred[6];
     const float64 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
         lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
     const float64 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
     const float64 one_per_var_second_3 = 1.0 / var_second_3;
     const float64 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3;
     const float64 D_new_theta = D_first_3 * R_1 * one_per_var_second_3;
+    const float64 psi_alpha_j = x_j[0];
+    const float64 psi_beta_j = x_j[1];
+    const float64 omega_j = x_j[2];
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
-    x_out[3] = theta_j;
+    x_out[3] = theta_new;
     LD_out[0] = D_new_psi_alpha;
     LD_out[1] = L_new_10;
     LD_out[2] = D_new_psi_beta;
@@ -720,7 +711,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -764,12 +755,9 @@ static void restart(ipmsm_flux_ickf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -821,20 +809,16 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     float64 nis[1];
     float64 HL[8];
     float64 change[1];
-    int accepted = 0;
-    int iterations;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
     int moving;
-    int status = PMSM_INPUT_REJECTED;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) &&
@@ -857,15 +841,11 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -598,8 +598,6 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 i_beta_meas = y[1].of[lane];
 
         /* --- eq. 31: x_pred - x^j */
-        const float32 deviation_psi_alpha = psi_alpha_pred - psi_alpha_j;
-        const float32 deviation_psi_beta = psi_beta_pred - psi_beta_j;
         const float32 deviation_theta = theta_pred - theta_j;
 
         /* --- eq. 20: Jacobian */
@@ -614,21 +612,19 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 slope_y_i_alpha_0 = INV_L_Q + cos_theta_j * cos_theta_j_times_saliency;
         const float32 slope_y_i_alpha_1 = cos_theta_j_times_saliency * sin_theta_j;
         const float32 part_of_slope_y_i_alpha_3 = cos_theta_j * psi_beta_j - sin_theta_j * psi_alpha_j;
-        const float32 sin_theta_j_times_i_salient_j = sin_theta_j * i_salient_j;
         const float32 slope_y_i_alpha_3 = cos_theta_j_times_saliency * part_of_slope_y_i_alpha_3 -
-            sin_theta_j_times_i_salient_j;
+            sin_theta_j * i_salient_j;
         const float32 slope_y_i_beta_1 = INV_L_Q + sin_theta_j * saliency_times_sin_theta_j;
-        const float32 cos_theta_j_times_i_salient_j = cos_theta_j * i_salient_j;
         const float32 slope_y_i_beta_3 = saliency_times_sin_theta_j * part_of_slope_y_i_alpha_3 +
-            cos_theta_j_times_i_salient_j;
+            cos_theta_j * i_salient_j;
 
         /* --- eq. 31: y - h(x^j) - H^j (x_pred - x^j) */
-        const float32 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_j - cos_theta_j_times_i_salient_j -
-            slope_y_i_alpha_0 * deviation_psi_alpha - slope_y_i_alpha_1 * deviation_psi_beta -
-            slope_y_i_alpha_3 * deviation_theta;
-        const float32 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_j - sin_theta_j_times_i_salient_j -
-            slope_y_i_alpha_1 * deviation_psi_alpha - deviation_psi_beta * slope_y_i_beta_1 -
-            deviation_theta * slope_y_i_beta_3;
+        const float32 part_of_innovation_i_alpha = cos_theta_j_times_saliency * psi_alpha_pred +
+            saliency_times_sin_theta_j * psi_beta_pred - INV_L_D_PSI_M;
+        const float32 innovation_i_alpha = i_alpha_meas - INV_L_Q * psi_alpha_pred -
+            cos_theta_j * part_of_innovation_i_alpha - slope_y_i_alpha_3 * deviation_theta;
+        const float32 innovation_i_beta = i_beta_meas - INV_L_Q * psi_beta_pred -
+            sin_theta_j * part_of_innovation_i_alpha - deviation_theta * slope_y_i_beta_3;
 
         /* --- eq. 22: Pyy^j */
         const float32 HL_00 = slope_y_i_alpha_0 + slope_y_i_alpha_1 * L_pred_10 + slope_y_i_alpha_3 * L_pred_30;

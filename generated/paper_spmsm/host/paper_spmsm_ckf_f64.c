@@ -33,8 +33,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -154,11 +152,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -168,18 +166,17 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[10], float64 turn_out[8])
 {
-    const float64 D_i_alpha = LD[0];
-    const float64 D_i_beta = LD[2];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 4, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 D_i_alpha = LD[0];
+    const float64 L_30 = LD[6];
     const float64 z_theta_0 = D_i_alpha * L_30 * L_30;
+    const float64 D_i_beta = LD[2];
+    const float64 L_31 = LD[7];
     const float64 z_theta_1 = D_i_beta * L_31 * L_31;
+    const float64 D_omega = LD[5];
+    const float64 L_32 = LD[8];
     const float64 z_theta_2 = D_omega * L_32 * L_32;
+    const float64 D_theta = LD[9];
 
     if (z_theta_0 + z_theta_1 + z_theta_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -220,61 +217,50 @@ static int time_update_turns(float64 LD[10], float64 turn_out[8])
 static void time_update(const float64 x[4], const float64 LD[10], const float64 Q[4], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[4], float64 LD_pred_out[10], float64 check_out[1])
 {
-    const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 D_i_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_0 = turn[0];
-    const float64 cosm1_theta_0 = turn[1];
-    const float64 sinc_theta_1 = turn[2];
-    const float64 cosm1_theta_1 = turn[3];
-    const float64 sinc_theta_2 = turn[4];
-    const float64 cosm1_theta_2 = turn[5];
-    const float64 sinc_theta_3 = turn[6];
-    const float64 cosm1_theta_3 = turn[7];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 theta = x[3];
     const pmsm_pair_f64 sincos_theta = sin_cos(theta);
     const float64 sin_theta = sincos_theta.sine;
     const float64 cos_theta = sincos_theta.cosine;
     const float64 decay_i_times_cos_theta = DECAY_I * cos_theta;
     const float64 decay_i_times_sin_theta = DECAY_I * sin_theta;
+    const float64 omega = x[2];
     const float64 emf_step = GAIN_E_POLE_PAIRS * omega;
+    const float64 L_30 = LD[6];
+    const float64 sinc_theta_0 = turn[0];
     const float64 sind_theta_0 = L_30 * sinc_theta_0;
+    const float64 L_10 = LD[1];
     const float64 odd_i_alpha_next_0 = decay_i_times_cos_theta + decay_i_times_sin_theta * L_10 +
         emf_step * sind_theta_0;
+    const float64 L_31 = LD[7];
+    const float64 sinc_theta_1 = turn[2];
     const float64 sind_theta_1 = L_31 * sinc_theta_1;
     const float64 odd_i_alpha_next_1 = decay_i_times_sin_theta + emf_step * sind_theta_1;
+    const float64 L_20 = LD[3];
+    const float64 cosm1_theta_0 = turn[1];
     const float64 odd_i_beta_next_0 = decay_i_times_cos_theta * L_10 - decay_i_times_sin_theta -
         GAIN_E_POLE_PAIRS * L_20 * (1.0 + cosm1_theta_0);
+    const float64 L_21 = LD[4];
+    const float64 cosm1_theta_1 = turn[3];
     const float64 odd_i_beta_next_1 = decay_i_times_cos_theta -
         GAIN_E_POLE_PAIRS * L_21 * (1.0 + cosm1_theta_1);
     const float64 odd_theta_next_0 = L_20 * POLE_PAIRS_SAMPLE_TIME + L_30;
     const float64 odd_theta_next_1 = L_21 * POLE_PAIRS_SAMPLE_TIME + L_31;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_next_2 = POLE_PAIRS_SAMPLE_TIME + L_32;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
+    const float64 D_i_alpha = LD[0];
     const float64 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
+    const float64 D_i_beta = LD[2];
     const float64 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float64 emf_step_sq = emf_step * emf_step;
+    const float64 sinc_theta_2 = turn[4];
     const float64 sind_theta_2 = L_32 * sinc_theta_2;
+    const float64 D_omega = LD[5];
     const float64 curv_i_alpha_2 = D_omega * sind_theta_2;
+    const float64 sinc_theta_3 = turn[6];
+    const float64 D_theta = LD[9];
     const float64 D_sind_theta_3 = sinc_theta_3 * D_theta;
     const float64 D_odd_omega_0 = L_20 * D_i_alpha;
     const float64 curv_i_alpha_0 = sind_theta_0 * D_odd_omega_0;
@@ -288,9 +274,11 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         curv_i_alpha_2 * curv_i_alpha_2) - offset_i_alpha * offset_i_alpha;
     const float64 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
     const float64 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
+    const float64 cosm1_theta_2 = turn[5];
     const float64 one_plus_cosm1_theta_2 = 1.0 + cosm1_theta_2;
     const float64 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_2;
     const float64 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
+    const float64 cosm1_theta_3 = turn[7];
     const float64 curv_i_beta_sum = cosm1_theta_0 + cosm1_theta_1 + cosm1_theta_2 + cosm1_theta_3;
     const float64 curv_i_beta_mean = curv_i_beta_sum * 0.25;
     const float64 dev_i_beta_0 = cosm1_theta_0 - curv_i_beta_mean;
@@ -305,11 +293,13 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         curv_i_alpha_0 * dev_i_beta_0 + curv_i_alpha_1 * dev_i_beta_1);
     const float64 P_tilt = sin_theta * (P_turned_00 - P_turned_11) + cos_theta * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta * P_tilt - P_turned_10;
     const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 cos_theta_times_decay_omega = cos_theta * DECAY_OMEGA;
@@ -327,6 +317,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = DECAY_OMEGA_SQ * (L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega) + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = D_odd_i_alpha_0 * odd_theta_next_0 + D_odd_i_alpha_1 * odd_theta_next_1 +
@@ -343,6 +334,7 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
         D_odd_omega_1 * odd_theta_next_1 + D_odd_theta_2);
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 L_pred_32 = LD_pred_32 / D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = D_i_alpha * odd_theta_next_0 * odd_theta_next_0 +
         D_i_beta * odd_theta_next_1 * odd_theta_next_1 + odd_theta_next_2 * D_odd_theta_2 + D_theta + Q_3;
     const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
@@ -350,8 +342,12 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
 
     /* --- eq. 16: x_pred = mean X_i' */
     const float64 part_of_i_alpha_pred = emf_step + emf_step * curv_i_beta_mean;
+    const float64 i_alpha = x[0];
+    const float64 v_alpha = u[0];
     const float64 i_alpha_pred = DECAY_I * i_alpha + part_of_i_alpha_pred * sin_theta + GAIN_V * v_alpha +
         cos_theta * offset_i_alpha;
+    const float64 i_beta = x[1];
+    const float64 v_beta = u[1];
     const float64 i_beta_pred = DECAY_I * i_beta - part_of_i_alpha_pred * cos_theta + GAIN_V * v_beta +
         sin_theta * offset_i_alpha;
     const float64 omega_pred = omega * DECAY_OMEGA;
@@ -381,44 +377,41 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
 static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pred[10], const float64 R[2],
     const float64 y[2], float64 x_out[4], float64 LD_out[10], float64 nis_out[1])
 {
-    const float64 i_alpha_pred = x_pred[0];
-    const float64 i_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 D_pred_i_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_i_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
+    /* --- eq. 25: y - y_pred; theta wrapped */
     const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
-    /* --- eq. 25: y - y_pred */
+    const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float64 R_0 = R[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float64 i_beta_meas = y[1];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 i_beta_pred = x_pred[1];
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float64 R_1 = R[1];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 var_second = var_second_1 + L_pred_10 * g_second_0;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_new = correction_second_0 + i_alpha_pred;
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
+        theta_pred);
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_i_alpha = D_first_0 * var_second_1 * one_per_var_second;
@@ -432,6 +425,9 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_theta = LD_pred[9];
 
     x_out[0] = i_alpha_new;
     x_out[1] = i_beta_new;
@@ -471,7 +467,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_i_beta;
@@ -515,12 +511,9 @@ static void restart(paper_spmsm_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -569,19 +562,15 @@ int paper_spmsm_ckf_f64_step(paper_spmsm_ckf_f64_t *f, const float64 u[2], const
     float64 LD_pred[10];
     float64 check[1];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) &&
@@ -594,15 +583,11 @@ int paper_spmsm_ckf_f64_step(paper_spmsm_ckf_f64_t *f, const float64 u[2], const
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

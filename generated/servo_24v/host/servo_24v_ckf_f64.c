@@ -61,8 +61,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -182,11 +180,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -197,12 +195,10 @@ static int within(const float64 value[2], float64 limit)
 static void inverter(const float64 x[6], const float64 u[2], float64 v_out[2], float64 g_out[3])
 {
     const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
     const float64 sign_per_a_times_i_alpha = SIGN_PER_A * i_alpha;
     const float64 sign_a_here = larger(-1.0, smaller(1.0, sign_per_a_times_i_alpha));
     const float64 sign_per_a_times_i_alpha_scaled = -0.5 * sign_per_a_times_i_alpha;
+    const float64 i_beta = x[1];
     const float64 i_beta_scaled_scaled = SQRT_3_BY_2 * (SIGN_PER_A * i_beta);
     const float64 sign_b_here = larger(-1.0,
         smaller(1.0, sign_per_a_times_i_alpha_scaled + i_beta_scaled_scaled));
@@ -212,9 +208,11 @@ static void inverter(const float64 x[6], const float64 u[2], float64 v_out[2], f
     /* --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs */
     const float64 part_of_g_alpha_now = sign_a_here - 0.5 * (sign_b_here + sign_c_here);
     const float64 g_alpha_now = TWO_THIRDS * part_of_g_alpha_now;
+    const float64 v_alpha = u[0];
     const float64 v_alpha_now = v_alpha - V_DEAD * g_alpha_now;
     const float64 sign_b_minus_c_here = sign_b_here - sign_c_here;
     const float64 g_beta_now = ONE_BY_SQRT_3 * sign_b_minus_c_here;
+    const float64 v_beta = u[1];
     const float64 v_beta_now = v_beta - V_DEAD * g_beta_now;
 
     /* --- g(h(x)): the direction in which a wrong V_d acts; sqrt(1 - |3/4 g|^2): how unsure it is */
@@ -231,23 +229,22 @@ static void inverter(const float64 x[6], const float64 u[2], float64 v_out[2], f
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[21], float64 turn_out[8])
 {
-    const float64 D_i_alpha = LD[0];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 6, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_i_alpha = LD[0];
     const float64 z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_i_beta = LD[2];
     const float64 z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -289,66 +286,27 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 g[3], const float64 turn[8], float64 x_pred_out[6], float64 LD_pred_out[21],
     float64 check_out[1])
 {
-    const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 stator_resistance = x[5];
-    const float64 D_i_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_load_torque = LD[14];
-    const float64 L_50 = LD[15];
-    const float64 L_51 = LD[16];
-    const float64 L_52 = LD[17];
-    const float64 L_53 = LD[18];
-    const float64 L_54 = LD[19];
-    const float64 D_stator_resistance = LD[20];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 Q_5 = Q[5];
-    const float64 v_alpha = v[0];
-    const float64 v_beta = v[1];
-    const float64 g_alpha = g[0];
-    const float64 g_beta = g[1];
-    const float64 unsure = g[2];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
+    const float64 omega = x[2];
     const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_20 = LD[3];
     const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
+    const float64 theta = x[3];
     const float64 theta_mid = omega_e * HALF_T + theta;
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
     const float64 emf_step = GAIN_E * omega_e;
     const float64 odd_emf_step_0 = GAIN_E * odd_omega_e_0;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 stator_resistance = x[5];
     const float64 stator_resistance_sub_nominal_r = stator_resistance - NOMINAL_R;
+    const float64 i_alpha = x[0];
+    const float64 i_beta = x[1];
     const float64 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
+    const float64 v_alpha = v[0];
+    const float64 v_beta = v[1];
     const float64 part_of_G_i_alpha_L_d = v_alpha * cos_theta_mid + sin_theta_mid * v_beta -
         stator_resistance_sub_nominal_r * i_alpha_turned;
     const float64 drive_alpha = GAIN_V * part_of_G_i_alpha_L_d;
@@ -358,13 +316,19 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 drive_beta = GAIN_V * part_of_drive_beta;
     const float64 i_d_between = 0.5 * (ONE_PLUS_DECAY_I * i_alpha_turned + drive_alpha);
     const float64 i_q_between = 0.5 * (ONE_PLUS_DECAY_I * i_beta_turned - emf_step + drive_beta);
+    const float64 D_i_alpha = LD[0];
     const float64 n_D_0 = D_i_alpha * 6.0;
+    const float64 L_50 = LD[15];
     const float64 odd_decay_off_0 = GAIN_V * L_50;
     const float64 n_D_odd_decay_off_0 = n_D_0 * odd_decay_off_0;
+    const float64 L_10 = LD[1];
     const float64 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
         n_D_odd_decay_off_0 * odd_i_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
+    const float64 half_one_plus_cosm1_theta_mid_0 = 0.5 * one_plus_cosm1_theta_mid_0;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
     const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
     const float64 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
@@ -372,73 +336,94 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
         odd_decay_off_0 * i_alpha_turned;
     const float64 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
-        minus_even_i_beta_next_0 * 0.5 * one_plus_cosm1_theta_mid_0 -
+        minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
         n_D_sind_theta_mid_0 * 0.5 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0);
+    const float64 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
+        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
+    const float64 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
+        n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
+    const float64 odd_i_q_between_0 =
+        half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
+        sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5);
+    const float64 L_21 = LD[4];
     const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
     const float64 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
+    const float64 D_i_beta = LD[2];
     const float64 n_D_1 = 6.0 * D_i_beta;
+    const float64 L_51 = LD[16];
     const float64 odd_decay_off_1 = GAIN_V * L_51;
     const float64 n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
         cos_theta_mid * n_D_odd_decay_off_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
+    const float64 half_one_plus_cosm1_theta_mid_1 = 0.5 * one_plus_cosm1_theta_mid_1;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
     const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
     const float64 odd_i_alpha_next_1 = decay_now * sin_theta_mid + emf_step * sind_theta_mid_1 -
         i_alpha_turned * odd_decay_off_1;
     const float64 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
-        minus_even_i_beta_next_1 * 0.5 * one_plus_cosm1_theta_mid_1 -
+        minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
         n_D_sind_theta_mid_1 * 0.5 * (sin_theta_mid + odd_i_alpha_next_1);
+    const float64 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
+        - i_beta_turned * odd_decay_off_1;
+    const float64 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
+        sin_theta_mid * n_D_odd_decay_off_1;
+    const float64 odd_i_q_between_1 = half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
+        sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5);
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2;
     const float64 one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2;
+    const float64 half_one_plus_cosm1_theta_mid_2 = 0.5 * one_plus_cosm1_theta_mid_2;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 D_omega = LD[5];
     const float64 n_D_sind_theta_mid_2 = 6.0 * D_omega * sind_theta_mid_2;
+    const float64 L_52 = LD[17];
     const float64 odd_decay_off_2 = GAIN_V * L_52;
     const float64 odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * odd_decay_off_2;
     const float64 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
-        minus_even_i_beta_next_2 * 0.5 * one_plus_cosm1_theta_mid_2 -
+        minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
         n_D_sind_theta_mid_2 * 0.5 * odd_i_alpha_next_2;
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3;
     const float64 one_plus_cosm1_theta_mid_3 = 1.0 + cosm1_theta_mid_3;
     const float64 minus_odd_drive_alpha_5 = GAIN_V * i_alpha_turned;
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 L_53 = LD[18];
     const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - minus_odd_drive_alpha_5 * L_53;
+    const float64 D_theta = LD[9];
     const float64 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
     const float64 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
         minus_even_i_beta_next_3 * 0.5 * one_plus_cosm1_theta_mid_3 -
         3.0 * sinc_theta_mid_3 * D_odd_i_alpha_3;
-    const float64 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
-        n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
-    const float64 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
-        sin_theta_mid * n_D_odd_decay_off_1;
     const float64 even_i_alpha_next_2 = GAIN_E_POLE_PAIRS * n_D_sind_theta_mid_2;
-    const float64 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
-        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
-    const float64 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
-        - i_beta_turned * odd_decay_off_1;
-    const float64 odd_omega_next_0 =
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-        GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5) -
-        GAIN_OMEGA * L_40 + L_20;
-    const float64 odd_omega_next_1 =
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-        GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5) -
-        GAIN_OMEGA * L_41 + L_21;
+    const float64 L_40 = LD[10];
+    const float64 odd_omega_next_0 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 - GAIN_OMEGA * L_40 + L_20;
+    const float64 L_41 = LD[11];
+    const float64 odd_omega_next_1 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 - GAIN_OMEGA * L_41 + L_21;
     const float64 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 +
         i_beta_turned * odd_decay_off_2;
+    const float64 L_42 = LD[12];
     const float64 odd_omega_next_2 = 1.0 -
-        GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 + L_42) -
-        GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5);
+        GAIN_OMEGA_GAIN_TORQUE * (half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
+        sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5)) - GAIN_OMEGA * L_42;
     const float64 odd_stator_resistance_next_0 = L_50 * ONE_MINUS_RETURN;
     const float64 odd_stator_resistance_next_1 = L_51 * ONE_MINUS_RETURN;
     const float64 odd_stator_resistance_next_2 = L_52 * ONE_MINUS_RETURN;
     const float64 odd_stator_resistance_next_3 = L_53 * ONE_MINUS_RETURN;
+    const float64 L_54 = LD[19];
     const float64 odd_stator_resistance_next_4 = ONE_MINUS_RETURN * L_54;
 
     /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
     const float64 G_i_alpha_L_d = i_alpha_turned * SIGMA_L_D_DECAY_I +
         part_of_G_i_alpha_L_d * SIGMA_L_D_GAIN_V;
+    const float64 unsure = g[2];
     const float64 sigma_loss_times_unsure = SIGMA_LOSS * unsure;
     const float64 G_i_alpha_loss_along = GAIN_V * sigma_loss_times_unsure;
     const float64 G_i_beta_L_d = i_beta_turned * SIGMA_L_D_DECAY_I - omega_e * SIGMA_L_D_GAIN_E +
@@ -454,11 +439,15 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float64 D_odd_i_alpha_2 = D_omega * odd_i_alpha_next_2;
     const float64 minus_odd_drive_alpha_4 = minus_odd_drive_alpha_5 * L_54;
+    const float64 D_load_torque = LD[14];
     const float64 minus_D_odd_i_alpha_4 = D_load_torque * minus_odd_drive_alpha_4;
     const float64 curv_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2;
     const float64 curv_i_alpha_mean = curv_i_alpha_sum * PAIR_WEIGHT;
+    const float64 g_alpha = g[0];
+    const float64 g_beta = g[1];
     const float64 minus_G_i_alpha_V_d = GAIN_V_SIGMA_V_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta);
     const float64 G_i_alpha_loss_along_sq = G_i_alpha_loss_along * G_i_alpha_loss_along;
+    const float64 D_stator_resistance = LD[20];
     const float64 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
         odd_i_alpha_next_2 * D_odd_i_alpha_2 + odd_i_alpha_next_3 * D_odd_i_alpha_3 +
         minus_odd_drive_alpha_4 * minus_D_odd_i_alpha_4 +
@@ -497,16 +486,19 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
         G_i_alpha_L_d * G_i_beta_L_d + minus_G_i_alpha_V_d * minus_G_i_beta_V_d;
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_omega_0 = D_i_alpha * odd_omega_next_0;
     const float64 D_odd_omega_1 = D_i_beta * odd_omega_next_1;
     const float64 D_odd_omega_2 = D_omega * odd_omega_next_2;
+    const float64 L_43 = LD[13];
     const float64 minus_odd_omega_next_3 =
         GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_3 * minus_odd_drive_beta_3 +
         GAIN_TORQUE * sinc_theta_mid_3 * i_d_between + L_43);
@@ -549,6 +541,7 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
         even_i_q_between_3 * even_i_q_between_3) - curv_omega_mean * curv_omega_mean) +
         G_omega_L_d * G_omega_L_d + G_omega_psi_m * G_omega_psi_m + minus_G_omega_V_d * minus_G_omega_V_d +
         G_omega_loss_across * G_omega_loss_across;
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_22 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0 * D_odd_i_alpha_0 +
@@ -566,6 +559,7 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
         D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0 + D_i_beta * odd_theta_mid_1 * odd_theta_mid_1 +
         D_omega * odd_theta_mid_2 * odd_theta_mid_2 + D_theta + Q_3;
@@ -597,6 +591,7 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
         L_pred_32 * LD_pred_42;
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_43 = LD_pred_43 * inv_D_pred_theta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
         L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
     const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
@@ -639,6 +634,7 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 LD_pred_54 = P_pred_54 - L_pred_40 * P_pred_50 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
     const float64 L_pred_54 = LD_pred_54 / D_pred_load_torque;
+    const float64 Q_5 = Q[5];
     const float64 P_pred_55 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
         odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
         odd_stator_resistance_next_2 * D_odd_stator_resistance_2 +
@@ -657,9 +653,9 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
     const float64 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + GAIN_V * v_beta;
     const float64 i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean -
         cos_theta_mid * minus_curv_i_beta_mean;
-    const float64 omega_of_x = GAIN_OMEGA_GAIN_TORQUE_BY2 * cos_theta_mid * (i_beta_of_x + i_beta) -
-        GAIN_OMEGA_GAIN_TORQUE_BY2 * sin_theta_mid * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque +
-        omega;
+    const float64 load_torque = x[4];
+    const float64 omega_of_x = GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+        sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +
@@ -703,59 +699,49 @@ static void time_update(const float64 x[6], const float64 LD[21], const float64 
 static void ckf_measurement_update(const float64 x_pred[6], const float64 LD_pred[21], const float64 R[2],
     const float64 y[2], float64 x_out[6], float64 LD_out[21], float64 nis_out[1])
 {
-    const float64 i_alpha_pred = x_pred[0];
-    const float64 i_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 stator_resistance_pred = x_pred[5];
-    const float64 D_pred_i_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_i_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_load_torque = LD_pred[14];
-    const float64 L_pred_50 = LD_pred[15];
-    const float64 L_pred_51 = LD_pred[16];
-    const float64 L_pred_52 = LD_pred[17];
-    const float64 L_pred_53 = LD_pred[18];
-    const float64 L_pred_54 = LD_pred[19];
-    const float64 D_pred_stator_resistance = LD_pred[20];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
+    /* --- eq. 25: y - y_pred; theta wrapped, adaptive states within their tolerance */
     const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
-    /* --- eq. 25: y - y_pred; adaptive states within their tolerance */
+    const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float64 R_0 = R[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float64 i_beta_meas = y[1];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 i_beta_pred = x_pred[1];
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float64 R_1 = R[1];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 var_second = var_second_1 + L_pred_10 * g_second_0;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_new = correction_second_0 + i_alpha_pred;
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
+        theta_pred);
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 +
         load_torque_pred;
+    const float64 L_pred_50 = LD_pred[15];
+    const float64 L_pred_51 = LD_pred[16];
+    const float64 stator_resistance_pred = x_pred[5];
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE,
         correction_second_0 * L_pred_50 + part_of_omega_new * L_pred_51 + stator_resistance_pred));
 
@@ -773,6 +759,16 @@ static void ckf_measurement_update(const float64 x_pred[6], const float64 LD_pre
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_theta = LD_pred[9];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_load_torque = LD_pred[14];
+    const float64 L_pred_52 = LD_pred[17];
+    const float64 L_pred_53 = LD_pred[18];
+    const float64 L_pred_54 = LD_pred[19];
+    const float64 D_pred_stator_resistance = LD_pred[20];
 
     x_out[0] = i_alpha_new;
     x_out[1] = i_beta_new;
@@ -838,7 +834,7 @@ static void coast(const float64 x_pred[6], const float64 LD_pred[21], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
     LD_out[0] = D_pred_i_alpha;
@@ -901,21 +897,9 @@ static void restart(servo_24v_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9, 14, 20 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
-    f->LD[15] = 0.0;
-    f->LD[16] = 0.0;
-    f->LD[17] = 0.0;
-    f->LD[18] = 0.0;
-    f->LD[19] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -966,19 +950,15 @@ int servo_24v_ckf_f64_step(servo_24v_ckf_f64_t *f, const float64 u[2], const flo
     float64 LD_pred[21];
     float64 check[1];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     inverter(f->x, f->u_held, v, g);
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, v, g, turn, x_pred, LD_pred, check);
@@ -992,15 +972,11 @@ int servo_24v_ckf_f64_step(servo_24v_ckf_f64_t *f, const float64 u[2], const flo
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

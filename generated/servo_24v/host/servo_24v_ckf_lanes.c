@@ -415,6 +415,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
             n_D_odd_decay_off_0 * odd_i_beta_turned_0;
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
+        const float32 half_one_plus_cosm1_theta_mid_0 = 0.5f * one_plus_cosm1_theta_mid_0;
         const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
         const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
         const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
@@ -422,8 +423,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0 -
             odd_decay_off_0 * i_alpha_turned;
         const float32 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
-            minus_even_i_beta_next_0 * 0.5f * one_plus_cosm1_theta_mid_0 -
+            minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
             n_D_sind_theta_mid_0 * 0.5f * (odd_i_alpha_turned_0 + odd_i_alpha_next_0);
+        const float32 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
+            odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
+        const float32 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
+            n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
+        const float32 odd_i_q_between_0 =
+            half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
+            sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5f);
         const float32 odd_omega_e_1 = POLE_PAIRS * L_21;
         const float32 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
         const float32 odd_emf_step_1 = GAIN_E * odd_omega_e_1;
@@ -433,22 +441,30 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
             cos_theta_mid * n_D_odd_decay_off_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
+        const float32 half_one_plus_cosm1_theta_mid_1 = 0.5f * one_plus_cosm1_theta_mid_1;
         const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
         const float32 odd_i_alpha_next_1 = decay_now * sin_theta_mid + emf_step * sind_theta_mid_1 -
             i_alpha_turned * odd_decay_off_1;
         const float32 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
-            minus_even_i_beta_next_1 * 0.5f * one_plus_cosm1_theta_mid_1 -
+            minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
             n_D_sind_theta_mid_1 * 0.5f * (sin_theta_mid + odd_i_alpha_next_1);
+        const float32 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
+            - i_beta_turned * odd_decay_off_1;
+        const float32 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
+            sin_theta_mid * n_D_odd_decay_off_1;
+        const float32 odd_i_q_between_1 = half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
+            sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5f);
         const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
         const float32 minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2;
         const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
+        const float32 half_one_plus_cosm1_theta_mid_2 = 0.5f * one_plus_cosm1_theta_mid_2;
         const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 n_D_sind_theta_mid_2 = 6.0f * D_omega * sind_theta_mid_2;
         const float32 odd_decay_off_2 = GAIN_V * L_52;
         const float32 odd_i_alpha_next_2 = emf_step * sind_theta_mid_2 - i_alpha_turned * odd_decay_off_2;
         const float32 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
-            minus_even_i_beta_next_2 * 0.5f * one_plus_cosm1_theta_mid_2 -
+            minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
             n_D_sind_theta_mid_2 * 0.5f * odd_i_alpha_next_2;
         const float32 minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3;
         const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
@@ -458,28 +474,14 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
             minus_even_i_beta_next_3 * 0.5f * one_plus_cosm1_theta_mid_3 -
             3.0f * sinc_theta_mid_3 * D_odd_i_alpha_3;
-        const float32 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
-            n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
-        const float32 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
-            sin_theta_mid * n_D_odd_decay_off_1;
         const float32 even_i_alpha_next_2 = GAIN_E_POLE_PAIRS * n_D_sind_theta_mid_2;
-        const float32 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
-            odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
-        const float32 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
-            - i_beta_turned * odd_decay_off_1;
-        const float32 odd_omega_next_0 =
-            GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-            GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5f) -
-            GAIN_OMEGA * L_40 + L_20;
-        const float32 odd_omega_next_1 =
-            GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-            GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5f) -
-            GAIN_OMEGA * L_41 + L_21;
+        const float32 odd_omega_next_0 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_0 - GAIN_OMEGA * L_40 + L_20;
+        const float32 odd_omega_next_1 = GAIN_OMEGA_GAIN_TORQUE * odd_i_q_between_1 - GAIN_OMEGA * L_41 + L_21;
         const float32 minus_odd_i_beta_next_2 = GAIN_E_POLE_PAIRS * one_plus_cosm1_theta_mid_2 +
             i_beta_turned * odd_decay_off_2;
         const float32 odd_omega_next_2 = 1.0f -
-            GAIN_OMEGA * (GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 + L_42) -
-            GAIN_OMEGA_GAIN_TORQUE * sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5f);
+            GAIN_OMEGA_GAIN_TORQUE * (half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
+            sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5f)) - GAIN_OMEGA * L_42;
         const float32 odd_stator_resistance_next_0 = L_50 * ONE_MINUS_RETURN;
         const float32 odd_stator_resistance_next_1 = L_51 * ONE_MINUS_RETURN;
         const float32 odd_stator_resistance_next_2 = L_52 * ONE_MINUS_RETURN;
@@ -707,9 +709,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + GAIN_V * v_beta;
         const float32 i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean -
             cos_theta_mid * minus_curv_i_beta_mean;
-        const float32 omega_of_x = GAIN_OMEGA_GAIN_TORQUE_BY2 * cos_theta_mid * (i_beta_of_x + i_beta) -
-            GAIN_OMEGA_GAIN_TORQUE_BY2 * sin_theta_mid * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque +
-            omega;
+        const float32 omega_of_x = GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+            sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque + omega;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
         const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +

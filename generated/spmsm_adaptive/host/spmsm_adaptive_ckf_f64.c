@@ -24,47 +24,29 @@
 #define MOST_MAGNET_FLUX 0.1925 /* 1.1 of the motor's magnet_flux */
 #define LEAST_STATOR_RESISTANCE 2.3000000000000003 /* 0.8 of the motor's stator_resistance */
 #define MOST_STATOR_RESISTANCE 3.4499999999999997 /* 1.2 of the motor's stator_resistance */
+#define POLE_PAIRS 4.0 /* p */
 #define DECAY_I 0.708708218076448 /* exp(-T R / L) */
 #define GAIN_V 0.10131888066906156 /* (1 - exp(-T R / L)) / R, A/V */
+#define HALF_T 5e-05 /* T / 2, s */
 #define NOMINAL_R 2.875 /* the motor's stator resistance, ohm */
 #define DECAY_OMEGA 0.9999750003124974 /* exp(-T D / J) */
 #define GAIN_OMEGA 0.012499843751302076 /* (1 - exp(-T D / J)) / D, rad/s per N m */
 #define TORQUE_PER_FLUX 6.0 /* 1.5 p */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
-#define GAIN_V_POLE_PAIRS 0.4052755226762462 /* GAIN_V * POLE_PAIRS */
-#define GAIN_V_X7 0.7092321646834309 /* 7 * GAIN_V */
-#define GAIN_V_POLE_PAIRS_X7 2.8369286587337235 /* 7 * GAIN_V * POLE_PAIRS */
 #define PAIR_WEIGHT 0.14285714285714285 /* 1 / 7: weight of the two points of a column of S */
 #define GAIN_OMEGA_BY2 0.006249921875651038 /* 0.5 * GAIN_OMEGA */
-#define GAIN_OMEGA_BY7 0.001785691964471725 /* 0.14285714285714285 * GAIN_OMEGA */
 #define ONE_PLUS_DECAY_I 1.7087082180764481 /* 1 + DECAY_I */
 #define TORQUE_PER_FLUX_X7 42.0 /* 7 * TORQUE_PER_FLUX */
-#define GAIN_V_POLE_PAIRS_X7_BY2 1.4184643293668617 /* 3.5 * GAIN_V * POLE_PAIRS */
-#define TORQUE_PER_FLUX_X7_BY2 21.0 /* 3.5 * TORQUE_PER_FLUX */
-#define G_OMEGA_HALF_T_PAIR_WEIGHT_PP 3.57138392894345e-07 /* GAIN_OMEGA * HALF_T * PAIR_WEIGHT * POLE_PAIRS */
+#define GAIN_OMEGA_HALF_T_POLE_PAIRS 2.4999687502604153e-06 /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define ONE_MINUS_RETURN 0.9998779296875 /* 1 - RETURN */
 #define OWN_MAGNET_FLUX_RETURN 2.13623046875e-05 /* OWN_MAGNET_FLUX * RETURN */
 #define OWN_STATOR_RESISTANCE_RETURN 0.0003509521484375 /* OWN_STATOR_RESISTANCE * RETURN */
-#define PAIR_WEIGHT_SQ 0.02040816326530612 /* PAIR_WEIGHT * PAIR_WEIGHT */
-#define GAIN_V_SQ 0.010265515580031536 /* GAIN_V * GAIN_V */
-#define GAIN_OMEGA_TORQUE_PER_FLUX 0.07499906250781246 /* GAIN_OMEGA * TORQUE_PER_FLUX */
-#define TORQUE_PER_FLUX_BY2 3.0 /* 0.5 * TORQUE_PER_FLUX */
-#define GAIN_OMEGA_GAIN_V 0.00126647017742009 /* GAIN_OMEGA * GAIN_V */
-#define G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2 0.0003849520223308539 /* 0.5 * GAIN_OMEGA * GAIN_V * GAIN_V * TORQUE_PER_FLUX */
 #define GAIN_OMEGA_SQ 0.00015624609380696555 /* GAIN_OMEGA * GAIN_OMEGA */
-#define G_OM_SQ_G_V_SQ_TQ_PE_FL_S_B_18B 1.4435520392650262e-05 /* 0.25 * GAIN_OMEGA * GAIN_OMEGA * GAIN_V * GAIN_V * TORQUE_PER_FLUX * TORQUE_PER_FLUX */
-#define GAIN_OMEGA_SQ_X63 0.00984350390983883 /* 63 * GAIN_OMEGA * GAIN_OMEGA */
-#define GAIN_V_ONE_MINUS_RETURN 0.10130651264163613 /* GAIN_V * (1 - RETURN) */
-#define GAIN_OMEGA_ONE_MINUS_RETURN 0.012498317891469154 /* GAIN_OMEGA * (1 - RETURN) */
-#define ONE_MINUS_RETURN_SQ 0.9997558742761612 /* (1 - RETURN) * (1 - RETURN) */
-#define G_OM_G_V_ON_M_RE_TQ_PE_FL_B_5EC 0.003798946737029281 /* 0.5 * GAIN_OMEGA * GAIN_V * (1 - RETURN) * TORQUE_PER_FLUX */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -184,11 +166,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -198,23 +180,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[28], float64 turn_out[8])
 {
-    const float64 D_i_alpha = LD[0];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 7, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_i_alpha = LD[0];
     const float64 z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_i_beta = LD[2];
     const float64 z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -255,468 +236,476 @@ static int time_update_turns(float64 LD[28], float64 turn_out[8])
 static void time_update(const float64 x[7], const float64 LD[28], const float64 Q[7], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[7], float64 LD_pred_out[28], float64 check_out[1])
 {
-    const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 magnet_flux = x[5];
-    const float64 stator_resistance = x[6];
-    const float64 D_i_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_load_torque = LD[14];
-    const float64 L_50 = LD[15];
-    const float64 L_51 = LD[16];
-    const float64 L_52 = LD[17];
-    const float64 L_53 = LD[18];
-    const float64 L_54 = LD[19];
-    const float64 D_magnet_flux = LD[20];
-    const float64 L_60 = LD[21];
-    const float64 L_61 = LD[22];
-    const float64 L_62 = LD[23];
-    const float64 L_63 = LD[24];
-    const float64 L_64 = LD[25];
-    const float64 L_65 = LD[26];
-    const float64 D_stator_resistance = LD[27];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 Q_5 = Q[5];
-    const float64 Q_6 = Q[6];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
-    const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const float64 odd_emf_step_5 = GAIN_V_POLE_PAIRS * omega;
-    const float64 emf_step = magnet_flux * odd_emf_step_5;
-    const float64 L_50_times_D_i_alpha = L_50 * D_i_alpha;
-    const float64 even_emf_step_0 = L_20 * L_50_times_D_i_alpha * GAIN_V_POLE_PAIRS_X7;
-    const float64 magnet_flux_x_gain_v_pole_pairs = magnet_flux * GAIN_V_POLE_PAIRS;
-    const float64 odd_emf_step_0 = magnet_flux_x_gain_v_pole_pairs * L_20 + odd_emf_step_5 * L_50;
+    const float64 omega = x[2];
+    const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_20 = LD[3];
+    const float64 odd_omega_e_0 = POLE_PAIRS * L_20;
+    const float64 theta = x[3];
+    const float64 theta_mid = omega_e * HALF_T + theta;
+    const float64 L_30 = LD[6];
+    const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
+    const float64 magnet_flux = x[5];
+    const float64 gain_v_times_magnet_flux = GAIN_V * magnet_flux;
+    const float64 emf_step = gain_v_times_magnet_flux * omega_e;
+    const float64 D_i_alpha = LD[0];
+    const float64 n_D_0 = D_i_alpha * 7.0;
+    const float64 L_50 = LD[15];
+    const float64 gain_v_times_L_50 = GAIN_V * L_50;
+    const float64 even_emf_step_0 = n_D_0 * odd_omega_e_0 * gain_v_times_L_50;
+    const float64 odd_emf_step_0 = gain_v_times_magnet_flux * odd_omega_e_0 + omega_e * gain_v_times_L_50;
+    const float64 stator_resistance = x[6];
     const float64 decay_off = GAIN_V * (stator_resistance - NOMINAL_R);
     const float64 one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 i_alpha = x[0];
+    const float64 i_beta = x[1];
     const float64 i_alpha_turned = i_alpha * cos_theta_mid + sin_theta_mid * i_beta;
+    const float64 v_alpha = u[0];
     const float64 gain_v_times_v_alpha = GAIN_V * v_alpha;
+    const float64 v_beta = u[1];
     const float64 gain_v_times_v_beta = GAIN_V * v_beta;
     const float64 i_d_between = 0.5 * (one_plus_decay_now * i_alpha_turned +
         (gain_v_times_v_alpha * cos_theta_mid + gain_v_times_v_beta * sin_theta_mid));
     const float64 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
-    const float64 part_of_i_q_between = one_plus_decay_now * i_beta_turned - emf_step +
-        (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid);
-    const float64 i_q_between = 0.5 * part_of_i_q_between;
+    const float64 i_q_between = 0.5 * (one_plus_decay_now * i_beta_turned - emf_step +
+        (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid));
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
-    const float64 D_i_alpha_times_L_60 = D_i_alpha * L_60;
-    const float64 n_D_odd_decay_off_0 = GAIN_V_X7 * D_i_alpha_times_L_60;
+    const float64 L_60 = LD[21];
+    const float64 odd_decay_off_0 = GAIN_V * L_60;
+    const float64 n_D_odd_decay_off_0 = n_D_0 * odd_decay_off_0;
+    const float64 L_10 = LD[1];
     const float64 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
     const float64 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
         even_emf_step_0 * one_plus_cosm1_theta_mid_0 + n_D_odd_decay_off_0 * odd_i_beta_turned_0;
     const float64 half_one_plus_cosm1_theta_mid_0 = one_plus_cosm1_theta_mid_0 * 0.5;
-    const float64 D_i_alpha_times_odd_theta_mid_0 = D_i_alpha * odd_theta_mid_0;
-    const float64 D_sind_theta_mid_0 = D_i_alpha_times_odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 sinc_theta_mid_0 = turn[0];
+    const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+    const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
     const float64 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
     const float64 decay_now = DECAY_I - decay_off;
-    const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 minus_odd_drive_alpha_6 = GAIN_V * i_alpha_turned;
     const float64 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 +
-        sind_theta_mid_0 * (emf_step + even_emf_step_0) - L_60 * minus_odd_drive_alpha_6;
+        sind_theta_mid_0 * (emf_step + even_emf_step_0) - odd_decay_off_0 * i_alpha_turned;
     const float64 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
         minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
-        D_sind_theta_mid_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 3.5;
-    const float64 minus_odd_drive_beta_6 = GAIN_V * i_beta_turned;
+        n_D_sind_theta_mid_0 * 0.5 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0);
     const float64 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
-        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - L_60 * minus_odd_drive_beta_6;
-    const float64 even_i_alpha_next_0 = 7.0 * odd_emf_step_0 * D_sind_theta_mid_0 -
+        odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
+    const float64 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
         n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
     const float64 odd_i_q_between_0 =
         half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
         sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5);
     const float64 magnet_flux_x_torque_per_flux = magnet_flux * TORQUE_PER_FLUX;
+    const float64 L_50_times_torque_per_flux = L_50 * TORQUE_PER_FLUX;
     const float64 even_torque_0 = magnet_flux_x_torque_per_flux * even_i_q_between_0 +
-        L_50_times_D_i_alpha * TORQUE_PER_FLUX_X7 * odd_i_q_between_0;
-    const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-    const float64 L_51_times_D_i_beta = L_51 * D_i_beta;
-    const float64 even_emf_step_1 = L_21 * L_51_times_D_i_beta * GAIN_V_POLE_PAIRS_X7;
-    const float64 odd_emf_step_1 = magnet_flux_x_gain_v_pole_pairs * L_21 + odd_emf_step_5 * L_51;
+        n_D_0 * L_50_times_torque_per_flux * odd_i_q_between_0;
+    const float64 odd_torque_0 = magnet_flux_x_torque_per_flux * odd_i_q_between_0 +
+        L_50_times_torque_per_flux * (i_q_between + even_i_q_between_0);
+    const float64 L_21 = LD[4];
+    const float64 odd_omega_e_1 = POLE_PAIRS * L_21;
+    const float64 L_31 = LD[7];
+    const float64 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
+    const float64 D_i_beta = LD[2];
+    const float64 n_D_1 = 7.0 * D_i_beta;
+    const float64 L_51 = LD[16];
+    const float64 gain_v_times_L_51 = GAIN_V * L_51;
+    const float64 even_emf_step_1 = n_D_1 * odd_omega_e_1 * gain_v_times_L_51;
+    const float64 odd_emf_step_1 = gain_v_times_magnet_flux * odd_omega_e_1 + omega_e * gain_v_times_L_51;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
-    const float64 D_i_beta_times_L_61 = D_i_beta * L_61;
-    const float64 n_D_odd_decay_off_1 = GAIN_V_X7 * D_i_beta_times_L_61;
+    const float64 L_61 = LD[22];
+    const float64 odd_decay_off_1 = GAIN_V * L_61;
+    const float64 n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1;
     const float64 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
         even_emf_step_1 * one_plus_cosm1_theta_mid_1 + cos_theta_mid * n_D_odd_decay_off_1;
     const float64 half_one_plus_cosm1_theta_mid_1 = one_plus_cosm1_theta_mid_1 * 0.5;
-    const float64 D_i_beta_times_odd_theta_mid_1 = D_i_beta * odd_theta_mid_1;
-    const float64 D_sind_theta_mid_1 = D_i_beta_times_odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+    const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
     const float64 odd_i_alpha_next_1 = decay_now * sin_theta_mid +
-        sind_theta_mid_1 * (emf_step + even_emf_step_1) - L_61 * minus_odd_drive_alpha_6;
+        sind_theta_mid_1 * (emf_step + even_emf_step_1) - i_alpha_turned * odd_decay_off_1;
     const float64 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
         minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
-        D_sind_theta_mid_1 * 3.5 * (sin_theta_mid + odd_i_alpha_next_1);
+        n_D_sind_theta_mid_1 * 0.5 * (sin_theta_mid + odd_i_alpha_next_1);
     const float64 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
-        - L_61 * minus_odd_drive_beta_6;
-    const float64 even_i_alpha_next_1 = 7.0 * odd_emf_step_1 * D_sind_theta_mid_1 -
+        - i_beta_turned * odd_decay_off_1;
+    const float64 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
         sin_theta_mid * n_D_odd_decay_off_1;
     const float64 odd_i_q_between_1 = half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
         sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5);
+    const float64 L_51_times_torque_per_flux = L_51 * TORQUE_PER_FLUX;
     const float64 even_torque_1 = magnet_flux_x_torque_per_flux * even_i_q_between_1 +
-        L_51_times_D_i_beta * TORQUE_PER_FLUX_X7 * odd_i_q_between_1;
+        n_D_1 * L_51_times_torque_per_flux * odd_i_q_between_1;
+    const float64 odd_torque_1 = magnet_flux_x_torque_per_flux * odd_i_q_between_1 +
+        L_51_times_torque_per_flux * (i_q_between + even_i_q_between_1);
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
-    const float64 L_52_times_D_omega = L_52 * D_omega;
-    const float64 even_emf_step_2 = L_52_times_D_omega * GAIN_V_POLE_PAIRS_X7;
-    const float64 odd_emf_step_2 = magnet_flux_x_gain_v_pole_pairs + odd_emf_step_5 * L_52;
+    const float64 D_omega = LD[5];
+    const float64 n_D_2 = 7.0 * D_omega;
+    const float64 L_52 = LD[17];
+    const float64 gain_v_times_L_52 = GAIN_V * L_52;
+    const float64 even_emf_step_2 = POLE_PAIRS * n_D_2 * gain_v_times_L_52;
+    const float64 odd_emf_step_2 = gain_v_times_magnet_flux * POLE_PAIRS + omega_e * gain_v_times_L_52;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2;
     const float64 minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2 +
         even_emf_step_2 * one_plus_cosm1_theta_mid_2;
     const float64 half_one_plus_cosm1_theta_mid_2 = one_plus_cosm1_theta_mid_2 * 0.5;
-    const float64 D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2;
-    const float64 D_sind_theta_mid_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+    const float64 n_D_sind_theta_mid_2 = n_D_2 * sind_theta_mid_2;
+    const float64 L_62 = LD[23];
+    const float64 odd_decay_off_2 = GAIN_V * L_62;
     const float64 odd_i_alpha_next_2 = sind_theta_mid_2 * (emf_step + even_emf_step_2) -
-        minus_odd_drive_alpha_6 * L_62;
+        i_alpha_turned * odd_decay_off_2;
     const float64 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
         minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
-        D_sind_theta_mid_2 * 3.5 * odd_i_alpha_next_2;
+        n_D_sind_theta_mid_2 * 0.5 * odd_i_alpha_next_2;
+    const float64 L_52_times_torque_per_flux = L_52 * TORQUE_PER_FLUX;
     const float64 minus_odd_i_beta_next_2 = odd_emf_step_2 * one_plus_cosm1_theta_mid_2 +
-        minus_odd_drive_beta_6 * L_62;
-    const float64 part_of_even_i_alpha_next_2 = odd_emf_step_2 * D_sind_theta_mid_2;
+        i_beta_turned * odd_decay_off_2;
+    const float64 even_i_alpha_next_2 = odd_emf_step_2 * n_D_sind_theta_mid_2;
     const float64 minus_odd_i_q_between_2 = half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
-        sind_theta_mid_2 * (i_d_between + part_of_even_i_alpha_next_2 * 3.5);
+        sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5);
     const float64 even_torque_2 = magnet_flux_x_torque_per_flux * even_i_q_between_2 -
-        L_52_times_D_omega * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_2;
+        n_D_2 * L_52_times_torque_per_flux * minus_odd_i_q_between_2;
+    const float64 odd_torque_2 = L_52_times_torque_per_flux * (i_q_between + even_i_q_between_2) -
+        magnet_flux_x_torque_per_flux * minus_odd_i_q_between_2;
+    const float64 odd_emf_step_5 = GAIN_V * omega_e;
+    const float64 L_53 = LD[18];
+    const float64 odd_emf_step_3 = odd_emf_step_5 * L_53;
+    const float64 cosm1_theta_mid_3 = turn[7];
     const float64 minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3;
     const float64 one_plus_cosm1_theta_mid_3 = 1.0 + cosm1_theta_mid_3;
     const float64 half_one_plus_cosm1_theta_mid_3 = 0.5 * one_plus_cosm1_theta_mid_3;
-    const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - minus_odd_drive_alpha_6 * L_63;
-    const float64 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
+    const float64 D_theta = LD[9];
+    const float64 n_D_3 = 7.0 * D_theta;
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 n_D_sind_theta_mid_3 = n_D_3 * sinc_theta_mid_3;
+    const float64 L_63 = LD[24];
+    const float64 odd_decay_off_3 = GAIN_V * L_63;
+    const float64 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - i_alpha_turned * odd_decay_off_3;
     const float64 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
-        minus_even_i_beta_next_3 * half_one_plus_cosm1_theta_mid_3 - sinc_theta_mid_3 * 3.5 * D_odd_i_alpha_3;
-    const float64 D_theta_times_L_53 = D_theta * L_53;
-    const float64 minus_odd_i_beta_next_3 = odd_emf_step_5 * L_53 * one_plus_cosm1_theta_mid_3 +
-        minus_odd_drive_beta_6 * L_63;
-    const float64 part_of_even_i_alpha_next_3 = omega * (D_theta_times_L_53 * sinc_theta_mid_3);
+        minus_even_i_beta_next_3 * half_one_plus_cosm1_theta_mid_3 -
+        n_D_sind_theta_mid_3 * 0.5 * odd_i_alpha_next_3;
+    const float64 L_53_times_torque_per_flux = L_53 * TORQUE_PER_FLUX;
+    const float64 minus_odd_i_beta_next_3 = odd_emf_step_3 * one_plus_cosm1_theta_mid_3 +
+        i_beta_turned * odd_decay_off_3;
+    const float64 even_i_alpha_next_3 = odd_emf_step_3 * n_D_sind_theta_mid_3;
     const float64 minus_odd_i_q_between_3 = half_one_plus_cosm1_theta_mid_3 * minus_odd_i_beta_next_3 +
-        sinc_theta_mid_3 * (i_d_between + part_of_even_i_alpha_next_3 * GAIN_V_POLE_PAIRS_X7_BY2);
+        sinc_theta_mid_3 * (i_d_between + even_i_alpha_next_3 * 0.5);
     const float64 even_torque_3 = magnet_flux_x_torque_per_flux * even_i_q_between_3 -
-        D_theta_times_L_53 * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_3;
-    const float64 odd_torque_3 = L_53 * TORQUE_PER_FLUX * (i_q_between + even_i_q_between_3) -
+        n_D_3 * L_53_times_torque_per_flux * minus_odd_i_q_between_3;
+    const float64 odd_torque_3 = L_53_times_torque_per_flux * (i_q_between + even_i_q_between_3) -
         magnet_flux_x_torque_per_flux * minus_odd_i_q_between_3;
-    const float64 odd_emf_step_4 = odd_emf_step_5 * L_54;
-    const float64 part_of_odd_torque_4 = part_of_i_q_between * TORQUE_PER_FLUX_BY2;
-    const float64 minus_odd_i_beta_next_4 = odd_emf_step_4 + minus_odd_drive_beta_6 * L_64;
-    const float64 magnet_flux_scaled = magnet_flux * TORQUE_PER_FLUX_BY2;
-    const float64 odd_torque_4 = L_54 * part_of_odd_torque_4 - minus_odd_i_beta_next_4 * magnet_flux_scaled;
+    const float64 torque_per_flux_x_i_q_between = TORQUE_PER_FLUX * i_q_between;
+    const float64 minus_odd_drive_beta_6 = GAIN_V * i_beta_turned;
+    const float64 L_54 = LD[19];
+    const float64 L_64 = LD[25];
+    const float64 minus_odd_i_beta_next_4 = odd_emf_step_5 * L_54 + minus_odd_drive_beta_6 * L_64;
+    const float64 minus_odd_i_q_between_4 = 0.5 * minus_odd_i_beta_next_4;
+    const float64 odd_torque_4 = torque_per_flux_x_i_q_between * L_54 -
+        magnet_flux_x_torque_per_flux * minus_odd_i_q_between_4;
+    const float64 L_65 = LD[26];
     const float64 minus_odd_i_beta_next_5 = odd_emf_step_5 + minus_odd_drive_beta_6 * L_65;
-    const float64 odd_torque_5 = part_of_odd_torque_4 - minus_odd_i_beta_next_5 * magnet_flux_scaled;
-    const float64 even_i_alpha_next_2 = 7.0 * part_of_even_i_alpha_next_2;
-    const float64 even_i_alpha_next_3 = GAIN_V_POLE_PAIRS_X7 * part_of_even_i_alpha_next_3;
-    const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
-        GAIN_OMEGA * (magnet_flux_x_torque_per_flux * odd_i_q_between_0 - L_40) +
-        L_50 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_0);
-    const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA +
-        GAIN_OMEGA * (magnet_flux_x_torque_per_flux * odd_i_q_between_1 - L_41) +
-        L_51 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_1);
-    const float64 odd_omega_next_2 = DECAY_OMEGA +
-        L_52 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_2) -
-        GAIN_OMEGA * (magnet_flux_x_torque_per_flux * minus_odd_i_q_between_2 + L_42);
+    const float64 minus_odd_i_q_between_5 = 0.5 * minus_odd_i_beta_next_5;
+    const float64 odd_torque_5 = torque_per_flux_x_i_q_between -
+        magnet_flux_x_torque_per_flux * minus_odd_i_q_between_5;
+    const float64 L_40 = LD[10];
+    const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40);
+    const float64 L_41 = LD[11];
+    const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41);
+    const float64 L_42 = LD[12];
+    const float64 odd_omega_next_2 = DECAY_OMEGA + GAIN_OMEGA * (odd_torque_2 - L_42);
+    const float64 L_43 = LD[13];
+    const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
+    const float64 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - 1.0);
+    const float64 odd_omega_next_5 = GAIN_OMEGA * odd_torque_5;
+    const float64 odd_magnet_flux_next_0 = L_50 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_1 = L_51 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_2 = L_52 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_3 = L_53 * ONE_MINUS_RETURN;
+    const float64 odd_magnet_flux_next_4 = L_54 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_0 = L_60 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_1 = L_61 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_2 = L_62 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_3 = L_63 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_4 = L_64 * ONE_MINUS_RETURN;
+    const float64 odd_stator_resistance_next_5 = L_65 * ONE_MINUS_RETURN;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
     const float64 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
     const float64 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
     const float64 D_odd_i_alpha_2 = D_omega * odd_i_alpha_next_2;
-    const float64 L_64_times_D_load_torque = L_64 * D_load_torque;
-    const float64 L_64_x_L_64_times_D_load_torque = L_64 * L_64_times_D_load_torque;
-    const float64 L_65_times_D_magnet_flux = L_65 * D_magnet_flux;
-    const float64 L_65_x_L_65_times_D_magnet_flux = L_65 * L_65_times_D_magnet_flux;
+    const float64 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
+    const float64 minus_odd_drive_alpha_6 = GAIN_V * i_alpha_turned;
+    const float64 minus_odd_drive_alpha_4 = minus_odd_drive_alpha_6 * L_64;
+    const float64 D_load_torque = LD[14];
+    const float64 minus_D_odd_i_alpha_4 = D_load_torque * minus_odd_drive_alpha_4;
+    const float64 minus_odd_drive_alpha_5 = minus_odd_drive_alpha_6 * L_65;
     const float64 curv_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
         even_i_alpha_next_3;
-    const float64 mean_i_alpha_by_n = curv_i_alpha_sum * PAIR_WEIGHT_SQ;
+    const float64 curv_i_alpha_mean = curv_i_alpha_sum * PAIR_WEIGHT;
+    const float64 D_magnet_flux = LD[20];
+    const float64 D_stator_resistance = LD[27];
     const float64 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
         odd_i_alpha_next_2 * D_odd_i_alpha_2 + odd_i_alpha_next_3 * D_odd_i_alpha_3 +
-        minus_odd_drive_alpha_6 * minus_odd_drive_alpha_6 * (L_64_x_L_64_times_D_load_torque +
-        L_65_x_L_65_times_D_magnet_flux + D_stator_resistance) +
+        minus_odd_drive_alpha_4 * minus_D_odd_i_alpha_4 +
+        D_magnet_flux * minus_odd_drive_alpha_5 * minus_odd_drive_alpha_5 +
+        D_stator_resistance * minus_odd_drive_alpha_6 * minus_odd_drive_alpha_6 +
         PAIR_WEIGHT * (even_i_alpha_next_0 * even_i_alpha_next_0 + even_i_alpha_next_1 * even_i_alpha_next_1 +
         even_i_alpha_next_2 * even_i_alpha_next_2 + even_i_alpha_next_3 * even_i_alpha_next_3) -
-        curv_i_alpha_sum * mean_i_alpha_by_n;
+        curv_i_alpha_mean * curv_i_alpha_mean;
     const float64 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
     const float64 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
     const float64 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
     const float64 minus_D_odd_i_beta_3 = D_theta * minus_odd_i_beta_next_3;
     const float64 minus_D_odd_i_beta_4 = minus_odd_i_beta_next_4 * D_load_torque;
     const float64 minus_D_odd_i_beta_5 = minus_odd_i_beta_next_5 * D_magnet_flux;
-    const float64 minus_curv_i_beta_sum = minus_even_i_beta_next_0 + minus_even_i_beta_next_1 +
-        minus_even_i_beta_next_2 + minus_even_i_beta_next_3;
-    const float64 minus_mean_i_beta_by_n = minus_curv_i_beta_sum * PAIR_WEIGHT_SQ;
+    const float64 minus_D_odd_i_beta_6 = D_stator_resistance * minus_odd_drive_beta_6;
+    const float64 minus_curv_i_beta_mean = PAIR_WEIGHT * (minus_even_i_beta_next_0 + minus_even_i_beta_next_1
+        + minus_even_i_beta_next_2 + minus_even_i_beta_next_3);
     const float64 P_turned_11 = odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
         minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 + minus_odd_i_beta_next_3 * minus_D_odd_i_beta_3 +
         minus_odd_i_beta_next_4 * minus_D_odd_i_beta_4 + minus_odd_i_beta_next_5 * minus_D_odd_i_beta_5 +
-        minus_odd_drive_beta_6 * minus_odd_drive_beta_6 * D_stator_resistance +
+        minus_odd_drive_beta_6 * minus_D_odd_i_beta_6 +
         PAIR_WEIGHT * (minus_even_i_beta_next_0 * minus_even_i_beta_next_0 +
         minus_even_i_beta_next_1 * minus_even_i_beta_next_1 +
         minus_even_i_beta_next_2 * minus_even_i_beta_next_2 +
-        minus_even_i_beta_next_3 * minus_even_i_beta_next_3) - minus_curv_i_beta_sum * minus_mean_i_beta_by_n;
-    const float64 part_of_P_turned_10 = minus_odd_i_beta_next_4 * L_64_times_D_load_torque;
-    const float64 part_of_P_turned_10_2 = minus_odd_i_beta_next_5 * L_65_times_D_magnet_flux;
-    const float64 part_of_P_turned_10_3 = i_beta_turned * D_stator_resistance;
-    const float64 P_turned_10 = D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
-        D_odd_i_alpha_2 * minus_odd_i_beta_next_2 - D_odd_i_alpha_3 * minus_odd_i_beta_next_3 +
-        minus_odd_drive_alpha_6 * (part_of_P_turned_10 + part_of_P_turned_10_2) +
-        i_alpha_turned * part_of_P_turned_10_3 * GAIN_V_SQ + minus_curv_i_beta_sum * mean_i_alpha_by_n -
+        minus_even_i_beta_next_3 * minus_even_i_beta_next_3) -
+        minus_curv_i_beta_mean * minus_curv_i_beta_mean;
+    const float64 P_turned_10 = odd_i_alpha_next_0 * D_odd_i_beta_0 + odd_i_alpha_next_1 * D_odd_i_beta_1 -
+        odd_i_alpha_next_2 * minus_D_odd_i_beta_2 - odd_i_alpha_next_3 * minus_D_odd_i_beta_3 +
+        minus_odd_drive_alpha_4 * minus_D_odd_i_beta_4 + minus_odd_drive_alpha_5 * minus_D_odd_i_beta_5 +
+        minus_odd_drive_alpha_6 * minus_D_odd_i_beta_6 + curv_i_alpha_mean * minus_curv_i_beta_mean -
         PAIR_WEIGHT * (even_i_alpha_next_0 * minus_even_i_beta_next_0 +
         even_i_alpha_next_1 * minus_even_i_beta_next_1 + even_i_alpha_next_2 * minus_even_i_beta_next_2 +
         even_i_alpha_next_3 * minus_even_i_beta_next_3);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-    const float64 odd_torque_3_minus_L_43 = odd_torque_3 - L_43;
-    const float64 odd_omega_next_3 = GAIN_OMEGA * odd_torque_3_minus_L_43;
-    const float64 odd_torque_4_minus_one = odd_torque_4 - 1.0;
-    const float64 part_of_P_turned_20 = L_64_times_D_load_torque * odd_torque_4_minus_one;
-    const float64 part_of_P_turned_20_2 = L_65_times_D_magnet_flux * odd_torque_5;
-    const float64 part_of_P_turned_20_3 = magnet_flux * part_of_P_turned_10_3;
-    const float64 L_54_times_D_load_torque = L_54 * D_load_torque;
-    const float64 part_of_curv_omega_sum = minus_odd_i_beta_next_4 * L_54_times_D_load_torque;
+    const float64 D_odd_omega_0 = D_i_alpha * odd_omega_next_0;
+    const float64 D_odd_omega_1 = D_i_beta * odd_omega_next_1;
+    const float64 D_odd_omega_2 = D_omega * odd_omega_next_2;
+    const float64 D_odd_omega_3 = D_theta * odd_omega_next_3;
+    const float64 D_odd_omega_4 = D_load_torque * odd_omega_next_4;
+    const float64 D_odd_omega_5 = D_magnet_flux * odd_omega_next_5;
+    const float64 part_of_omega_pred = GAIN_OMEGA_BY2 * magnet_flux_x_torque_per_flux;
+    const float64 minus_odd_omega_next_6 = part_of_omega_pred * minus_odd_drive_beta_6;
+    const float64 minus_D_odd_omega_6 = D_stator_resistance * minus_odd_omega_next_6;
+    const float64 minus_even_torque_4 = TORQUE_PER_FLUX_X7 * L_54 * minus_odd_i_q_between_4 * D_load_torque;
+    const float64 minus_even_torque_5 = TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_5 * D_magnet_flux;
     const float64 curv_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + even_torque_3 -
-        (part_of_curv_omega_sum + minus_D_odd_i_beta_5) * TORQUE_PER_FLUX_X7_BY2;
-    const float64 P_turned_20 = D_odd_i_alpha_0 * odd_omega_next_0 + D_odd_i_alpha_1 * odd_omega_next_1 +
-        D_odd_i_alpha_2 * odd_omega_next_2 + D_odd_i_alpha_3 * odd_omega_next_3 -
-        i_alpha_turned * ((part_of_P_turned_20 + part_of_P_turned_20_2) * GAIN_OMEGA_GAIN_V -
-        part_of_P_turned_20_3 * G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2) +
+        minus_even_torque_4 - minus_even_torque_5;
+    const float64 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+    const float64 P_turned_20 = odd_i_alpha_next_0 * D_odd_omega_0 + odd_i_alpha_next_1 * D_odd_omega_1 +
+        odd_i_alpha_next_2 * D_odd_omega_2 + odd_i_alpha_next_3 * D_odd_omega_3 -
+        minus_odd_drive_alpha_4 * D_odd_omega_4 - minus_odd_drive_alpha_5 * D_odd_omega_5 +
+        minus_odd_drive_alpha_6 * minus_D_odd_omega_6 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_i_alpha_next_0 * even_torque_0 + even_i_alpha_next_1 * even_torque_1
         + even_i_alpha_next_2 * even_torque_2 + even_i_alpha_next_3 * even_torque_3) -
-        curv_omega_sum * mean_i_alpha_by_n);
-    const float64 odd_omega_next_4 = GAIN_OMEGA * odd_torque_4_minus_one;
-    const float64 part_of_P_turned_21 = i_beta_turned * part_of_P_turned_20_3;
-    const float64 P_turned_21 = D_odd_i_beta_0 * odd_omega_next_0 + D_odd_i_beta_1 * odd_omega_next_1 -
-        minus_D_odd_i_beta_2 * odd_omega_next_2 - minus_D_odd_i_beta_3 * odd_omega_next_3 -
-        minus_D_odd_i_beta_4 * odd_omega_next_4 - GAIN_OMEGA * (minus_D_odd_i_beta_5 * odd_torque_5 -
-        curv_omega_sum * minus_mean_i_beta_by_n + PAIR_WEIGHT * (minus_even_i_beta_next_0 * even_torque_0 +
-        minus_even_i_beta_next_1 * even_torque_1 + minus_even_i_beta_next_2 * even_torque_2 +
-        minus_even_i_beta_next_3 * even_torque_3)) + part_of_P_turned_21 * G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2;
+        curv_i_alpha_mean * curv_omega_mean);
+    const float64 P_turned_21 = odd_i_beta_next_0 * D_odd_omega_0 + odd_i_beta_next_1 * D_odd_omega_1 -
+        minus_odd_i_beta_next_2 * D_odd_omega_2 - minus_odd_i_beta_next_3 * D_odd_omega_3 -
+        minus_odd_i_beta_next_4 * D_odd_omega_4 - minus_odd_i_beta_next_5 * D_odd_omega_5 +
+        minus_odd_drive_beta_6 * minus_D_odd_omega_6 + GAIN_OMEGA * (minus_curv_i_beta_mean * curv_omega_mean
+        - PAIR_WEIGHT * (minus_even_i_beta_next_0 * even_torque_0 + minus_even_i_beta_next_1 * even_torque_1 +
+        minus_even_i_beta_next_2 * even_torque_2 + minus_even_i_beta_next_3 * even_torque_3));
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float64 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
     const float64 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
-    const float64 D_magnet_flux_x_odd_torque_5 = D_magnet_flux * odd_torque_5;
-    const float64 part_of_P_pred_22 = D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
-        D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
-        (D_theta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
-        D_load_torque * odd_torque_4_minus_one * odd_torque_4_minus_one +
-        odd_torque_5 * D_magnet_flux_x_odd_torque_5 + PAIR_WEIGHT * (even_torque_0 * even_torque_0 +
-        even_torque_1 * even_torque_1 + even_torque_2 * even_torque_2 + even_torque_3 * even_torque_3) -
-        curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ) * GAIN_OMEGA_SQ +
-        magnet_flux * part_of_P_turned_21 * G_OM_SQ_G_V_SQ_TQ_PE_FL_S_B_18B +
-        GAIN_OMEGA_SQ_X63 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-        minus_D_odd_i_beta_5 * minus_D_odd_i_beta_5);
+    const float64 part_of_P_pred_22 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
+        + odd_omega_next_5 * D_odd_omega_5 + minus_odd_omega_next_6 * minus_D_odd_omega_6 +
+        GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+        even_torque_2 * even_torque_2 + even_torque_3 * even_torque_3 +
+        minus_even_torque_4 * minus_even_torque_4 + minus_even_torque_5 * minus_even_torque_5) -
+        curv_omega_mean * curv_omega_mean);
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_22 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-    const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 +
-        D_i_alpha_times_odd_theta_mid_0 * odd_i_alpha_next_0 +
-        D_i_beta_times_odd_theta_mid_1 * odd_i_alpha_next_1 +
-        D_omega_times_odd_theta_mid_2 * odd_i_alpha_next_2 + D_odd_i_alpha_3;
-    const float64 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 +
-        D_i_alpha_times_odd_theta_mid_0 * odd_i_beta_next_0 +
-        D_i_beta_times_odd_theta_mid_1 * odd_i_beta_next_1 -
-        D_omega_times_odd_theta_mid_2 * minus_odd_i_beta_next_2 - minus_D_odd_i_beta_3;
+    const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0 * D_odd_i_alpha_0 +
+        odd_theta_mid_1 * D_odd_i_alpha_1 + odd_theta_mid_2 * D_odd_i_alpha_2 + D_odd_i_alpha_3;
+    const float64 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 + odd_theta_mid_0 * D_odd_i_beta_0 +
+        odd_theta_mid_1 * D_odd_i_beta_1 - odd_theta_mid_2 * minus_D_odd_i_beta_2 - minus_D_odd_i_beta_3;
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
     const float64 L_pred_30 = inv_D_pred_i_alpha * P_pred_30;
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
     const float64 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
     const float64 L_pred_31 = inv_D_pred_i_beta * LD_pred_31;
-    const float64 part_of_P_pred_32 = D_i_alpha_times_odd_theta_mid_0 * odd_omega_next_0 +
-        D_i_beta_times_odd_theta_mid_1 * odd_omega_next_1 + D_omega_times_odd_theta_mid_2 * odd_omega_next_2 +
-        D_theta * odd_omega_next_3;
+    const float64 part_of_P_pred_32 = odd_theta_mid_0 * D_odd_omega_0 + odd_theta_mid_1 * D_odd_omega_1 +
+        odd_theta_mid_2 * D_odd_omega_2 + D_odd_omega_3;
     const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
-        odd_theta_mid_0 * D_i_alpha_times_odd_theta_mid_0 + odd_theta_mid_1 * D_i_beta_times_odd_theta_mid_1 +
-        odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3;
+        D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0 + D_i_beta * odd_theta_mid_1 * odd_theta_mid_1 +
+        D_omega * odd_theta_mid_2 * odd_theta_mid_2 + D_theta + Q_3;
     const float64 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_3);
-    const float64 P_turned_40 = D_odd_i_alpha_0 * L_40 + D_odd_i_alpha_1 * L_41 + D_odd_i_alpha_2 * L_42 +
-        D_odd_i_alpha_3 * L_43 - minus_odd_drive_alpha_6 * L_64_times_D_load_torque;
-    const float64 P_turned_41 = D_odd_i_beta_0 * L_40 + D_odd_i_beta_1 * L_41 - minus_D_odd_i_beta_2 * L_42 -
-        minus_D_odd_i_beta_3 * L_43 - minus_D_odd_i_beta_4;
+    const float64 D_odd_load_torque_0 = D_i_alpha * L_40;
+    const float64 D_odd_load_torque_1 = D_i_beta * L_41;
+    const float64 D_odd_load_torque_2 = D_omega * L_42;
+    const float64 D_odd_load_torque_3 = D_theta * L_43;
+    const float64 P_turned_40 = odd_i_alpha_next_0 * D_odd_load_torque_0 +
+        odd_i_alpha_next_1 * D_odd_load_torque_1 + odd_i_alpha_next_2 * D_odd_load_torque_2 +
+        odd_i_alpha_next_3 * D_odd_load_torque_3 - minus_D_odd_i_alpha_4;
+    const float64 P_turned_41 = odd_i_beta_next_0 * D_odd_load_torque_0 +
+        odd_i_beta_next_1 * D_odd_load_torque_1 - minus_odd_i_beta_next_2 * D_odd_load_torque_2 -
+        minus_odd_i_beta_next_3 * D_odd_load_torque_3 - minus_D_odd_i_beta_4;
     const float64 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
     const float64 L_pred_40 = inv_D_pred_i_alpha * P_pred_40;
     const float64 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
     const float64 LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
     const float64 L_pred_41 = inv_D_pred_i_beta * LD_pred_41;
-    const float64 D_odd_load_torque_0 = D_i_alpha * L_40;
-    const float64 D_odd_load_torque_1 = D_i_beta * L_41;
-    const float64 D_odd_load_torque_2 = D_omega * L_42;
-    const float64 D_odd_load_torque_3 = D_theta * L_43;
-    const float64 P_pred_42 = D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1
-        + D_odd_load_torque_2 * odd_omega_next_2 + D_odd_load_torque_3 * odd_omega_next_3 +
-        D_load_torque * odd_omega_next_4;
+    const float64 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+        + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 + D_odd_omega_4;
     const float64 LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41;
     const float64 L_pred_42 = inv_D_pred_omega * LD_pred_42;
-    const float64 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + D_i_alpha_times_odd_theta_mid_0 * L_40 +
-        D_i_beta_times_odd_theta_mid_1 * L_41 + D_omega_times_odd_theta_mid_2 * L_42 + D_odd_load_torque_3;
+    const float64 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0 * D_odd_load_torque_0 +
+        odd_theta_mid_1 * D_odd_load_torque_1 + odd_theta_mid_2 * D_odd_load_torque_2 + D_odd_load_torque_3;
     const float64 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_43 = LD_pred_43 * inv_D_pred_theta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
         L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
     const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
-    const float64 D_odd_magnet_flux_0 = L_50_times_D_i_alpha * ONE_MINUS_RETURN;
-    const float64 D_odd_magnet_flux_1 = L_51_times_D_i_beta * ONE_MINUS_RETURN;
-    const float64 D_odd_magnet_flux_2 = L_52_times_D_omega * ONE_MINUS_RETURN;
-    const float64 D_odd_magnet_flux_3 = D_theta_times_L_53 * ONE_MINUS_RETURN;
-    const float64 L_54_x_L_64_times_D_load_torque = L_54 * L_64_times_D_load_torque;
-    const float64 i_alpha_turned_scaled = i_alpha_turned * GAIN_V_ONE_MINUS_RETURN;
+    const float64 D_odd_magnet_flux_0 = D_i_alpha * odd_magnet_flux_next_0;
+    const float64 D_odd_magnet_flux_1 = D_i_beta * odd_magnet_flux_next_1;
+    const float64 D_odd_magnet_flux_2 = D_omega * odd_magnet_flux_next_2;
+    const float64 D_odd_magnet_flux_3 = D_theta * odd_magnet_flux_next_3;
+    const float64 D_odd_magnet_flux_4 = D_load_torque * odd_magnet_flux_next_4;
+    const float64 D_odd_magnet_flux_5 = D_magnet_flux * ONE_MINUS_RETURN;
     const float64 P_turned_50 = odd_i_alpha_next_0 * D_odd_magnet_flux_0 +
         odd_i_alpha_next_1 * D_odd_magnet_flux_1 + odd_i_alpha_next_2 * D_odd_magnet_flux_2 +
-        odd_i_alpha_next_3 * D_odd_magnet_flux_3 - L_54_x_L_64_times_D_load_torque * i_alpha_turned_scaled -
-        L_65_times_D_magnet_flux * i_alpha_turned_scaled;
+        odd_i_alpha_next_3 * D_odd_magnet_flux_3 - minus_odd_drive_alpha_4 * D_odd_magnet_flux_4 -
+        minus_odd_drive_alpha_5 * D_odd_magnet_flux_5;
     const float64 P_turned_51 = odd_i_beta_next_0 * D_odd_magnet_flux_0 +
         odd_i_beta_next_1 * D_odd_magnet_flux_1 - minus_odd_i_beta_next_2 * D_odd_magnet_flux_2 -
-        minus_odd_i_beta_next_3 * D_odd_magnet_flux_3 - part_of_curv_omega_sum * ONE_MINUS_RETURN -
-        minus_D_odd_i_beta_5 * ONE_MINUS_RETURN;
+        minus_odd_i_beta_next_3 * D_odd_magnet_flux_3 - minus_odd_i_beta_next_4 * D_odd_magnet_flux_4 -
+        minus_odd_i_beta_next_5 * D_odd_magnet_flux_5;
     const float64 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
     const float64 L_pred_50 = inv_D_pred_i_alpha * P_pred_50;
     const float64 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
     const float64 LD_pred_51 = P_pred_51 - L_pred_10 * P_pred_50;
     const float64 L_pred_51 = inv_D_pred_i_beta * LD_pred_51;
-    const float64 odd_torque_3_minus_L_43_scaled = odd_torque_3_minus_L_43 * GAIN_OMEGA_ONE_MINUS_RETURN;
-    const float64 D_odd_magnet_flux_4 = L_54_times_D_load_torque * ONE_MINUS_RETURN;
-    const float64 P_pred_52 = D_odd_magnet_flux_0 * odd_omega_next_0 + D_odd_magnet_flux_1 * odd_omega_next_1
-        + D_odd_magnet_flux_2 * odd_omega_next_2 + D_theta_times_L_53 * odd_torque_3_minus_L_43_scaled +
-        odd_omega_next_4 * D_odd_magnet_flux_4 + D_magnet_flux_x_odd_torque_5 * GAIN_OMEGA_ONE_MINUS_RETURN;
+    const float64 P_pred_52 = odd_omega_next_0 * D_odd_magnet_flux_0 + odd_omega_next_1 * D_odd_magnet_flux_1
+        + odd_omega_next_2 * D_odd_magnet_flux_2 + odd_omega_next_3 * D_odd_magnet_flux_3 +
+        odd_omega_next_4 * D_odd_magnet_flux_4 + odd_omega_next_5 * D_odd_magnet_flux_5;
     const float64 LD_pred_52 = P_pred_52 - L_pred_20 * P_pred_50 - L_pred_21 * LD_pred_51;
     const float64 L_pred_52 = inv_D_pred_omega * LD_pred_52;
-    const float64 part_of_P_pred_53 = D_omega_times_odd_theta_mid_2 * ONE_MINUS_RETURN;
     const float64 P_pred_53 = HALF_T_POLE_PAIRS * P_pred_52 + odd_theta_mid_0 * D_odd_magnet_flux_0 +
-        odd_theta_mid_1 * D_odd_magnet_flux_1 + L_52 * part_of_P_pred_53 + D_odd_magnet_flux_3;
+        odd_theta_mid_1 * D_odd_magnet_flux_1 + odd_theta_mid_2 * D_odd_magnet_flux_2 + D_odd_magnet_flux_3;
     const float64 LD_pred_53 = P_pred_53 - L_pred_30 * P_pred_50 - L_pred_31 * LD_pred_51 -
         L_pred_32 * LD_pred_52;
     const float64 L_pred_53 = inv_D_pred_theta * LD_pred_53;
-    const float64 P_pred_54 = D_odd_magnet_flux_0 * L_40 + D_odd_magnet_flux_1 * L_41 +
-        D_odd_magnet_flux_2 * L_42 + D_odd_magnet_flux_3 * L_43 + D_odd_magnet_flux_4;
+    const float64 P_pred_54 = L_40 * D_odd_magnet_flux_0 + L_41 * D_odd_magnet_flux_1 +
+        L_42 * D_odd_magnet_flux_2 + L_43 * D_odd_magnet_flux_3 + D_odd_magnet_flux_4;
     const float64 LD_pred_54 = P_pred_54 - L_pred_40 * P_pred_50 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
     const float64 inv_D_pred_load_torque = 1.0 / D_pred_load_torque;
     const float64 L_pred_54 = LD_pred_54 * inv_D_pred_load_torque;
-    const float64 L_50_times_D_i_alpha_scaled = L_50_times_D_i_alpha * ONE_MINUS_RETURN_SQ;
-    const float64 L_51_times_D_i_beta_scaled = L_51_times_D_i_beta * ONE_MINUS_RETURN_SQ;
-    const float64 L_52_times_D_omega_scaled = L_52_times_D_omega * ONE_MINUS_RETURN_SQ;
-    const float64 D_theta_times_L_53_scaled = D_theta_times_L_53 * ONE_MINUS_RETURN_SQ;
-    const float64 P_pred_55 = L_50 * L_50_times_D_i_alpha_scaled + L_51 * L_51_times_D_i_beta_scaled +
-        L_52 * L_52_times_D_omega_scaled + L_53 * D_theta_times_L_53_scaled +
-        L_54 * L_54_times_D_load_torque * ONE_MINUS_RETURN_SQ + D_magnet_flux * ONE_MINUS_RETURN_SQ + Q_5;
+    const float64 Q_5 = Q[5];
+    const float64 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
+        odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
+        odd_magnet_flux_next_3 * D_odd_magnet_flux_3 + odd_magnet_flux_next_4 * D_odd_magnet_flux_4 +
+        ONE_MINUS_RETURN * D_odd_magnet_flux_5 + Q_5;
     const float64 D_pred_magnet_flux = larger(P_pred_55 - P_pred_50 * L_pred_50 - LD_pred_51 * L_pred_51 -
         LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_5);
-    const float64 D_odd_stator_resistance_0 = D_i_alpha_times_L_60 * ONE_MINUS_RETURN;
-    const float64 D_odd_stator_resistance_1 = D_i_beta_times_L_61 * ONE_MINUS_RETURN;
-    const float64 D_omega_times_L_62 = D_omega * L_62;
-    const float64 D_odd_stator_resistance_2 = D_omega_times_L_62 * ONE_MINUS_RETURN;
+    const float64 D_odd_stator_resistance_0 = D_i_alpha * odd_stator_resistance_next_0;
+    const float64 D_odd_stator_resistance_1 = D_i_beta * odd_stator_resistance_next_1;
+    const float64 D_odd_stator_resistance_2 = D_omega * odd_stator_resistance_next_2;
+    const float64 D_odd_stator_resistance_3 = D_theta * odd_stator_resistance_next_3;
+    const float64 D_odd_stator_resistance_4 = D_load_torque * odd_stator_resistance_next_4;
+    const float64 D_odd_stator_resistance_5 = D_magnet_flux * odd_stator_resistance_next_5;
+    const float64 D_odd_stator_resistance_6 = ONE_MINUS_RETURN * D_stator_resistance;
     const float64 P_turned_60 = odd_i_alpha_next_0 * D_odd_stator_resistance_0 +
         odd_i_alpha_next_1 * D_odd_stator_resistance_1 + odd_i_alpha_next_2 * D_odd_stator_resistance_2 +
-        L_63 * D_odd_i_alpha_3 * ONE_MINUS_RETURN - L_64_x_L_64_times_D_load_torque * i_alpha_turned_scaled -
-        L_65_x_L_65_times_D_magnet_flux * i_alpha_turned_scaled - D_stator_resistance * i_alpha_turned_scaled;
-    const float64 D_theta_times_L_63 = D_theta * L_63;
-    const float64 D_odd_stator_resistance_3 = D_theta_times_L_63 * ONE_MINUS_RETURN;
+        odd_i_alpha_next_3 * D_odd_stator_resistance_3 - minus_odd_drive_alpha_4 * D_odd_stator_resistance_4 -
+        minus_odd_drive_alpha_5 * D_odd_stator_resistance_5 -
+        minus_odd_drive_alpha_6 * D_odd_stator_resistance_6;
     const float64 P_turned_61 = odd_i_beta_next_0 * D_odd_stator_resistance_0 +
         odd_i_beta_next_1 * D_odd_stator_resistance_1 - minus_odd_i_beta_next_2 * D_odd_stator_resistance_2 -
-        minus_odd_i_beta_next_3 * D_odd_stator_resistance_3 - part_of_P_turned_10 * ONE_MINUS_RETURN -
-        part_of_P_turned_10_2 * ONE_MINUS_RETURN - part_of_P_turned_10_3 * GAIN_V_ONE_MINUS_RETURN;
+        minus_odd_i_beta_next_3 * D_odd_stator_resistance_3 -
+        minus_odd_i_beta_next_4 * D_odd_stator_resistance_4 -
+        minus_odd_i_beta_next_5 * D_odd_stator_resistance_5 -
+        minus_odd_drive_beta_6 * D_odd_stator_resistance_6;
     const float64 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
     const float64 L_pred_60 = inv_D_pred_i_alpha * P_pred_60;
     const float64 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
     const float64 LD_pred_61 = P_pred_61 - L_pred_10 * P_pred_60;
     const float64 L_pred_61 = inv_D_pred_i_beta * LD_pred_61;
-    const float64 P_pred_62 = D_odd_stator_resistance_0 * odd_omega_next_0 +
-        D_odd_stator_resistance_1 * odd_omega_next_1 + D_odd_stator_resistance_2 * odd_omega_next_2 +
-        D_theta_times_L_63 * odd_torque_3_minus_L_43_scaled +
-        part_of_P_turned_20 * GAIN_OMEGA_ONE_MINUS_RETURN +
-        part_of_P_turned_20_2 * GAIN_OMEGA_ONE_MINUS_RETURN -
-        part_of_P_turned_20_3 * G_OM_G_V_ON_M_RE_TQ_PE_FL_B_5EC;
+    const float64 P_pred_62 = odd_omega_next_0 * D_odd_stator_resistance_0 +
+        odd_omega_next_1 * D_odd_stator_resistance_1 + odd_omega_next_2 * D_odd_stator_resistance_2 +
+        odd_omega_next_3 * D_odd_stator_resistance_3 + odd_omega_next_4 * D_odd_stator_resistance_4 +
+        odd_omega_next_5 * D_odd_stator_resistance_5 - minus_odd_omega_next_6 * D_odd_stator_resistance_6;
     const float64 LD_pred_62 = P_pred_62 - L_pred_20 * P_pred_60 - L_pred_21 * LD_pred_61;
     const float64 L_pred_62 = inv_D_pred_omega * LD_pred_62;
-    const float64 P_pred_63 = HALF_T_POLE_PAIRS * P_pred_62 +
-        D_i_alpha_times_odd_theta_mid_0 * L_60 * ONE_MINUS_RETURN +
-        D_i_beta_times_odd_theta_mid_1 * L_61 * ONE_MINUS_RETURN + L_62 * part_of_P_pred_53 +
+    const float64 P_pred_63 = HALF_T_POLE_PAIRS * P_pred_62 + odd_theta_mid_0 * D_odd_stator_resistance_0 +
+        odd_theta_mid_1 * D_odd_stator_resistance_1 + odd_theta_mid_2 * D_odd_stator_resistance_2 +
         D_odd_stator_resistance_3;
     const float64 LD_pred_63 = P_pred_63 - L_pred_30 * P_pred_60 - L_pred_31 * LD_pred_61 -
         L_pred_32 * LD_pred_62;
     const float64 L_pred_63 = inv_D_pred_theta * LD_pred_63;
-    const float64 P_pred_64 = D_odd_stator_resistance_0 * L_40 + D_odd_stator_resistance_1 * L_41 +
-        D_odd_stator_resistance_2 * L_42 + D_odd_stator_resistance_3 * L_43 +
-        L_64_times_D_load_torque * ONE_MINUS_RETURN;
+    const float64 P_pred_64 = L_40 * D_odd_stator_resistance_0 + L_41 * D_odd_stator_resistance_1 +
+        L_42 * D_odd_stator_resistance_2 + L_43 * D_odd_stator_resistance_3 + D_odd_stator_resistance_4;
     const float64 LD_pred_64 = P_pred_64 - L_pred_40 * P_pred_60 - L_pred_41 * LD_pred_61 -
         L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
     const float64 L_pred_64 = inv_D_pred_load_torque * LD_pred_64;
-    const float64 P_pred_65 = L_60 * L_50_times_D_i_alpha_scaled + L_61 * L_51_times_D_i_beta_scaled +
-        L_62 * L_52_times_D_omega_scaled + L_63 * D_theta_times_L_53_scaled +
-        L_54_x_L_64_times_D_load_torque * ONE_MINUS_RETURN_SQ +
-        L_65_times_D_magnet_flux * ONE_MINUS_RETURN_SQ;
+    const float64 P_pred_65 = odd_magnet_flux_next_0 * D_odd_stator_resistance_0 +
+        odd_magnet_flux_next_1 * D_odd_stator_resistance_1 +
+        odd_magnet_flux_next_2 * D_odd_stator_resistance_2 +
+        odd_magnet_flux_next_3 * D_odd_stator_resistance_3 +
+        odd_magnet_flux_next_4 * D_odd_stator_resistance_4 + ONE_MINUS_RETURN * D_odd_stator_resistance_5;
     const float64 LD_pred_65 = P_pred_65 - L_pred_50 * P_pred_60 - L_pred_51 * LD_pred_61 -
         L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
     const float64 L_pred_65 = LD_pred_65 / D_pred_magnet_flux;
-    const float64 P_pred_66 = L_60 * D_i_alpha_times_L_60 * ONE_MINUS_RETURN_SQ +
-        L_61 * D_i_beta_times_L_61 * ONE_MINUS_RETURN_SQ + L_62 * D_omega_times_L_62 * ONE_MINUS_RETURN_SQ +
-        L_63 * D_theta_times_L_63 * ONE_MINUS_RETURN_SQ +
-        L_64_x_L_64_times_D_load_torque * ONE_MINUS_RETURN_SQ +
-        L_65_x_L_65_times_D_magnet_flux * ONE_MINUS_RETURN_SQ + D_stator_resistance * ONE_MINUS_RETURN_SQ +
-        Q_6;
+    const float64 Q_6 = Q[6];
+    const float64 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
+        odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
+        odd_stator_resistance_next_2 * D_odd_stator_resistance_2 +
+        odd_stator_resistance_next_3 * D_odd_stator_resistance_3 +
+        odd_stator_resistance_next_4 * D_odd_stator_resistance_4 +
+        odd_stator_resistance_next_5 * D_odd_stator_resistance_5 +
+        ONE_MINUS_RETURN * D_odd_stator_resistance_6 + Q_6;
     const float64 D_pred_stator_resistance = larger(P_pred_66 - P_pred_60 * L_pred_60 - LD_pred_61 * L_pred_61
         - LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
         Q_6);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 offset_omega = GAIN_OMEGA_BY7 * curv_omega_sum;
-    const float64 offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP;
+    const float64 offset_omega = GAIN_OMEGA * curv_omega_mean;
+    const float64 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
     const float64 i_alpha_of_x = decay_now * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
-    const float64 cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT;
-    const float64 sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT;
-    const float64 i_alpha_pred = i_alpha_of_x + curv_i_alpha_sum * cos_theta_mid_times_pair_weight +
-        sin_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
+    const float64 i_alpha_pred = i_alpha_of_x + cos_theta_mid * curv_i_alpha_mean +
+        sin_theta_mid * minus_curv_i_beta_mean;
     const float64 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
-    const float64 i_beta_pred = i_beta_of_x + curv_i_alpha_sum * sin_theta_mid_times_pair_weight -
-        cos_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
-    const float64 omega_of_x = omega * DECAY_OMEGA + (cos_theta_mid * GAIN_OMEGA_BY2 * (i_beta_of_x + i_beta)
-        - sin_theta_mid * GAIN_OMEGA_BY2 * (i_alpha_of_x + i_alpha)) * magnet_flux_x_torque_per_flux -
-        GAIN_OMEGA * load_torque;
+    const float64 i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean -
+        cos_theta_mid * minus_curv_i_beta_mean;
+    const float64 load_torque = x[4];
+    const float64 omega_of_x = omega * DECAY_OMEGA + (cos_theta_mid * (i_beta_of_x + i_beta) -
+        sin_theta_mid * (i_alpha_of_x + i_alpha)) * part_of_omega_pred - GAIN_OMEGA * load_torque;
     const float64 omega_pred = omega_of_x + offset_omega;
-    const float64 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
+    const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
     const float64 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +
         OWN_STATOR_RESISTANCE_RETURN;
@@ -767,69 +756,54 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
 static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pred[28], const float64 R[2],
     const float64 y[2], float64 x_out[7], float64 LD_out[28], float64 nis_out[1])
 {
-    const float64 i_alpha_pred = x_pred[0];
-    const float64 i_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 magnet_flux_pred = x_pred[5];
-    const float64 stator_resistance_pred = x_pred[6];
-    const float64 D_pred_i_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_i_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_load_torque = LD_pred[14];
-    const float64 L_pred_50 = LD_pred[15];
-    const float64 L_pred_51 = LD_pred[16];
-    const float64 L_pred_52 = LD_pred[17];
-    const float64 L_pred_53 = LD_pred[18];
-    const float64 L_pred_54 = LD_pred[19];
-    const float64 D_pred_magnet_flux = LD_pred[20];
-    const float64 L_pred_60 = LD_pred[21];
-    const float64 L_pred_61 = LD_pred[22];
-    const float64 L_pred_62 = LD_pred[23];
-    const float64 L_pred_63 = LD_pred[24];
-    const float64 L_pred_64 = LD_pred[25];
-    const float64 L_pred_65 = LD_pred[26];
-    const float64 D_pred_stator_resistance = LD_pred[27];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
+    /* --- eq. 25: y - y_pred; theta wrapped, adaptive states within their tolerance */
     const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
-    /* --- eq. 25: y - y_pred; adaptive states within their tolerance */
+    const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float64 R_0 = R[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float64 i_beta_meas = y[1];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 i_beta_pred = x_pred[1];
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float64 R_1 = R[1];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 var_second = var_second_1 + L_pred_10 * g_second_0;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_new = correction_second_0 + i_alpha_pred;
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
+        theta_pred);
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 +
         load_torque_pred;
+    const float64 L_pred_50 = LD_pred[15];
+    const float64 L_pred_51 = LD_pred[16];
+    const float64 magnet_flux_pred = x_pred[5];
     const float64 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX,
         correction_second_0 * L_pred_50 + part_of_omega_new * L_pred_51 + magnet_flux_pred));
+    const float64 L_pred_60 = LD_pred[21];
+    const float64 L_pred_61 = LD_pred[22];
+    const float64 stator_resistance_pred = x_pred[6];
     const float64 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE,
         correction_second_0 * L_pred_60 + part_of_omega_new * L_pred_61 + stator_resistance_pred));
 
@@ -848,6 +822,21 @@ static void ckf_measurement_update(const float64 x_pred[7], const float64 LD_pre
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_theta = LD_pred[9];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_load_torque = LD_pred[14];
+    const float64 L_pred_52 = LD_pred[17];
+    const float64 L_pred_53 = LD_pred[18];
+    const float64 L_pred_54 = LD_pred[19];
+    const float64 D_pred_magnet_flux = LD_pred[20];
+    const float64 L_pred_62 = LD_pred[23];
+    const float64 L_pred_63 = LD_pred[24];
+    const float64 L_pred_64 = LD_pred[25];
+    const float64 L_pred_65 = LD_pred[26];
+    const float64 D_pred_stator_resistance = LD_pred[27];
 
     x_out[0] = i_alpha_new;
     x_out[1] = i_beta_new;
@@ -929,7 +918,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1003,27 +992,9 @@ static void restart(spmsm_adaptive_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9, 14, 20, 27 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
-    f->LD[15] = 0.0;
-    f->LD[16] = 0.0;
-    f->LD[17] = 0.0;
-    f->LD[18] = 0.0;
-    f->LD[19] = 0.0;
-    f->LD[21] = 0.0;
-    f->LD[22] = 0.0;
-    f->LD[23] = 0.0;
-    f->LD[24] = 0.0;
-    f->LD[25] = 0.0;
-    f->LD[26] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1072,19 +1043,15 @@ int spmsm_adaptive_ckf_f64_step(spmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     float64 LD_pred[28];
     float64 check[1];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) && (LD_pred[9] > f->Q[3])
@@ -1097,15 +1064,11 @@ int spmsm_adaptive_ckf_f64_step(spmsm_adaptive_ckf_f64_t *f, const float64 u[2],
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

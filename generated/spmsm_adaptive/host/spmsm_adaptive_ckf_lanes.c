@@ -19,40 +19,24 @@
 #define MOST_MAGNET_FLUX 0.1925f /* 1.1 of the motor's magnet_flux */
 #define LEAST_STATOR_RESISTANCE 2.3f /* 0.8 of the motor's stator_resistance */
 #define MOST_STATOR_RESISTANCE 3.45f /* 1.2 of the motor's stator_resistance */
+#define POLE_PAIRS 4.0f /* p */
 #define DECAY_I 0.7087082f /* exp(-T R / L) */
 #define GAIN_V 0.10131888f /* (1 - exp(-T R / L)) / R, A/V */
+#define HALF_T 5e-05f /* T / 2, s */
 #define NOMINAL_R 2.875f /* the motor's stator resistance, ohm */
 #define DECAY_OMEGA 0.999975f /* exp(-T D / J) */
 #define GAIN_OMEGA 0.012499844f /* (1 - exp(-T D / J)) / D, rad/s per N m */
 #define TORQUE_PER_FLUX 6.0f /* 1.5 p */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
-#define GAIN_V_POLE_PAIRS 0.40527552f /* GAIN_V * POLE_PAIRS */
-#define GAIN_V_X7 0.70923215f /* 7 * GAIN_V */
-#define GAIN_V_POLE_PAIRS_X7 2.8369286f /* 7 * GAIN_V * POLE_PAIRS */
 #define PAIR_WEIGHT 0.14285715f /* 1 / 7: weight of the two points of a column of S */
 #define GAIN_OMEGA_BY2 0.006249922f /* 0.5 * GAIN_OMEGA */
-#define GAIN_OMEGA_BY7 0.001785692f /* 0.14285714285714285 * GAIN_OMEGA */
 #define ONE_PLUS_DECAY_I 1.7087082f /* 1 + DECAY_I */
 #define TORQUE_PER_FLUX_X7 42.0f /* 7 * TORQUE_PER_FLUX */
-#define GAIN_V_POLE_PAIRS_X7_BY2 1.4184643f /* 3.5 * GAIN_V * POLE_PAIRS */
-#define TORQUE_PER_FLUX_X7_BY2 21.0f /* 3.5 * TORQUE_PER_FLUX */
-#define G_OMEGA_HALF_T_PAIR_WEIGHT_PP 3.571384e-07f /* GAIN_OMEGA * HALF_T * PAIR_WEIGHT * POLE_PAIRS */
+#define GAIN_OMEGA_HALF_T_POLE_PAIRS 2.4999688e-06f /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define ONE_MINUS_RETURN 0.9998779f /* 1 - RETURN */
 #define OWN_MAGNET_FLUX_RETURN 2.1362304e-05f /* OWN_MAGNET_FLUX * RETURN */
 #define OWN_STATOR_RESISTANCE_RETURN 0.00035095215f /* OWN_STATOR_RESISTANCE * RETURN */
-#define PAIR_WEIGHT_SQ 0.020408163f /* PAIR_WEIGHT * PAIR_WEIGHT */
-#define GAIN_V_SQ 0.010265515f /* GAIN_V * GAIN_V */
-#define GAIN_OMEGA_TORQUE_PER_FLUX 0.074999064f /* GAIN_OMEGA * TORQUE_PER_FLUX */
-#define TORQUE_PER_FLUX_BY2 3.0f /* 0.5 * TORQUE_PER_FLUX */
-#define GAIN_OMEGA_GAIN_V 0.0012664702f /* GAIN_OMEGA * GAIN_V */
-#define G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2 0.00038495203f /* 0.5 * GAIN_OMEGA * GAIN_V * GAIN_V * TORQUE_PER_FLUX */
 #define GAIN_OMEGA_SQ 0.0001562461f /* GAIN_OMEGA * GAIN_OMEGA */
-#define G_OM_SQ_G_V_SQ_TQ_PE_FL_S_B_18B 1.4435521e-05f /* 0.25 * GAIN_OMEGA * GAIN_OMEGA * GAIN_V * GAIN_V * TORQUE_PER_FLUX * TORQUE_PER_FLUX */
-#define GAIN_OMEGA_SQ_X63 0.009843504f /* 63 * GAIN_OMEGA * GAIN_OMEGA */
-#define GAIN_V_ONE_MINUS_RETURN 0.10130651f /* GAIN_V * (1 - RETURN) */
-#define GAIN_OMEGA_ONE_MINUS_RETURN 0.012498318f /* GAIN_OMEGA * (1 - RETURN) */
-#define ONE_MINUS_RETURN_SQ 0.99975586f /* (1 - RETURN) * (1 - RETURN) */
-#define G_OM_G_V_ON_M_RE_TQ_PE_FL_B_5EC 0.0037989467f /* 0.5 * GAIN_OMEGA * GAIN_V * (1 - RETURN) * TORQUE_PER_FLUX */
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -355,14 +339,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_3 = turn[7].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
-        const float32 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-        const float32 odd_emf_step_5 = GAIN_V_POLE_PAIRS * omega;
-        const float32 emf_step = magnet_flux * odd_emf_step_5;
-        const float32 L_50_times_D_i_alpha = L_50 * D_i_alpha;
-        const float32 even_emf_step_0 = L_20 * L_50_times_D_i_alpha * GAIN_V_POLE_PAIRS_X7;
-        const float32 magnet_flux_x_gain_v_pole_pairs = magnet_flux * GAIN_V_POLE_PAIRS;
-        const float32 odd_emf_step_0 = magnet_flux_x_gain_v_pole_pairs * L_20 + odd_emf_step_5 * L_50;
+        const float32 omega_e = POLE_PAIRS * omega;
+        const float32 odd_omega_e_0 = POLE_PAIRS * L_20;
+        const float32 theta_mid = omega_e * HALF_T + theta;
+        const float32 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
+        const float32 gain_v_times_magnet_flux = GAIN_V * magnet_flux;
+        const float32 emf_step = gain_v_times_magnet_flux * omega_e;
+        const float32 n_D_0 = D_i_alpha * 7.0f;
+        const float32 gain_v_times_L_50 = GAIN_V * L_50;
+        const float32 even_emf_step_0 = n_D_0 * odd_omega_e_0 * gain_v_times_L_50;
+        const float32 odd_emf_step_0 = gain_v_times_magnet_flux * odd_omega_e_0 + omega_e * gain_v_times_L_50;
         const float32 decay_off = GAIN_V * (stator_resistance - NOMINAL_R);
         const float32 one_plus_decay_now = ONE_PLUS_DECAY_I - decay_off;
         const float32 theta_mid_wrapped = wrap_angle(theta_mid);
@@ -375,166 +361,186 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 i_d_between = 0.5f * (one_plus_decay_now * i_alpha_turned +
             (gain_v_times_v_alpha * cos_theta_mid + gain_v_times_v_beta * sin_theta_mid));
         const float32 i_beta_turned = cos_theta_mid * i_beta - i_alpha * sin_theta_mid;
-        const float32 part_of_i_q_between = one_plus_decay_now * i_beta_turned - emf_step +
-            (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid);
-        const float32 i_q_between = 0.5f * part_of_i_q_between;
+        const float32 i_q_between = 0.5f * (one_plus_decay_now * i_beta_turned - emf_step +
+            (gain_v_times_v_beta * cos_theta_mid - gain_v_times_v_alpha * sin_theta_mid));
         const float32 one_plus_cosm1_theta_mid_0 = 1.0f + cosm1_theta_mid_0;
-        const float32 D_i_alpha_times_L_60 = D_i_alpha * L_60;
-        const float32 n_D_odd_decay_off_0 = GAIN_V_X7 * D_i_alpha_times_L_60;
+        const float32 odd_decay_off_0 = GAIN_V * L_60;
+        const float32 n_D_odd_decay_off_0 = n_D_0 * odd_decay_off_0;
         const float32 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
         const float32 minus_even_i_beta_next_0 = emf_step * cosm1_theta_mid_0 +
             even_emf_step_0 * one_plus_cosm1_theta_mid_0 + n_D_odd_decay_off_0 * odd_i_beta_turned_0;
         const float32 half_one_plus_cosm1_theta_mid_0 = one_plus_cosm1_theta_mid_0 * 0.5f;
-        const float32 D_i_alpha_times_odd_theta_mid_0 = D_i_alpha * odd_theta_mid_0;
-        const float32 D_sind_theta_mid_0 = D_i_alpha_times_odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
+        const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
         const float32 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
         const float32 decay_now = DECAY_I - decay_off;
-        const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 minus_odd_drive_alpha_6 = GAIN_V * i_alpha_turned;
         const float32 odd_i_alpha_next_0 = decay_now * odd_i_alpha_turned_0 +
-            sind_theta_mid_0 * (emf_step + even_emf_step_0) - L_60 * minus_odd_drive_alpha_6;
+            sind_theta_mid_0 * (emf_step + even_emf_step_0) - odd_decay_off_0 * i_alpha_turned;
         const float32 even_i_q_between_0 = cosm1_theta_mid_0 * i_q_between -
             minus_even_i_beta_next_0 * half_one_plus_cosm1_theta_mid_0 -
-            D_sind_theta_mid_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 3.5f;
-        const float32 minus_odd_drive_beta_6 = GAIN_V * i_beta_turned;
+            n_D_sind_theta_mid_0 * 0.5f * (odd_i_alpha_turned_0 + odd_i_alpha_next_0);
         const float32 odd_i_beta_next_0 = decay_now * odd_i_beta_turned_0 -
-            odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - L_60 * minus_odd_drive_beta_6;
-        const float32 even_i_alpha_next_0 = 7.0f * odd_emf_step_0 * D_sind_theta_mid_0 -
+            odd_emf_step_0 * one_plus_cosm1_theta_mid_0 - i_beta_turned * odd_decay_off_0;
+        const float32 even_i_alpha_next_0 = odd_emf_step_0 * n_D_sind_theta_mid_0 -
             n_D_odd_decay_off_0 * odd_i_alpha_turned_0;
         const float32 odd_i_q_between_0 =
             half_one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
             sind_theta_mid_0 * (i_d_between + even_i_alpha_next_0 * 0.5f);
         const float32 magnet_flux_x_torque_per_flux = magnet_flux * TORQUE_PER_FLUX;
+        const float32 L_50_times_torque_per_flux = L_50 * TORQUE_PER_FLUX;
         const float32 even_torque_0 = magnet_flux_x_torque_per_flux * even_i_q_between_0 +
-            L_50_times_D_i_alpha * TORQUE_PER_FLUX_X7 * odd_i_q_between_0;
-        const float32 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
-        const float32 L_51_times_D_i_beta = L_51 * D_i_beta;
-        const float32 even_emf_step_1 = L_21 * L_51_times_D_i_beta * GAIN_V_POLE_PAIRS_X7;
-        const float32 odd_emf_step_1 = magnet_flux_x_gain_v_pole_pairs * L_21 + odd_emf_step_5 * L_51;
+            n_D_0 * L_50_times_torque_per_flux * odd_i_q_between_0;
+        const float32 odd_torque_0 = magnet_flux_x_torque_per_flux * odd_i_q_between_0 +
+            L_50_times_torque_per_flux * (i_q_between + even_i_q_between_0);
+        const float32 odd_omega_e_1 = POLE_PAIRS * L_21;
+        const float32 odd_theta_mid_1 = HALF_T * odd_omega_e_1 + L_31;
+        const float32 n_D_1 = 7.0f * D_i_beta;
+        const float32 gain_v_times_L_51 = GAIN_V * L_51;
+        const float32 even_emf_step_1 = n_D_1 * odd_omega_e_1 * gain_v_times_L_51;
+        const float32 odd_emf_step_1 = gain_v_times_magnet_flux * odd_omega_e_1 + omega_e * gain_v_times_L_51;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
-        const float32 D_i_beta_times_L_61 = D_i_beta * L_61;
-        const float32 n_D_odd_decay_off_1 = GAIN_V_X7 * D_i_beta_times_L_61;
+        const float32 odd_decay_off_1 = GAIN_V * L_61;
+        const float32 n_D_odd_decay_off_1 = n_D_1 * odd_decay_off_1;
         const float32 minus_even_i_beta_next_1 = emf_step * cosm1_theta_mid_1 +
             even_emf_step_1 * one_plus_cosm1_theta_mid_1 + cos_theta_mid * n_D_odd_decay_off_1;
         const float32 half_one_plus_cosm1_theta_mid_1 = one_plus_cosm1_theta_mid_1 * 0.5f;
-        const float32 D_i_beta_times_odd_theta_mid_1 = D_i_beta * odd_theta_mid_1;
-        const float32 D_sind_theta_mid_1 = D_i_beta_times_odd_theta_mid_1 * sinc_theta_mid_1;
         const float32 sind_theta_mid_1 = odd_theta_mid_1 * sinc_theta_mid_1;
+        const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
         const float32 odd_i_alpha_next_1 = decay_now * sin_theta_mid +
-            sind_theta_mid_1 * (emf_step + even_emf_step_1) - L_61 * minus_odd_drive_alpha_6;
+            sind_theta_mid_1 * (emf_step + even_emf_step_1) - i_alpha_turned * odd_decay_off_1;
         const float32 even_i_q_between_1 = cosm1_theta_mid_1 * i_q_between -
             minus_even_i_beta_next_1 * half_one_plus_cosm1_theta_mid_1 -
-            D_sind_theta_mid_1 * 3.5f * (sin_theta_mid + odd_i_alpha_next_1);
+            n_D_sind_theta_mid_1 * 0.5f * (sin_theta_mid + odd_i_alpha_next_1);
         const float32 odd_i_beta_next_1 = decay_now * cos_theta_mid - odd_emf_step_1 * one_plus_cosm1_theta_mid_1
-            - L_61 * minus_odd_drive_beta_6;
-        const float32 even_i_alpha_next_1 = 7.0f * odd_emf_step_1 * D_sind_theta_mid_1 -
+            - i_beta_turned * odd_decay_off_1;
+        const float32 even_i_alpha_next_1 = odd_emf_step_1 * n_D_sind_theta_mid_1 -
             sin_theta_mid * n_D_odd_decay_off_1;
         const float32 odd_i_q_between_1 = half_one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
             sind_theta_mid_1 * (i_d_between + even_i_alpha_next_1 * 0.5f);
+        const float32 L_51_times_torque_per_flux = L_51 * TORQUE_PER_FLUX;
         const float32 even_torque_1 = magnet_flux_x_torque_per_flux * even_i_q_between_1 +
-            L_51_times_D_i_beta * TORQUE_PER_FLUX_X7 * odd_i_q_between_1;
+            n_D_1 * L_51_times_torque_per_flux * odd_i_q_between_1;
+        const float32 odd_torque_1 = magnet_flux_x_torque_per_flux * odd_i_q_between_1 +
+            L_51_times_torque_per_flux * (i_q_between + even_i_q_between_1);
         const float32 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
-        const float32 L_52_times_D_omega = L_52 * D_omega;
-        const float32 even_emf_step_2 = L_52_times_D_omega * GAIN_V_POLE_PAIRS_X7;
-        const float32 odd_emf_step_2 = magnet_flux_x_gain_v_pole_pairs + odd_emf_step_5 * L_52;
+        const float32 n_D_2 = 7.0f * D_omega;
+        const float32 gain_v_times_L_52 = GAIN_V * L_52;
+        const float32 even_emf_step_2 = POLE_PAIRS * n_D_2 * gain_v_times_L_52;
+        const float32 odd_emf_step_2 = gain_v_times_magnet_flux * POLE_PAIRS + omega_e * gain_v_times_L_52;
         const float32 one_plus_cosm1_theta_mid_2 = 1.0f + cosm1_theta_mid_2;
         const float32 minus_even_i_beta_next_2 = emf_step * cosm1_theta_mid_2 +
             even_emf_step_2 * one_plus_cosm1_theta_mid_2;
         const float32 half_one_plus_cosm1_theta_mid_2 = one_plus_cosm1_theta_mid_2 * 0.5f;
-        const float32 D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2;
-        const float32 D_sind_theta_mid_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2;
         const float32 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
+        const float32 n_D_sind_theta_mid_2 = n_D_2 * sind_theta_mid_2;
+        const float32 odd_decay_off_2 = GAIN_V * L_62;
         const float32 odd_i_alpha_next_2 = sind_theta_mid_2 * (emf_step + even_emf_step_2) -
-            minus_odd_drive_alpha_6 * L_62;
+            i_alpha_turned * odd_decay_off_2;
         const float32 even_i_q_between_2 = cosm1_theta_mid_2 * i_q_between -
             minus_even_i_beta_next_2 * half_one_plus_cosm1_theta_mid_2 -
-            D_sind_theta_mid_2 * 3.5f * odd_i_alpha_next_2;
+            n_D_sind_theta_mid_2 * 0.5f * odd_i_alpha_next_2;
+        const float32 L_52_times_torque_per_flux = L_52 * TORQUE_PER_FLUX;
         const float32 minus_odd_i_beta_next_2 = odd_emf_step_2 * one_plus_cosm1_theta_mid_2 +
-            minus_odd_drive_beta_6 * L_62;
-        const float32 part_of_even_i_alpha_next_2 = odd_emf_step_2 * D_sind_theta_mid_2;
+            i_beta_turned * odd_decay_off_2;
+        const float32 even_i_alpha_next_2 = odd_emf_step_2 * n_D_sind_theta_mid_2;
         const float32 minus_odd_i_q_between_2 = half_one_plus_cosm1_theta_mid_2 * minus_odd_i_beta_next_2 +
-            sind_theta_mid_2 * (i_d_between + part_of_even_i_alpha_next_2 * 3.5f);
+            sind_theta_mid_2 * (i_d_between + even_i_alpha_next_2 * 0.5f);
         const float32 even_torque_2 = magnet_flux_x_torque_per_flux * even_i_q_between_2 -
-            L_52_times_D_omega * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_2;
+            n_D_2 * L_52_times_torque_per_flux * minus_odd_i_q_between_2;
+        const float32 odd_torque_2 = L_52_times_torque_per_flux * (i_q_between + even_i_q_between_2) -
+            magnet_flux_x_torque_per_flux * minus_odd_i_q_between_2;
+        const float32 odd_emf_step_5 = GAIN_V * omega_e;
+        const float32 odd_emf_step_3 = odd_emf_step_5 * L_53;
         const float32 minus_even_i_beta_next_3 = emf_step * cosm1_theta_mid_3;
         const float32 one_plus_cosm1_theta_mid_3 = 1.0f + cosm1_theta_mid_3;
         const float32 half_one_plus_cosm1_theta_mid_3 = 0.5f * one_plus_cosm1_theta_mid_3;
-        const float32 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - minus_odd_drive_alpha_6 * L_63;
-        const float32 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
+        const float32 n_D_3 = 7.0f * D_theta;
+        const float32 n_D_sind_theta_mid_3 = n_D_3 * sinc_theta_mid_3;
+        const float32 odd_decay_off_3 = GAIN_V * L_63;
+        const float32 odd_i_alpha_next_3 = emf_step * sinc_theta_mid_3 - i_alpha_turned * odd_decay_off_3;
         const float32 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
             minus_even_i_beta_next_3 * half_one_plus_cosm1_theta_mid_3 -
-            sinc_theta_mid_3 * 3.5f * D_odd_i_alpha_3;
-        const float32 D_theta_times_L_53 = D_theta * L_53;
-        const float32 minus_odd_i_beta_next_3 = odd_emf_step_5 * L_53 * one_plus_cosm1_theta_mid_3 +
-            minus_odd_drive_beta_6 * L_63;
-        const float32 part_of_even_i_alpha_next_3 = omega * (D_theta_times_L_53 * sinc_theta_mid_3);
+            n_D_sind_theta_mid_3 * 0.5f * odd_i_alpha_next_3;
+        const float32 L_53_times_torque_per_flux = L_53 * TORQUE_PER_FLUX;
+        const float32 minus_odd_i_beta_next_3 = odd_emf_step_3 * one_plus_cosm1_theta_mid_3 +
+            i_beta_turned * odd_decay_off_3;
+        const float32 even_i_alpha_next_3 = odd_emf_step_3 * n_D_sind_theta_mid_3;
         const float32 minus_odd_i_q_between_3 = half_one_plus_cosm1_theta_mid_3 * minus_odd_i_beta_next_3 +
-            sinc_theta_mid_3 * (i_d_between + part_of_even_i_alpha_next_3 * GAIN_V_POLE_PAIRS_X7_BY2);
+            sinc_theta_mid_3 * (i_d_between + even_i_alpha_next_3 * 0.5f);
         const float32 even_torque_3 = magnet_flux_x_torque_per_flux * even_i_q_between_3 -
-            D_theta_times_L_53 * TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_3;
-        const float32 odd_torque_3 = L_53 * TORQUE_PER_FLUX * (i_q_between + even_i_q_between_3) -
+            n_D_3 * L_53_times_torque_per_flux * minus_odd_i_q_between_3;
+        const float32 odd_torque_3 = L_53_times_torque_per_flux * (i_q_between + even_i_q_between_3) -
             magnet_flux_x_torque_per_flux * minus_odd_i_q_between_3;
-        const float32 odd_emf_step_4 = odd_emf_step_5 * L_54;
-        const float32 part_of_odd_torque_4 = part_of_i_q_between * TORQUE_PER_FLUX_BY2;
-        const float32 minus_odd_i_beta_next_4 = odd_emf_step_4 + minus_odd_drive_beta_6 * L_64;
-        const float32 magnet_flux_scaled = magnet_flux * TORQUE_PER_FLUX_BY2;
-        const float32 odd_torque_4 = L_54 * part_of_odd_torque_4 - minus_odd_i_beta_next_4 * magnet_flux_scaled;
+        const float32 torque_per_flux_x_i_q_between = TORQUE_PER_FLUX * i_q_between;
+        const float32 minus_odd_drive_beta_6 = GAIN_V * i_beta_turned;
+        const float32 minus_odd_i_beta_next_4 = odd_emf_step_5 * L_54 + minus_odd_drive_beta_6 * L_64;
+        const float32 minus_odd_i_q_between_4 = 0.5f * minus_odd_i_beta_next_4;
+        const float32 odd_torque_4 = torque_per_flux_x_i_q_between * L_54 -
+            magnet_flux_x_torque_per_flux * minus_odd_i_q_between_4;
         const float32 minus_odd_i_beta_next_5 = odd_emf_step_5 + minus_odd_drive_beta_6 * L_65;
-        const float32 odd_torque_5 = part_of_odd_torque_4 - minus_odd_i_beta_next_5 * magnet_flux_scaled;
-        const float32 even_i_alpha_next_2 = 7.0f * part_of_even_i_alpha_next_2;
-        const float32 even_i_alpha_next_3 = GAIN_V_POLE_PAIRS_X7 * part_of_even_i_alpha_next_3;
-        const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
-            GAIN_OMEGA * (magnet_flux_x_torque_per_flux * odd_i_q_between_0 - L_40) +
-            L_50 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_0);
-        const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
-            GAIN_OMEGA * (magnet_flux_x_torque_per_flux * odd_i_q_between_1 - L_41) +
-            L_51 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_1);
-        const float32 odd_omega_next_2 = DECAY_OMEGA +
-            L_52 * GAIN_OMEGA_TORQUE_PER_FLUX * (i_q_between + even_i_q_between_2) -
-            GAIN_OMEGA * (magnet_flux_x_torque_per_flux * minus_odd_i_q_between_2 + L_42);
+        const float32 minus_odd_i_q_between_5 = 0.5f * minus_odd_i_beta_next_5;
+        const float32 odd_torque_5 = torque_per_flux_x_i_q_between -
+            magnet_flux_x_torque_per_flux * minus_odd_i_q_between_5;
+        const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_0 - L_40);
+        const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA + GAIN_OMEGA * (odd_torque_1 - L_41);
+        const float32 odd_omega_next_2 = DECAY_OMEGA + GAIN_OMEGA * (odd_torque_2 - L_42);
+        const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
+        const float32 odd_omega_next_4 = GAIN_OMEGA * (odd_torque_4 - 1.0f);
+        const float32 odd_omega_next_5 = GAIN_OMEGA * odd_torque_5;
+        const float32 odd_magnet_flux_next_0 = L_50 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_1 = L_51 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_2 = L_52 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_3 = L_53 * ONE_MINUS_RETURN;
+        const float32 odd_magnet_flux_next_4 = L_54 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_0 = L_60 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_1 = L_61 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_2 = L_62 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_3 = L_63 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_4 = L_64 * ONE_MINUS_RETURN;
+        const float32 odd_stator_resistance_next_5 = L_65 * ONE_MINUS_RETURN;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
         const float32 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
         const float32 D_odd_i_alpha_1 = D_i_beta * odd_i_alpha_next_1;
         const float32 D_odd_i_alpha_2 = D_omega * odd_i_alpha_next_2;
-        const float32 L_64_times_D_load_torque = L_64 * D_load_torque;
-        const float32 L_64_x_L_64_times_D_load_torque = L_64 * L_64_times_D_load_torque;
-        const float32 L_65_times_D_magnet_flux = L_65 * D_magnet_flux;
-        const float32 L_65_x_L_65_times_D_magnet_flux = L_65 * L_65_times_D_magnet_flux;
+        const float32 D_odd_i_alpha_3 = D_theta * odd_i_alpha_next_3;
+        const float32 minus_odd_drive_alpha_6 = GAIN_V * i_alpha_turned;
+        const float32 minus_odd_drive_alpha_4 = minus_odd_drive_alpha_6 * L_64;
+        const float32 minus_D_odd_i_alpha_4 = D_load_torque * minus_odd_drive_alpha_4;
+        const float32 minus_odd_drive_alpha_5 = minus_odd_drive_alpha_6 * L_65;
         const float32 curv_i_alpha_sum = even_i_alpha_next_0 + even_i_alpha_next_1 + even_i_alpha_next_2 +
             even_i_alpha_next_3;
-        const float32 mean_i_alpha_by_n = curv_i_alpha_sum * PAIR_WEIGHT_SQ;
+        const float32 curv_i_alpha_mean = curv_i_alpha_sum * PAIR_WEIGHT;
         const float32 P_turned_00 = odd_i_alpha_next_0 * D_odd_i_alpha_0 + odd_i_alpha_next_1 * D_odd_i_alpha_1 +
             odd_i_alpha_next_2 * D_odd_i_alpha_2 + odd_i_alpha_next_3 * D_odd_i_alpha_3 +
-            minus_odd_drive_alpha_6 * minus_odd_drive_alpha_6 * (L_64_x_L_64_times_D_load_torque +
-            L_65_x_L_65_times_D_magnet_flux + D_stator_resistance) +
+            minus_odd_drive_alpha_4 * minus_D_odd_i_alpha_4 +
+            D_magnet_flux * minus_odd_drive_alpha_5 * minus_odd_drive_alpha_5 +
+            D_stator_resistance * minus_odd_drive_alpha_6 * minus_odd_drive_alpha_6 +
             PAIR_WEIGHT * (even_i_alpha_next_0 * even_i_alpha_next_0 + even_i_alpha_next_1 * even_i_alpha_next_1 +
             even_i_alpha_next_2 * even_i_alpha_next_2 + even_i_alpha_next_3 * even_i_alpha_next_3) -
-            curv_i_alpha_sum * mean_i_alpha_by_n;
+            curv_i_alpha_mean * curv_i_alpha_mean;
         const float32 D_odd_i_beta_0 = D_i_alpha * odd_i_beta_next_0;
         const float32 D_odd_i_beta_1 = D_i_beta * odd_i_beta_next_1;
         const float32 minus_D_odd_i_beta_2 = D_omega * minus_odd_i_beta_next_2;
         const float32 minus_D_odd_i_beta_3 = D_theta * minus_odd_i_beta_next_3;
         const float32 minus_D_odd_i_beta_4 = minus_odd_i_beta_next_4 * D_load_torque;
         const float32 minus_D_odd_i_beta_5 = minus_odd_i_beta_next_5 * D_magnet_flux;
-        const float32 minus_curv_i_beta_sum = minus_even_i_beta_next_0 + minus_even_i_beta_next_1 +
-            minus_even_i_beta_next_2 + minus_even_i_beta_next_3;
-        const float32 minus_mean_i_beta_by_n = minus_curv_i_beta_sum * PAIR_WEIGHT_SQ;
+        const float32 minus_D_odd_i_beta_6 = D_stator_resistance * minus_odd_drive_beta_6;
+        const float32 minus_curv_i_beta_mean = PAIR_WEIGHT * (minus_even_i_beta_next_0 + minus_even_i_beta_next_1
+            + minus_even_i_beta_next_2 + minus_even_i_beta_next_3);
         const float32 P_turned_11 = odd_i_beta_next_0 * D_odd_i_beta_0 + odd_i_beta_next_1 * D_odd_i_beta_1 +
             minus_odd_i_beta_next_2 * minus_D_odd_i_beta_2 + minus_odd_i_beta_next_3 * minus_D_odd_i_beta_3 +
             minus_odd_i_beta_next_4 * minus_D_odd_i_beta_4 + minus_odd_i_beta_next_5 * minus_D_odd_i_beta_5 +
-            minus_odd_drive_beta_6 * minus_odd_drive_beta_6 * D_stator_resistance +
+            minus_odd_drive_beta_6 * minus_D_odd_i_beta_6 +
             PAIR_WEIGHT * (minus_even_i_beta_next_0 * minus_even_i_beta_next_0 +
             minus_even_i_beta_next_1 * minus_even_i_beta_next_1 +
             minus_even_i_beta_next_2 * minus_even_i_beta_next_2 +
-            minus_even_i_beta_next_3 * minus_even_i_beta_next_3) - minus_curv_i_beta_sum * minus_mean_i_beta_by_n;
-        const float32 part_of_P_turned_10 = minus_odd_i_beta_next_4 * L_64_times_D_load_torque;
-        const float32 part_of_P_turned_10_2 = minus_odd_i_beta_next_5 * L_65_times_D_magnet_flux;
-        const float32 part_of_P_turned_10_3 = i_beta_turned * D_stator_resistance;
-        const float32 P_turned_10 = D_odd_i_alpha_0 * odd_i_beta_next_0 + D_odd_i_alpha_1 * odd_i_beta_next_1 -
-            D_odd_i_alpha_2 * minus_odd_i_beta_next_2 - D_odd_i_alpha_3 * minus_odd_i_beta_next_3 +
-            minus_odd_drive_alpha_6 * (part_of_P_turned_10 + part_of_P_turned_10_2) +
-            i_alpha_turned * part_of_P_turned_10_3 * GAIN_V_SQ + minus_curv_i_beta_sum * mean_i_alpha_by_n -
+            minus_even_i_beta_next_3 * minus_even_i_beta_next_3) -
+            minus_curv_i_beta_mean * minus_curv_i_beta_mean;
+        const float32 P_turned_10 = odd_i_alpha_next_0 * D_odd_i_beta_0 + odd_i_alpha_next_1 * D_odd_i_beta_1 -
+            odd_i_alpha_next_2 * minus_D_odd_i_beta_2 - odd_i_alpha_next_3 * minus_D_odd_i_beta_3 +
+            minus_odd_drive_alpha_4 * minus_D_odd_i_beta_4 + minus_odd_drive_alpha_5 * minus_D_odd_i_beta_5 +
+            minus_odd_drive_alpha_6 * minus_D_odd_i_beta_6 + curv_i_alpha_mean * minus_curv_i_beta_mean -
             PAIR_WEIGHT * (even_i_alpha_next_0 * minus_even_i_beta_next_0 +
             even_i_alpha_next_1 * minus_even_i_beta_next_1 + even_i_alpha_next_2 * minus_even_i_beta_next_2 +
             even_i_alpha_next_3 * minus_even_i_beta_next_3);
@@ -547,95 +553,89 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
         const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
         const float32 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
-        const float32 odd_torque_3_minus_L_43 = odd_torque_3 - L_43;
-        const float32 odd_omega_next_3 = GAIN_OMEGA * odd_torque_3_minus_L_43;
-        const float32 odd_torque_4_minus_one = odd_torque_4 - 1.0f;
-        const float32 part_of_P_turned_20 = L_64_times_D_load_torque * odd_torque_4_minus_one;
-        const float32 part_of_P_turned_20_2 = L_65_times_D_magnet_flux * odd_torque_5;
-        const float32 part_of_P_turned_20_3 = magnet_flux * part_of_P_turned_10_3;
-        const float32 L_54_times_D_load_torque = L_54 * D_load_torque;
-        const float32 part_of_curv_omega_sum = minus_odd_i_beta_next_4 * L_54_times_D_load_torque;
+        const float32 D_odd_omega_0 = D_i_alpha * odd_omega_next_0;
+        const float32 D_odd_omega_1 = D_i_beta * odd_omega_next_1;
+        const float32 D_odd_omega_2 = D_omega * odd_omega_next_2;
+        const float32 D_odd_omega_3 = D_theta * odd_omega_next_3;
+        const float32 D_odd_omega_4 = D_load_torque * odd_omega_next_4;
+        const float32 D_odd_omega_5 = D_magnet_flux * odd_omega_next_5;
+        const float32 part_of_omega_pred = GAIN_OMEGA_BY2 * magnet_flux_x_torque_per_flux;
+        const float32 minus_odd_omega_next_6 = part_of_omega_pred * minus_odd_drive_beta_6;
+        const float32 minus_D_odd_omega_6 = D_stator_resistance * minus_odd_omega_next_6;
+        const float32 minus_even_torque_4 = TORQUE_PER_FLUX_X7 * L_54 * minus_odd_i_q_between_4 * D_load_torque;
+        const float32 minus_even_torque_5 = TORQUE_PER_FLUX_X7 * minus_odd_i_q_between_5 * D_magnet_flux;
         const float32 curv_omega_sum = even_torque_0 + even_torque_1 + even_torque_2 + even_torque_3 -
-            (part_of_curv_omega_sum + minus_D_odd_i_beta_5) * TORQUE_PER_FLUX_X7_BY2;
-        const float32 P_turned_20 = D_odd_i_alpha_0 * odd_omega_next_0 + D_odd_i_alpha_1 * odd_omega_next_1 +
-            D_odd_i_alpha_2 * odd_omega_next_2 + D_odd_i_alpha_3 * odd_omega_next_3 -
-            i_alpha_turned * ((part_of_P_turned_20 + part_of_P_turned_20_2) * GAIN_OMEGA_GAIN_V -
-            part_of_P_turned_20_3 * G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2) +
+            minus_even_torque_4 - minus_even_torque_5;
+        const float32 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+        const float32 P_turned_20 = odd_i_alpha_next_0 * D_odd_omega_0 + odd_i_alpha_next_1 * D_odd_omega_1 +
+            odd_i_alpha_next_2 * D_odd_omega_2 + odd_i_alpha_next_3 * D_odd_omega_3 -
+            minus_odd_drive_alpha_4 * D_odd_omega_4 - minus_odd_drive_alpha_5 * D_odd_omega_5 +
+            minus_odd_drive_alpha_6 * minus_D_odd_omega_6 +
             GAIN_OMEGA * (PAIR_WEIGHT * (even_i_alpha_next_0 * even_torque_0 + even_i_alpha_next_1 * even_torque_1
             + even_i_alpha_next_2 * even_torque_2 + even_i_alpha_next_3 * even_torque_3) -
-            curv_omega_sum * mean_i_alpha_by_n);
-        const float32 odd_omega_next_4 = GAIN_OMEGA * odd_torque_4_minus_one;
-        const float32 part_of_P_turned_21 = i_beta_turned * part_of_P_turned_20_3;
-        const float32 P_turned_21 = D_odd_i_beta_0 * odd_omega_next_0 + D_odd_i_beta_1 * odd_omega_next_1 -
-            minus_D_odd_i_beta_2 * odd_omega_next_2 - minus_D_odd_i_beta_3 * odd_omega_next_3 -
-            minus_D_odd_i_beta_4 * odd_omega_next_4 - GAIN_OMEGA * (minus_D_odd_i_beta_5 * odd_torque_5 -
-            curv_omega_sum * minus_mean_i_beta_by_n + PAIR_WEIGHT * (minus_even_i_beta_next_0 * even_torque_0 +
-            minus_even_i_beta_next_1 * even_torque_1 + minus_even_i_beta_next_2 * even_torque_2 +
-            minus_even_i_beta_next_3 * even_torque_3)) + part_of_P_turned_21 * G_OMEGA_G_V_SQ_TQ_PER_FLUX_BY2;
+            curv_i_alpha_mean * curv_omega_mean);
+        const float32 P_turned_21 = odd_i_beta_next_0 * D_odd_omega_0 + odd_i_beta_next_1 * D_odd_omega_1 -
+            minus_odd_i_beta_next_2 * D_odd_omega_2 - minus_odd_i_beta_next_3 * D_odd_omega_3 -
+            minus_odd_i_beta_next_4 * D_odd_omega_4 - minus_odd_i_beta_next_5 * D_odd_omega_5 +
+            minus_odd_drive_beta_6 * minus_D_odd_omega_6 + GAIN_OMEGA * (minus_curv_i_beta_mean * curv_omega_mean
+            - PAIR_WEIGHT * (minus_even_i_beta_next_0 * even_torque_0 + minus_even_i_beta_next_1 * even_torque_1 +
+            minus_even_i_beta_next_2 * even_torque_2 + minus_even_i_beta_next_3 * even_torque_3));
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
         const float32 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
         const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
         const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
         const float32 inv_D_pred_i_beta = 1.0f / D_pred_i_beta;
         const float32 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
-        const float32 D_magnet_flux_x_odd_torque_5 = D_magnet_flux * odd_torque_5;
-        const float32 part_of_P_pred_22 = D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
-            D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
-            (D_theta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
-            D_load_torque * odd_torque_4_minus_one * odd_torque_4_minus_one +
-            odd_torque_5 * D_magnet_flux_x_odd_torque_5 + PAIR_WEIGHT * (even_torque_0 * even_torque_0 +
-            even_torque_1 * even_torque_1 + even_torque_2 * even_torque_2 + even_torque_3 * even_torque_3) -
-            curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ) * GAIN_OMEGA_SQ +
-            magnet_flux * part_of_P_turned_21 * G_OM_SQ_G_V_SQ_TQ_PE_FL_S_B_18B +
-            GAIN_OMEGA_SQ_X63 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-            minus_D_odd_i_beta_5 * minus_D_odd_i_beta_5);
+        const float32 part_of_P_pred_22 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+            odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
+            + odd_omega_next_5 * D_odd_omega_5 + minus_odd_omega_next_6 * minus_D_odd_omega_6 +
+            GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+            even_torque_2 * even_torque_2 + even_torque_3 * even_torque_3 +
+            minus_even_torque_4 * minus_even_torque_4 + minus_even_torque_5 * minus_even_torque_5) -
+            curv_omega_mean * curv_omega_mean);
         const float32 P_pred_22 = part_of_P_pred_22 + Q_2;
         const float32 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
-        const float32 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 +
-            D_i_alpha_times_odd_theta_mid_0 * odd_i_alpha_next_0 +
-            D_i_beta_times_odd_theta_mid_1 * odd_i_alpha_next_1 +
-            D_omega_times_odd_theta_mid_2 * odd_i_alpha_next_2 + D_odd_i_alpha_3;
-        const float32 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 +
-            D_i_alpha_times_odd_theta_mid_0 * odd_i_beta_next_0 +
-            D_i_beta_times_odd_theta_mid_1 * odd_i_beta_next_1 -
-            D_omega_times_odd_theta_mid_2 * minus_odd_i_beta_next_2 - minus_D_odd_i_beta_3;
+        const float32 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 + odd_theta_mid_0 * D_odd_i_alpha_0 +
+            odd_theta_mid_1 * D_odd_i_alpha_1 + odd_theta_mid_2 * D_odd_i_alpha_2 + D_odd_i_alpha_3;
+        const float32 P_turned_31 = HALF_T_POLE_PAIRS * P_turned_21 + odd_theta_mid_0 * D_odd_i_beta_0 +
+            odd_theta_mid_1 * D_odd_i_beta_1 - odd_theta_mid_2 * minus_D_odd_i_beta_2 - minus_D_odd_i_beta_3;
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
         const float32 L_pred_30 = inv_D_pred_i_alpha * P_pred_30;
         const float32 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
         const float32 LD_pred_31 = P_pred_31 - L_pred_10 * P_pred_30;
         const float32 L_pred_31 = inv_D_pred_i_beta * LD_pred_31;
-        const float32 part_of_P_pred_32 = D_i_alpha_times_odd_theta_mid_0 * odd_omega_next_0 +
-            D_i_beta_times_odd_theta_mid_1 * odd_omega_next_1 + D_omega_times_odd_theta_mid_2 * odd_omega_next_2 +
-            D_theta * odd_omega_next_3;
+        const float32 part_of_P_pred_32 = odd_theta_mid_0 * D_odd_omega_0 + odd_theta_mid_1 * D_odd_omega_1 +
+            odd_theta_mid_2 * D_odd_omega_2 + D_odd_omega_3;
         const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
         const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
         const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
         const float32 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
         const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
-            odd_theta_mid_0 * D_i_alpha_times_odd_theta_mid_0 + odd_theta_mid_1 * D_i_beta_times_odd_theta_mid_1 +
-            odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3;
+            D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0 + D_i_beta * odd_theta_mid_1 * odd_theta_mid_1 +
+            D_omega * odd_theta_mid_2 * odd_theta_mid_2 + D_theta + Q_3;
         const float32 D_pred_theta = larger(P_pred_33 - P_pred_30 * L_pred_30 - LD_pred_31 * L_pred_31 -
             LD_pred_32 * L_pred_32, Q_3);
-        const float32 P_turned_40 = D_odd_i_alpha_0 * L_40 + D_odd_i_alpha_1 * L_41 + D_odd_i_alpha_2 * L_42 +
-            D_odd_i_alpha_3 * L_43 - minus_odd_drive_alpha_6 * L_64_times_D_load_torque;
-        const float32 P_turned_41 = D_odd_i_beta_0 * L_40 + D_odd_i_beta_1 * L_41 - minus_D_odd_i_beta_2 * L_42 -
-            minus_D_odd_i_beta_3 * L_43 - minus_D_odd_i_beta_4;
+        const float32 D_odd_load_torque_0 = D_i_alpha * L_40;
+        const float32 D_odd_load_torque_1 = D_i_beta * L_41;
+        const float32 D_odd_load_torque_2 = D_omega * L_42;
+        const float32 D_odd_load_torque_3 = D_theta * L_43;
+        const float32 P_turned_40 = odd_i_alpha_next_0 * D_odd_load_torque_0 +
+            odd_i_alpha_next_1 * D_odd_load_torque_1 + odd_i_alpha_next_2 * D_odd_load_torque_2 +
+            odd_i_alpha_next_3 * D_odd_load_torque_3 - minus_D_odd_i_alpha_4;
+        const float32 P_turned_41 = odd_i_beta_next_0 * D_odd_load_torque_0 +
+            odd_i_beta_next_1 * D_odd_load_torque_1 - minus_odd_i_beta_next_2 * D_odd_load_torque_2 -
+            minus_odd_i_beta_next_3 * D_odd_load_torque_3 - minus_D_odd_i_beta_4;
         const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
         const float32 L_pred_40 = inv_D_pred_i_alpha * P_pred_40;
         const float32 P_pred_41 = sin_theta_mid * P_turned_40 + cos_theta_mid * P_turned_41;
         const float32 LD_pred_41 = P_pred_41 - L_pred_10 * P_pred_40;
         const float32 L_pred_41 = inv_D_pred_i_beta * LD_pred_41;
-        const float32 D_odd_load_torque_0 = D_i_alpha * L_40;
-        const float32 D_odd_load_torque_1 = D_i_beta * L_41;
-        const float32 D_odd_load_torque_2 = D_omega * L_42;
-        const float32 D_odd_load_torque_3 = D_theta * L_43;
-        const float32 P_pred_42 = D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1
-            + D_odd_load_torque_2 * odd_omega_next_2 + D_odd_load_torque_3 * odd_omega_next_3 +
-            D_load_torque * odd_omega_next_4;
+        const float32 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+            + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 + D_odd_omega_4;
         const float32 LD_pred_42 = P_pred_42 - L_pred_20 * P_pred_40 - L_pred_21 * LD_pred_41;
         const float32 L_pred_42 = inv_D_pred_omega * LD_pred_42;
-        const float32 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + D_i_alpha_times_odd_theta_mid_0 * L_40 +
-            D_i_beta_times_odd_theta_mid_1 * L_41 + D_omega_times_odd_theta_mid_2 * L_42 + D_odd_load_torque_3;
+        const float32 P_pred_43 = HALF_T_POLE_PAIRS * P_pred_42 + odd_theta_mid_0 * D_odd_load_torque_0 +
+            odd_theta_mid_1 * D_odd_load_torque_1 + odd_theta_mid_2 * D_odd_load_torque_2 + D_odd_load_torque_3;
         const float32 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
             L_pred_32 * LD_pred_42;
         const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
@@ -644,126 +644,119 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
         const float32 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
             LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
-        const float32 D_odd_magnet_flux_0 = L_50_times_D_i_alpha * ONE_MINUS_RETURN;
-        const float32 D_odd_magnet_flux_1 = L_51_times_D_i_beta * ONE_MINUS_RETURN;
-        const float32 D_odd_magnet_flux_2 = L_52_times_D_omega * ONE_MINUS_RETURN;
-        const float32 D_odd_magnet_flux_3 = D_theta_times_L_53 * ONE_MINUS_RETURN;
-        const float32 L_54_x_L_64_times_D_load_torque = L_54 * L_64_times_D_load_torque;
-        const float32 i_alpha_turned_scaled = i_alpha_turned * GAIN_V_ONE_MINUS_RETURN;
+        const float32 D_odd_magnet_flux_0 = D_i_alpha * odd_magnet_flux_next_0;
+        const float32 D_odd_magnet_flux_1 = D_i_beta * odd_magnet_flux_next_1;
+        const float32 D_odd_magnet_flux_2 = D_omega * odd_magnet_flux_next_2;
+        const float32 D_odd_magnet_flux_3 = D_theta * odd_magnet_flux_next_3;
+        const float32 D_odd_magnet_flux_4 = D_load_torque * odd_magnet_flux_next_4;
+        const float32 D_odd_magnet_flux_5 = D_magnet_flux * ONE_MINUS_RETURN;
         const float32 P_turned_50 = odd_i_alpha_next_0 * D_odd_magnet_flux_0 +
             odd_i_alpha_next_1 * D_odd_magnet_flux_1 + odd_i_alpha_next_2 * D_odd_magnet_flux_2 +
-            odd_i_alpha_next_3 * D_odd_magnet_flux_3 - L_54_x_L_64_times_D_load_torque * i_alpha_turned_scaled -
-            L_65_times_D_magnet_flux * i_alpha_turned_scaled;
+            odd_i_alpha_next_3 * D_odd_magnet_flux_3 - minus_odd_drive_alpha_4 * D_odd_magnet_flux_4 -
+            minus_odd_drive_alpha_5 * D_odd_magnet_flux_5;
         const float32 P_turned_51 = odd_i_beta_next_0 * D_odd_magnet_flux_0 +
             odd_i_beta_next_1 * D_odd_magnet_flux_1 - minus_odd_i_beta_next_2 * D_odd_magnet_flux_2 -
-            minus_odd_i_beta_next_3 * D_odd_magnet_flux_3 - part_of_curv_omega_sum * ONE_MINUS_RETURN -
-            minus_D_odd_i_beta_5 * ONE_MINUS_RETURN;
+            minus_odd_i_beta_next_3 * D_odd_magnet_flux_3 - minus_odd_i_beta_next_4 * D_odd_magnet_flux_4 -
+            minus_odd_i_beta_next_5 * D_odd_magnet_flux_5;
         const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
         const float32 L_pred_50 = inv_D_pred_i_alpha * P_pred_50;
         const float32 P_pred_51 = sin_theta_mid * P_turned_50 + cos_theta_mid * P_turned_51;
         const float32 LD_pred_51 = P_pred_51 - L_pred_10 * P_pred_50;
         const float32 L_pred_51 = inv_D_pred_i_beta * LD_pred_51;
-        const float32 odd_torque_3_minus_L_43_scaled = odd_torque_3_minus_L_43 * GAIN_OMEGA_ONE_MINUS_RETURN;
-        const float32 D_odd_magnet_flux_4 = L_54_times_D_load_torque * ONE_MINUS_RETURN;
-        const float32 P_pred_52 = D_odd_magnet_flux_0 * odd_omega_next_0 + D_odd_magnet_flux_1 * odd_omega_next_1
-            + D_odd_magnet_flux_2 * odd_omega_next_2 + D_theta_times_L_53 * odd_torque_3_minus_L_43_scaled +
-            odd_omega_next_4 * D_odd_magnet_flux_4 + D_magnet_flux_x_odd_torque_5 * GAIN_OMEGA_ONE_MINUS_RETURN;
+        const float32 P_pred_52 = odd_omega_next_0 * D_odd_magnet_flux_0 + odd_omega_next_1 * D_odd_magnet_flux_1
+            + odd_omega_next_2 * D_odd_magnet_flux_2 + odd_omega_next_3 * D_odd_magnet_flux_3 +
+            odd_omega_next_4 * D_odd_magnet_flux_4 + odd_omega_next_5 * D_odd_magnet_flux_5;
         const float32 LD_pred_52 = P_pred_52 - L_pred_20 * P_pred_50 - L_pred_21 * LD_pred_51;
         const float32 L_pred_52 = inv_D_pred_omega * LD_pred_52;
-        const float32 part_of_P_pred_53 = D_omega_times_odd_theta_mid_2 * ONE_MINUS_RETURN;
         const float32 P_pred_53 = HALF_T_POLE_PAIRS * P_pred_52 + odd_theta_mid_0 * D_odd_magnet_flux_0 +
-            odd_theta_mid_1 * D_odd_magnet_flux_1 + L_52 * part_of_P_pred_53 + D_odd_magnet_flux_3;
+            odd_theta_mid_1 * D_odd_magnet_flux_1 + odd_theta_mid_2 * D_odd_magnet_flux_2 + D_odd_magnet_flux_3;
         const float32 LD_pred_53 = P_pred_53 - L_pred_30 * P_pred_50 - L_pred_31 * LD_pred_51 -
             L_pred_32 * LD_pred_52;
         const float32 L_pred_53 = inv_D_pred_theta * LD_pred_53;
-        const float32 P_pred_54 = D_odd_magnet_flux_0 * L_40 + D_odd_magnet_flux_1 * L_41 +
-            D_odd_magnet_flux_2 * L_42 + D_odd_magnet_flux_3 * L_43 + D_odd_magnet_flux_4;
+        const float32 P_pred_54 = L_40 * D_odd_magnet_flux_0 + L_41 * D_odd_magnet_flux_1 +
+            L_42 * D_odd_magnet_flux_2 + L_43 * D_odd_magnet_flux_3 + D_odd_magnet_flux_4;
         const float32 LD_pred_54 = P_pred_54 - L_pred_40 * P_pred_50 - L_pred_41 * LD_pred_51 -
             L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
         const float32 inv_D_pred_load_torque = 1.0f / D_pred_load_torque;
         const float32 L_pred_54 = LD_pred_54 * inv_D_pred_load_torque;
-        const float32 L_50_times_D_i_alpha_scaled = L_50_times_D_i_alpha * ONE_MINUS_RETURN_SQ;
-        const float32 L_51_times_D_i_beta_scaled = L_51_times_D_i_beta * ONE_MINUS_RETURN_SQ;
-        const float32 L_52_times_D_omega_scaled = L_52_times_D_omega * ONE_MINUS_RETURN_SQ;
-        const float32 D_theta_times_L_53_scaled = D_theta_times_L_53 * ONE_MINUS_RETURN_SQ;
-        const float32 P_pred_55 = L_50 * L_50_times_D_i_alpha_scaled + L_51 * L_51_times_D_i_beta_scaled +
-            L_52 * L_52_times_D_omega_scaled + L_53 * D_theta_times_L_53_scaled +
-            L_54 * L_54_times_D_load_torque * ONE_MINUS_RETURN_SQ + D_magnet_flux * ONE_MINUS_RETURN_SQ + Q_5;
+        const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
+            odd_magnet_flux_next_1 * D_odd_magnet_flux_1 + odd_magnet_flux_next_2 * D_odd_magnet_flux_2 +
+            odd_magnet_flux_next_3 * D_odd_magnet_flux_3 + odd_magnet_flux_next_4 * D_odd_magnet_flux_4 +
+            ONE_MINUS_RETURN * D_odd_magnet_flux_5 + Q_5;
         const float32 D_pred_magnet_flux = larger(P_pred_55 - P_pred_50 * L_pred_50 - LD_pred_51 * L_pred_51 -
             LD_pred_52 * L_pred_52 - LD_pred_53 * L_pred_53 - LD_pred_54 * L_pred_54, Q_5);
-        const float32 D_odd_stator_resistance_0 = D_i_alpha_times_L_60 * ONE_MINUS_RETURN;
-        const float32 D_odd_stator_resistance_1 = D_i_beta_times_L_61 * ONE_MINUS_RETURN;
-        const float32 D_omega_times_L_62 = D_omega * L_62;
-        const float32 D_odd_stator_resistance_2 = D_omega_times_L_62 * ONE_MINUS_RETURN;
+        const float32 D_odd_stator_resistance_0 = D_i_alpha * odd_stator_resistance_next_0;
+        const float32 D_odd_stator_resistance_1 = D_i_beta * odd_stator_resistance_next_1;
+        const float32 D_odd_stator_resistance_2 = D_omega * odd_stator_resistance_next_2;
+        const float32 D_odd_stator_resistance_3 = D_theta * odd_stator_resistance_next_3;
+        const float32 D_odd_stator_resistance_4 = D_load_torque * odd_stator_resistance_next_4;
+        const float32 D_odd_stator_resistance_5 = D_magnet_flux * odd_stator_resistance_next_5;
+        const float32 D_odd_stator_resistance_6 = ONE_MINUS_RETURN * D_stator_resistance;
         const float32 P_turned_60 = odd_i_alpha_next_0 * D_odd_stator_resistance_0 +
             odd_i_alpha_next_1 * D_odd_stator_resistance_1 + odd_i_alpha_next_2 * D_odd_stator_resistance_2 +
-            L_63 * D_odd_i_alpha_3 * ONE_MINUS_RETURN - L_64_x_L_64_times_D_load_torque * i_alpha_turned_scaled -
-            L_65_x_L_65_times_D_magnet_flux * i_alpha_turned_scaled - D_stator_resistance * i_alpha_turned_scaled;
-        const float32 D_theta_times_L_63 = D_theta * L_63;
-        const float32 D_odd_stator_resistance_3 = D_theta_times_L_63 * ONE_MINUS_RETURN;
+            odd_i_alpha_next_3 * D_odd_stator_resistance_3 - minus_odd_drive_alpha_4 * D_odd_stator_resistance_4 -
+            minus_odd_drive_alpha_5 * D_odd_stator_resistance_5 -
+            minus_odd_drive_alpha_6 * D_odd_stator_resistance_6;
         const float32 P_turned_61 = odd_i_beta_next_0 * D_odd_stator_resistance_0 +
             odd_i_beta_next_1 * D_odd_stator_resistance_1 - minus_odd_i_beta_next_2 * D_odd_stator_resistance_2 -
-            minus_odd_i_beta_next_3 * D_odd_stator_resistance_3 - part_of_P_turned_10 * ONE_MINUS_RETURN -
-            part_of_P_turned_10_2 * ONE_MINUS_RETURN - part_of_P_turned_10_3 * GAIN_V_ONE_MINUS_RETURN;
+            minus_odd_i_beta_next_3 * D_odd_stator_resistance_3 -
+            minus_odd_i_beta_next_4 * D_odd_stator_resistance_4 -
+            minus_odd_i_beta_next_5 * D_odd_stator_resistance_5 -
+            minus_odd_drive_beta_6 * D_odd_stator_resistance_6;
         const float32 P_pred_60 = cos_theta_mid * P_turned_60 - sin_theta_mid * P_turned_61;
         const float32 L_pred_60 = inv_D_pred_i_alpha * P_pred_60;
         const float32 P_pred_61 = sin_theta_mid * P_turned_60 + cos_theta_mid * P_turned_61;
         const float32 LD_pred_61 = P_pred_61 - L_pred_10 * P_pred_60;
         const float32 L_pred_61 = inv_D_pred_i_beta * LD_pred_61;
-        const float32 P_pred_62 = D_odd_stator_resistance_0 * odd_omega_next_0 +
-            D_odd_stator_resistance_1 * odd_omega_next_1 + D_odd_stator_resistance_2 * odd_omega_next_2 +
-            D_theta_times_L_63 * odd_torque_3_minus_L_43_scaled +
-            part_of_P_turned_20 * GAIN_OMEGA_ONE_MINUS_RETURN +
-            part_of_P_turned_20_2 * GAIN_OMEGA_ONE_MINUS_RETURN -
-            part_of_P_turned_20_3 * G_OM_G_V_ON_M_RE_TQ_PE_FL_B_5EC;
+        const float32 P_pred_62 = odd_omega_next_0 * D_odd_stator_resistance_0 +
+            odd_omega_next_1 * D_odd_stator_resistance_1 + odd_omega_next_2 * D_odd_stator_resistance_2 +
+            odd_omega_next_3 * D_odd_stator_resistance_3 + odd_omega_next_4 * D_odd_stator_resistance_4 +
+            odd_omega_next_5 * D_odd_stator_resistance_5 - minus_odd_omega_next_6 * D_odd_stator_resistance_6;
         const float32 LD_pred_62 = P_pred_62 - L_pred_20 * P_pred_60 - L_pred_21 * LD_pred_61;
         const float32 L_pred_62 = inv_D_pred_omega * LD_pred_62;
-        const float32 P_pred_63 = HALF_T_POLE_PAIRS * P_pred_62 +
-            D_i_alpha_times_odd_theta_mid_0 * L_60 * ONE_MINUS_RETURN +
-            D_i_beta_times_odd_theta_mid_1 * L_61 * ONE_MINUS_RETURN + L_62 * part_of_P_pred_53 +
+        const float32 P_pred_63 = HALF_T_POLE_PAIRS * P_pred_62 + odd_theta_mid_0 * D_odd_stator_resistance_0 +
+            odd_theta_mid_1 * D_odd_stator_resistance_1 + odd_theta_mid_2 * D_odd_stator_resistance_2 +
             D_odd_stator_resistance_3;
         const float32 LD_pred_63 = P_pred_63 - L_pred_30 * P_pred_60 - L_pred_31 * LD_pred_61 -
             L_pred_32 * LD_pred_62;
         const float32 L_pred_63 = inv_D_pred_theta * LD_pred_63;
-        const float32 P_pred_64 = D_odd_stator_resistance_0 * L_40 + D_odd_stator_resistance_1 * L_41 +
-            D_odd_stator_resistance_2 * L_42 + D_odd_stator_resistance_3 * L_43 +
-            L_64_times_D_load_torque * ONE_MINUS_RETURN;
+        const float32 P_pred_64 = L_40 * D_odd_stator_resistance_0 + L_41 * D_odd_stator_resistance_1 +
+            L_42 * D_odd_stator_resistance_2 + L_43 * D_odd_stator_resistance_3 + D_odd_stator_resistance_4;
         const float32 LD_pred_64 = P_pred_64 - L_pred_40 * P_pred_60 - L_pred_41 * LD_pred_61 -
             L_pred_42 * LD_pred_62 - L_pred_43 * LD_pred_63;
         const float32 L_pred_64 = inv_D_pred_load_torque * LD_pred_64;
-        const float32 P_pred_65 = L_60 * L_50_times_D_i_alpha_scaled + L_61 * L_51_times_D_i_beta_scaled +
-            L_62 * L_52_times_D_omega_scaled + L_63 * D_theta_times_L_53_scaled +
-            L_54_x_L_64_times_D_load_torque * ONE_MINUS_RETURN_SQ +
-            L_65_times_D_magnet_flux * ONE_MINUS_RETURN_SQ;
+        const float32 P_pred_65 = odd_magnet_flux_next_0 * D_odd_stator_resistance_0 +
+            odd_magnet_flux_next_1 * D_odd_stator_resistance_1 +
+            odd_magnet_flux_next_2 * D_odd_stator_resistance_2 +
+            odd_magnet_flux_next_3 * D_odd_stator_resistance_3 +
+            odd_magnet_flux_next_4 * D_odd_stator_resistance_4 + ONE_MINUS_RETURN * D_odd_stator_resistance_5;
         const float32 LD_pred_65 = P_pred_65 - L_pred_50 * P_pred_60 - L_pred_51 * LD_pred_61 -
             L_pred_52 * LD_pred_62 - L_pred_53 * LD_pred_63 - L_pred_54 * LD_pred_64;
         const float32 L_pred_65 = LD_pred_65 / D_pred_magnet_flux;
-        const float32 P_pred_66 = L_60 * D_i_alpha_times_L_60 * ONE_MINUS_RETURN_SQ +
-            L_61 * D_i_beta_times_L_61 * ONE_MINUS_RETURN_SQ + L_62 * D_omega_times_L_62 * ONE_MINUS_RETURN_SQ +
-            L_63 * D_theta_times_L_63 * ONE_MINUS_RETURN_SQ +
-            L_64_x_L_64_times_D_load_torque * ONE_MINUS_RETURN_SQ +
-            L_65_x_L_65_times_D_magnet_flux * ONE_MINUS_RETURN_SQ + D_stator_resistance * ONE_MINUS_RETURN_SQ +
-            Q_6;
+        const float32 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
+            odd_stator_resistance_next_1 * D_odd_stator_resistance_1 +
+            odd_stator_resistance_next_2 * D_odd_stator_resistance_2 +
+            odd_stator_resistance_next_3 * D_odd_stator_resistance_3 +
+            odd_stator_resistance_next_4 * D_odd_stator_resistance_4 +
+            odd_stator_resistance_next_5 * D_odd_stator_resistance_5 +
+            ONE_MINUS_RETURN * D_odd_stator_resistance_6 + Q_6;
         const float32 D_pred_stator_resistance = larger(P_pred_66 - P_pred_60 * L_pred_60 - LD_pred_61 * L_pred_61
             - LD_pred_62 * L_pred_62 - LD_pred_63 * L_pred_63 - LD_pred_64 * L_pred_64 - LD_pred_65 * L_pred_65,
             Q_6);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 offset_omega = GAIN_OMEGA_BY7 * curv_omega_sum;
-        const float32 offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP;
+        const float32 offset_omega = GAIN_OMEGA * curv_omega_mean;
+        const float32 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
         const float32 i_alpha_of_x = decay_now * i_alpha + emf_step * sin_theta_mid + gain_v_times_v_alpha;
-        const float32 cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT;
-        const float32 sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT;
-        const float32 i_alpha_pred = i_alpha_of_x + curv_i_alpha_sum * cos_theta_mid_times_pair_weight +
-            sin_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
+        const float32 i_alpha_pred = i_alpha_of_x + cos_theta_mid * curv_i_alpha_mean +
+            sin_theta_mid * minus_curv_i_beta_mean;
         const float32 i_beta_of_x = decay_now * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
-        const float32 i_beta_pred = i_beta_of_x + curv_i_alpha_sum * sin_theta_mid_times_pair_weight -
-            cos_theta_mid_times_pair_weight * minus_curv_i_beta_sum;
-        const float32 omega_of_x = omega * DECAY_OMEGA + (cos_theta_mid * GAIN_OMEGA_BY2 * (i_beta_of_x + i_beta)
-            - sin_theta_mid * GAIN_OMEGA_BY2 * (i_alpha_of_x + i_alpha)) * magnet_flux_x_torque_per_flux -
-            GAIN_OMEGA * load_torque;
+        const float32 i_beta_pred = i_beta_of_x + sin_theta_mid * curv_i_alpha_mean -
+            cos_theta_mid * minus_curv_i_beta_mean;
+        const float32 omega_of_x = omega * DECAY_OMEGA + (cos_theta_mid * (i_beta_of_x + i_beta) -
+            sin_theta_mid * (i_alpha_of_x + i_alpha)) * part_of_omega_pred - GAIN_OMEGA * load_torque;
         const float32 omega_pred = omega_of_x + offset_omega;
-        const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
+        const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
         const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
         const float32 stator_resistance_pred = stator_resistance * ONE_MINUS_RETURN +
             OWN_STATOR_RESISTANCE_RETURN;

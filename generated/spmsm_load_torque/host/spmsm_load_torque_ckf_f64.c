@@ -24,6 +24,7 @@
 #define GAIN_V 0.10131888066906156 /* (1 - exp(-T R / L)) / R, A/V */
 #define DECAY_OMEGA 0.9999750003124974 /* exp(-T D / J) */
 #define GAIN_OMEGA 0.012499843751302076 /* (1 - exp(-T D / J)) / D, rad/s per N m */
+#define GAIN_TORQUE 1.0499999999999998 /* 1.5 p psi_m, N m/A */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS 0.07092321646834308 /* GAIN_E * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS_BY5 0.014184643293668617 /* 0.2 * GAIN_E * POLE_PAIRS */
@@ -38,7 +39,6 @@
 #define PAIR_WEIGHT_SQ 0.04000000000000001 /* PAIR_WEIGHT * PAIR_WEIGHT */
 #define GAIN_E_SQ_POLE_PAIRS_SQ 0.0050301026342154526 /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
 #define GAIN_OMEGA_GAIN_TORQUE 0.013124835938867178 /* GAIN_OMEGA * GAIN_TORQUE */
-#define GAIN_E_GAIN_TORQUE_PP_BY2 0.037234688645880115 /* 0.5 * GAIN_E * GAIN_TORQUE * POLE_PAIRS */
 #define GAIN_TORQUE_BY2 0.5249999999999999 /* 0.5 * GAIN_TORQUE */
 #define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 0.0046542779020188295 /* 5 * GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
 #define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP 0.0009308555804037658 /* GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
@@ -49,8 +49,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -170,11 +168,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -184,23 +182,22 @@ static int within(const float64 value[2], float64 limit)
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[15], float64 turn_out[8])
 {
-    const float64 D_i_alpha = LD[0];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
+    const float64 D_i_alpha = LD[0];
     const float64 z_theta_mid_0 = D_i_alpha * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 D_i_beta = LD[2];
     const float64 z_theta_mid_1 = D_i_beta * odd_theta_mid_1 * odd_theta_mid_1;
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 D_omega = LD[5];
     const float64 z_theta_mid_2 = D_omega * odd_theta_mid_2 * odd_theta_mid_2;
+    const float64 D_theta = LD[9];
 
     if (z_theta_mid_0 + z_theta_mid_1 + z_theta_mid_2 + D_theta > SMALL_TURN) {
         float64 z[4];
@@ -241,63 +238,38 @@ static int time_update_turns(float64 LD[15], float64 turn_out[8])
 static void time_update(const float64 x[5], const float64 LD[15], const float64 Q[5], const float64 u[2],
     const float64 turn[8], float64 x_pred_out[5], float64 LD_pred_out[15], float64 check_out[1])
 {
-    const float64 i_alpha = x[0];
-    const float64 i_beta = x[1];
+    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 omega = x[2];
     const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 D_i_alpha = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_i_beta = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_omega = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_theta = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_load_torque = LD[14];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-    const float64 sinc_theta_mid_2 = turn[4];
-    const float64 cosm1_theta_mid_2 = turn[5];
-    const float64 sinc_theta_mid_3 = turn[6];
-    const float64 cosm1_theta_mid_3 = turn[7];
-
-    /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_mid = omega * HALF_T_POLE_PAIRS + theta;
+    const float64 L_20 = LD[3];
+    const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
     const float64 emf_step = GAIN_E_POLE_PAIRS * omega;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 v_alpha = u[0];
     const float64 gain_v_times_v_alpha = GAIN_V * v_alpha;
+    const float64 i_alpha = x[0];
     const float64 part_of_i_q_between_2 = i_alpha * ONE_PLUS_DECAY_I + gain_v_times_v_alpha;
+    const float64 v_beta = u[1];
     const float64 gain_v_times_v_beta = GAIN_V * v_beta;
+    const float64 i_beta = x[1];
     const float64 part_of_i_q_between = i_beta * ONE_PLUS_DECAY_I + gain_v_times_v_beta;
     const float64 part_of_i_d_between = cos_theta_mid * part_of_i_q_between_2 +
         sin_theta_mid * part_of_i_q_between;
     const float64 i_d_between = 0.5 * part_of_i_d_between;
     const float64 i_q_between = 0.5 * (cos_theta_mid * part_of_i_q_between -
         sin_theta_mid * part_of_i_q_between_2 - emf_step);
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
     const float64 omega_x_gain_e_pole_pairs_by2 = omega * GAIN_E_POLE_PAIRS_BY2;
+    const float64 D_i_alpha = LD[0];
     const float64 odd_theta_mid_0_times_D_i_alpha = odd_theta_mid_0 * D_i_alpha;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 D_sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha;
+    const float64 L_10 = LD[1];
     const float64 odd_i_alpha_turned_0 = cos_theta_mid + sin_theta_mid * L_10;
     const float64 sind_theta_mid_0 = sinc_theta_mid_0 * odd_theta_mid_0;
     const float64 odd_i_alpha_next_0 = DECAY_I * odd_i_alpha_turned_0 + emf_step * sind_theta_mid_0;
@@ -305,18 +277,27 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         one_plus_cosm1_theta_mid_0 * omega_x_gain_e_pole_pairs_by2) -
         D_sind_theta_mid_0 * (odd_i_alpha_turned_0 + odd_i_alpha_next_0) * 2.5;
     const float64 odd_i_beta_turned_0 = cos_theta_mid * L_10 - sin_theta_mid;
+    const float64 L_21 = LD[4];
+    const float64 L_31 = LD[7];
     const float64 odd_theta_mid_1 = HALF_T_POLE_PAIRS * L_21 + L_31;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
+    const float64 D_i_beta = LD[2];
     const float64 odd_theta_mid_1_times_D_i_beta = odd_theta_mid_1 * D_i_beta;
+    const float64 sinc_theta_mid_1 = turn[2];
     const float64 D_sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1_times_D_i_beta;
     const float64 sind_theta_mid_1 = sinc_theta_mid_1 * odd_theta_mid_1;
     const float64 odd_i_alpha_next_1 = DECAY_I * sin_theta_mid + emf_step * sind_theta_mid_1;
     const float64 even_i_q_between_1 = cosm1_theta_mid_1 * (i_q_between -
         omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_1) -
         D_sind_theta_mid_1 * 2.5 * (sin_theta_mid + odd_i_alpha_next_1);
+    const float64 L_32 = LD[8];
     const float64 odd_theta_mid_2 = HALF_T_POLE_PAIRS + L_32;
+    const float64 cosm1_theta_mid_2 = turn[5];
     const float64 one_plus_cosm1_theta_mid_2 = 1.0 + cosm1_theta_mid_2;
+    const float64 D_omega = LD[5];
     const float64 D_omega_times_odd_theta_mid_2 = D_omega * odd_theta_mid_2;
+    const float64 sinc_theta_mid_2 = turn[4];
     const float64 curv_i_alpha_2 = D_omega_times_odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 sind_theta_mid_2 = odd_theta_mid_2 * sinc_theta_mid_2;
     const float64 part_of_even_i_q_between_2 = curv_i_alpha_2 * sind_theta_mid_2;
@@ -324,29 +305,34 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_i_q_between_2 = cosm1_theta_mid_2 * (i_q_between -
         omega_x_gain_e_pole_pairs_by2 * one_plus_cosm1_theta_mid_2) -
         part_of_even_i_q_between_2 * omega_scaled;
+    const float64 sinc_theta_mid_3 = turn[6];
+    const float64 D_theta = LD[9];
     const float64 D_sind_theta_mid_3 = sinc_theta_mid_3 * D_theta;
     const float64 part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3;
-    const float64 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
-        cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3) -
+    const float64 cosm1_theta_mid_3 = turn[7];
+    const float64 even_i_q_between_3 = cosm1_theta_mid_3 * (i_q_between -
+        omega_x_gain_e_pole_pairs_by2 * (1.0 + cosm1_theta_mid_3)) -
         omega_scaled * part_of_even_i_q_between_3;
     const float64 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
         GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0;
     const float64 odd_i_beta_next_1 = DECAY_I * cos_theta_mid -
         GAIN_E_POLE_PAIRS * L_21 * one_plus_cosm1_theta_mid_1;
     const float64 curv_i_alpha_0 = L_20 * D_sind_theta_mid_0;
+    const float64 L_40 = LD[10];
     const float64 odd_omega_next_0 = L_20 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-        sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
-        - GAIN_OMEGA * L_40;
+        GAIN_OMEGA * (sind_theta_mid_0 * GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
+        + L_40);
     const float64 curv_i_alpha_1 = L_21 * D_sind_theta_mid_1;
+    const float64 L_41 = LD[11];
     const float64 odd_omega_next_1 = L_21 * DECAY_OMEGA +
         GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-        sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
-        - GAIN_OMEGA * L_41;
+        GAIN_OMEGA * (sind_theta_mid_1 * GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
+        + L_41);
+    const float64 L_42 = LD[12];
     const float64 odd_omega_next_2 = DECAY_OMEGA -
-        GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * GAIN_E_GAIN_TORQUE_PP_BY2 +
-        L_42) -
-        sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2);
+        GAIN_OMEGA_GAIN_TORQUE * (GAIN_E_POLE_PAIRS_BY2 * one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2
+        + sind_theta_mid_2 * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2)) - GAIN_OMEGA * L_42;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
     const float64 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
@@ -377,15 +363,18 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         curv_i_alpha_1 * cosm1_theta_mid_1) - curv_i_alpha_sum * mean_i_beta_by_n);
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float64 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float64 inv_D_pred_i_alpha = 1.0 / D_pred_i_alpha;
     const float64 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_i_beta = larger(P_pred_11 - P_pred_10 * L_pred_10, Q_1);
     const float64 D_odd_i_alpha_2 = emf_step * curv_i_alpha_2;
     const float64 D_odd_i_alpha_3 = emf_step * D_sind_theta_mid_3;
+    const float64 L_43 = LD[13];
     const float64 part_of_P_turned_20 = sinc_theta_mid_3 * part_of_i_d_between * GAIN_TORQUE_BY2 + L_43;
     const float64 minus_odd_omega_next_3 = GAIN_OMEGA * part_of_P_turned_20;
     const float64 curv_omega_sum = even_i_q_between_0 + even_i_q_between_1 + even_i_q_between_2 +
@@ -408,12 +397,14 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
     const float64 inv_D_pred_i_beta = 1.0 / D_pred_i_beta;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
+    const float64 D_load_torque = LD[14];
     const float64 part_of_P_pred_22 = D_i_alpha * odd_omega_next_0 * odd_omega_next_0 +
         D_i_beta * odd_omega_next_1 * odd_omega_next_1 + D_omega * odd_omega_next_2 * odd_omega_next_2 +
         (D_theta * part_of_P_turned_20 * part_of_P_turned_20 + D_load_torque) * GAIN_OMEGA_SQ +
         GAIN_OMEGA_SQ_GAIN_TORQUE_SQ * (PAIR_WEIGHT * (even_i_q_between_0 * even_i_q_between_0 +
         even_i_q_between_1 * even_i_q_between_1 + even_i_q_between_2 * even_i_q_between_2 +
         even_i_q_between_3 * even_i_q_between_3) - curv_omega_sum * mean_omega_by_n);
+    const float64 Q_2 = Q[2];
     const float64 P_pred_22 = part_of_P_pred_22 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_20 * L_pred_20 - LD_pred_21 * L_pred_21, Q_2);
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * P_turned_20 +
@@ -436,6 +427,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
+    const float64 Q_3 = Q[3];
     const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
         odd_theta_mid_0 * odd_theta_mid_0_times_D_i_alpha + odd_theta_mid_1 * odd_theta_mid_1_times_D_i_beta +
         odd_theta_mid_2 * D_omega_times_odd_theta_mid_2 + D_theta + Q_3;
@@ -463,6 +455,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
     const float64 L_pred_43 = LD_pred_43 / D_pred_theta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
         L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
     const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_40 * L_pred_40 - LD_pred_41 * L_pred_41 -
@@ -478,9 +471,10 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 i_beta_of_x = DECAY_I * i_beta - emf_step * cos_theta_mid + gain_v_times_v_beta;
     const float64 i_beta_pred = i_beta_of_x + sin_theta_mid * offset_i_alpha -
         cos_theta_mid * minus_offset_i_beta;
+    const float64 load_torque = x[4];
     const float64 omega_of_x = omega * DECAY_OMEGA +
-        cos_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_beta_of_x + i_beta) -
-        sin_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque;
+        GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+        sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 
@@ -514,50 +508,44 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
 static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pred[15], const float64 R[2],
     const float64 y[2], float64 x_out[5], float64 LD_out[15], float64 nis_out[1])
 {
-    const float64 i_alpha_pred = x_pred[0];
-    const float64 i_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 D_pred_i_alpha = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_i_beta = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_omega = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_theta = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_load_torque = LD_pred[14];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
+    /* --- eq. 25: y - y_pred; theta wrapped */
     const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-
-    /* --- eq. 25: y - y_pred */
+    const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
+    const float64 R_0 = R[0];
+    const float64 D_pred_i_alpha = LD_pred[0];
     const float64 var_first = R_0 + D_pred_i_alpha;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float64 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
+    const float64 i_beta_meas = y[1];
+    const float64 L_pred_10 = LD_pred[1];
+    const float64 i_beta_pred = x_pred[1];
     const float64 innovation_after_first = i_beta_meas - correction_first_0 * L_pred_10 - i_beta_pred;
+    const float64 R_1 = R[1];
+    const float64 D_pred_i_beta = LD_pred[2];
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 var_second = var_second_1 + L_pred_10 * g_second_0;
+    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float64 i_alpha_new = correction_second_0 + i_alpha_pred;
     const float64 i_beta_new = i_beta_meas - R_1 * nu_by_var_second;
     const float64 part_of_omega_new = D_pred_i_beta * nu_by_var_second;
+    const float64 L_pred_20 = LD_pred[3];
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = correction_second_0 * L_pred_20 + part_of_omega_new * L_pred_21 + omega_pred;
-    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_31 = LD_pred[7];
+    const float64 theta_pred = x_pred[3];
+    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
+        theta_pred);
+    const float64 L_pred_40 = LD_pred[10];
+    const float64 L_pred_41 = LD_pred[11];
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_new = correction_second_0 * L_pred_40 + part_of_omega_new * L_pred_41 +
         load_torque_pred;
 
@@ -574,6 +562,12 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * innovation_i_alpha * one_per_var_first +
         innovation_after_first * nu_by_var_second;
+    const float64 D_pred_omega = LD_pred[5];
+    const float64 L_pred_32 = LD_pred[8];
+    const float64 D_pred_theta = LD_pred[9];
+    const float64 L_pred_42 = LD_pred[12];
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 D_pred_load_torque = LD_pred[14];
 
     x_out[0] = i_alpha_new;
     x_out[1] = i_beta_new;
@@ -625,7 +619,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
@@ -678,16 +672,9 @@ static void restart(spmsm_load_torque_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9, 14 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -736,19 +723,15 @@ int spmsm_load_torque_ckf_f64_step(spmsm_load_torque_ckf_f64_t *f, const float64
     float64 LD_pred[15];
     float64 check[1];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) && (LD_pred[9] > f->Q[3])
@@ -761,15 +744,11 @@ int spmsm_load_torque_ckf_f64_step(spmsm_load_torque_ckf_f64_t *f, const float64
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

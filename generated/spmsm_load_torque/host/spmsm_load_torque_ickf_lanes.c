@@ -19,6 +19,7 @@
 #define GAIN_V 0.10131888f /* (1 - exp(-T R / L)) / R, A/V */
 #define DECAY_OMEGA 0.999975f /* exp(-T D / J) */
 #define GAIN_OMEGA 0.012499844f /* (1 - exp(-T D / J)) / D, rad/s per N m */
+#define GAIN_TORQUE 1.05f /* 1.5 p psi_m, N m/A */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS 0.07092322f /* GAIN_E * POLE_PAIRS */
 #define GAIN_E_POLE_PAIRS_BY5 0.0141846435f /* 0.2 * GAIN_E * POLE_PAIRS */
@@ -33,7 +34,6 @@
 #define PAIR_WEIGHT_SQ 0.04f /* PAIR_WEIGHT * PAIR_WEIGHT */
 #define GAIN_E_SQ_POLE_PAIRS_SQ 0.0050301026f /* GAIN_E * GAIN_E * POLE_PAIRS * POLE_PAIRS */
 #define GAIN_OMEGA_GAIN_TORQUE 0.013124836f /* GAIN_OMEGA * GAIN_TORQUE */
-#define GAIN_E_GAIN_TORQUE_PP_BY2 0.03723469f /* 0.5 * GAIN_E * GAIN_TORQUE * POLE_PAIRS */
 #define GAIN_TORQUE_BY2 0.525f /* 0.5 * GAIN_TORQUE */
 #define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP_X5 0.004654278f /* 5 * GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
 #define GAIN_E_GAIN_OMEGA_GAIN_TQ_PP 0.0009308556f /* GAIN_E * GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS */
@@ -372,8 +372,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             part_of_even_i_q_between_2 * omega_scaled;
         const float32 D_sind_theta_mid_3 = sinc_theta_mid_3 * D_theta;
         const float32 part_of_even_i_q_between_3 = sinc_theta_mid_3 * D_sind_theta_mid_3;
-        const float32 even_i_q_between_3 = cosm1_theta_mid_3 * i_q_between -
-            cosm1_theta_mid_3 * omega_x_gain_e_pole_pairs_by2 * (1.0f + cosm1_theta_mid_3) -
+        const float32 even_i_q_between_3 = cosm1_theta_mid_3 * (i_q_between -
+            omega_x_gain_e_pole_pairs_by2 * (1.0f + cosm1_theta_mid_3)) -
             omega_scaled * part_of_even_i_q_between_3;
         const float32 odd_i_beta_next_0 = DECAY_I * odd_i_beta_turned_0 -
             GAIN_E_POLE_PAIRS * L_20 * one_plus_cosm1_theta_mid_0;
@@ -382,17 +382,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 curv_i_alpha_0 = L_20 * D_sind_theta_mid_0;
         const float32 odd_omega_next_0 = L_20 * DECAY_OMEGA +
             GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_0 * (odd_i_beta_turned_0 + odd_i_beta_next_0) -
-            sind_theta_mid_0 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
-            - GAIN_OMEGA * L_40;
+            GAIN_OMEGA * (sind_theta_mid_0 * GAIN_TORQUE * (i_d_between + curv_i_alpha_0 * GAIN_E_POLE_PAIRS_X5_BY2)
+            + L_40);
         const float32 curv_i_alpha_1 = L_21 * D_sind_theta_mid_1;
         const float32 odd_omega_next_1 = L_21 * DECAY_OMEGA +
             GAIN_OMEGA_GAIN_TORQUE_BY2 * one_plus_cosm1_theta_mid_1 * (cos_theta_mid + odd_i_beta_next_1) -
-            sind_theta_mid_1 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
-            - GAIN_OMEGA * L_41;
+            GAIN_OMEGA * (sind_theta_mid_1 * GAIN_TORQUE * (i_d_between + curv_i_alpha_1 * GAIN_E_POLE_PAIRS_X5_BY2)
+            + L_41);
         const float32 odd_omega_next_2 = DECAY_OMEGA -
-            GAIN_OMEGA * (one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2 * GAIN_E_GAIN_TORQUE_PP_BY2 +
-            L_42) -
-            sind_theta_mid_2 * GAIN_OMEGA_GAIN_TORQUE * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2);
+            GAIN_OMEGA_GAIN_TORQUE * (GAIN_E_POLE_PAIRS_BY2 * one_plus_cosm1_theta_mid_2 * one_plus_cosm1_theta_mid_2
+            + sind_theta_mid_2 * (i_d_between + curv_i_alpha_2 * GAIN_E_POLE_PAIRS_X5_BY2)) - GAIN_OMEGA * L_42;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q; eq. 18: L D L^T = P_pred */
         const float32 D_odd_i_alpha_0 = D_i_alpha * odd_i_alpha_next_0;
@@ -525,8 +524,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 i_beta_pred = i_beta_of_x + sin_theta_mid * offset_i_alpha -
             cos_theta_mid * minus_offset_i_beta;
         const float32 omega_of_x = omega * DECAY_OMEGA +
-            cos_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_beta_of_x + i_beta) -
-            sin_theta_mid * GAIN_OMEGA_GAIN_TORQUE_BY2 * (i_alpha_of_x + i_alpha) - GAIN_OMEGA * load_torque;
+            GAIN_OMEGA_GAIN_TORQUE_BY2 * (cos_theta_mid * (i_beta_of_x + i_beta) -
+            sin_theta_mid * (i_alpha_of_x + i_alpha)) - GAIN_OMEGA * load_torque;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
 

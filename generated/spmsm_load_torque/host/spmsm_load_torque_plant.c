@@ -75,29 +75,28 @@ static void rotor_phasor(const float64 angle[1], float64 phasor_out[2])
 static void plant_substep(const float64 s[6], const float64 motor[6], const float64 v[2],
     const float64 load[1], const float64 width[1], float64 s_out[6])
 {
-    const float64 z_alpha = s[0];
-    const float64 z_beta = s[1];
-    const float64 omega = s[2];
-    const float64 theta = s[3];
-    const float64 rotor_cos = s[4];
-    const float64 rotor_sin = s[5];
-    const float64 R = motor[0];
-    const float64 per_L_d = motor[1];
-    const float64 psi_m = motor[3];
-    const float64 per_J = motor[4];
-    const float64 D = motor[5];
-    const float64 v_alpha = v[0];
-    const float64 v_beta = v[1];
-    const float64 T_L = load[0];
     const float64 h = width[0];
     const float64 half_h = 0.5 * h;
 
     /* --- slope 1 */
+    const float64 omega = s[2];
     const float64 slope1_theta = 4.0 * omega;
+    const float64 psi_m = motor[3];
     const float64 psi_m_times_slope1_theta = psi_m * slope1_theta;
+    const float64 v_alpha = v[0];
+    const float64 R = motor[0];
+    const float64 z_alpha = s[0];
+    const float64 rotor_sin = s[5];
+    const float64 per_L_d = motor[1];
     const float64 slope1_z_alpha = (v_alpha - R * z_alpha + psi_m_times_slope1_theta * rotor_sin) * per_L_d;
+    const float64 v_beta = v[1];
+    const float64 z_beta = s[1];
+    const float64 rotor_cos = s[4];
     const float64 slope1_z_beta = (v_beta - R * z_beta - psi_m_times_slope1_theta * rotor_cos) * per_L_d;
     const float64 psi_m_scaled = 6.0 * psi_m;
+    const float64 T_L = load[0];
+    const float64 D = motor[5];
+    const float64 per_J = motor[4];
     const float64 slope1_omega = (psi_m_scaled * (rotor_cos * z_beta - rotor_sin * z_alpha) - T_L -
         D * omega) * per_J;
     const float64 slope1_rotor_sin = slope1_theta * rotor_cos;
@@ -161,6 +160,7 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
 
     /* --- weighted mean of the slopes */
     const float64 sixth_h = RUNGE_KUTTA_WEIGHT * h;
+    const float64 theta = s[3];
 
     s_out[0] = z_alpha + sixth_h * (slope1_z_alpha + 2.0 * (slope2_z_alpha + slope3_z_alpha) +
         slope4_z_alpha);

@@ -26,60 +26,48 @@
 #define SALIENCY 3000.0 /* 1 / L_d - 1 / L_q, A/Wb */
 #define SIGN_PER_A 0.16666666666666666 /* 1 / I_0, 1/A: below I_0 a leg's sign fades */
 #define V_DEAD 11.999999999999998 /* V_dc t_d f_sw + V_drop, V: what a leg loses */
+#define POLE_PAIRS 4.0 /* p */
+#define HALF_T 5e-05 /* T / 2, s */
+#define MAGNET_TURN 1.0780580978414631e-10 /* (1 + a - 2 (1 - a) / z) T / 2, s */
 #define GAIN_D 9.955134696795931e-05 /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define LOSS_D 0.008959621227116337 /* 1 - exp(-T R / L_d) */
 #define GAIN_Q 9.98202158057399e-05 /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define GAIN_OMEGA 0.0016666666666666668 /* T / J, rad/s per N m */
+#define SAMPLE_TIME 0.0001 /* sample time, s */
+#define SIGMA_R_MAGNET_TURN 7.19206772965264e-11 /* what MAGNET_TURN changes with one sigma of R */
 #define SIGMA_R_GAIN_D -1.4934140452487696e-07 /* what GAIN_D changes with one sigma of R */
 #define SIGMA_R_LOSS_D 0.002977874330618508 /* what LOSS_D changes with one sigma of R */
 #define SIGMA_R_GAIN_Q -5.995188763067467e-08 /* what GAIN_Q changes with one sigma of R */
 #define SIGMA_R_LOSS_Q 0.0011975993390674162 /* what LOSS_Q changes with one sigma of R */
+#define SIGMA_L_D 3.338662406813045e-05 /* one sigma of L_d */
+#define SIGMA_L_Q 8.346656017032612e-05 /* one sigma of L_q */
+#define SIGMA_PSI_M 0.004821028515438036 /* one sigma of psi_m */
+#define SIGMA_V_D 4.006394888175652 /* one sigma of V_d, V */
+#define SIGMA_LOSS 11.31370849898476 /* V: one sigma of either axis where no sign is sure */
 #define INV_L_D_PSI_M 400.0 /* INV_L_D * PSI_M */
 #define SQRT_3_BY_2 0.8660254037844386 /* sqrt(3) / 2 */
 #define TWO_THIRDS 0.6666666666666666 /* 2 / 3 */
 #define ONE_BY_SQRT_3 0.5773502691896258 /* 1 / sqrt(3) */
 #define HALF_T_POLE_PAIRS 0.0002 /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08 /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
-#define ONE_MINUS_LOSS_Q 0.9964064722309933 /* 1 - LOSS_Q */
-#define MAGNET_TURN_POLE_PAIRS_PSI_M 3.449785913092682e-11 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define ONE_MINUS_LOSS_D 0.9910403787728836 /* 1 - LOSS_D */
-#define HALF_T_POLE_PAIRS_X5 0.001 /* 5 * HALF_T * POLE_PAIRS */
+#define ONE_MINUS_LOSS_Q 0.9964064722309933 /* 1 - LOSS_Q */
+#define MAGNET_TURN_PSI_M 8.624464782731705e-12 /* MAGNET_TURN * PSI_M */
+#define MAGNET_TURN_POLE_PAIRS_PSI_M 3.449785913092682e-11 /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define PAIR_WEIGHT 0.2 /* 1 / 5: weight of the two points of a column of S */
-#define GAIN_OMEGA_BY2 0.0008333333333333334 /* 0.5 * GAIN_OMEGA */
 #define GAIN_TORQUE_INV_L_D_PSI_M 2400.0 /* GAIN_TORQUE * INV_L_D * PSI_M */
+#define GAIN_TORQUE_SALIENCY 18000.0 /* GAIN_TORQUE * SALIENCY */
 #define GAIN_TORQUE_SALIENCY_BY2 9000.0 /* 0.5 * GAIN_TORQUE * SALIENCY */
-#define GAIN_OMEGA_BY5 0.0003333333333333334 /* 0.2 * GAIN_OMEGA */
-#define GAIN_TORQUE_SALIENCY_X5_BY4 22500.0 /* 1.25 * GAIN_TORQUE * SALIENCY */
-#define G_OMEGA_HALF_T_PAIR_WEIGHT_PP 6.666666666666667e-08 /* GAIN_OMEGA * HALF_T * PAIR_WEIGHT * POLE_PAIRS */
-#define GAIN_TORQUE_SALIENCY_BY4 4500.0 /* 0.25 * GAIN_TORQUE * SALIENCY */
-#define PAIR_WEIGHT_SQ 0.04000000000000001 /* PAIR_WEIGHT * PAIR_WEIGHT */
-#define PP_PSI_M_SIGMA_R_MAGNET_TURN 2.301461673488845e-11 /* POLE_PAIRS * PSI_M * SIGMA_R_MAGNET_TURN */
+#define GAIN_TORQUE_SALIENCY_X5_BY2 45000.0 /* 2.5 * GAIN_TORQUE * SALIENCY */
+#define GAIN_OMEGA_HALF_T_POLE_PAIRS 3.3333333333333335e-07 /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define GAIN_OMEGA_SQ 2.7777777777777783e-06 /* GAIN_OMEGA * GAIN_OMEGA */
-#define GAIN_OMEGA_SQ_X101250000 281.25000000000006 /* 101250000 * GAIN_OMEGA * GAIN_OMEGA */
-#define G_O_S_G_T_S_S_46C 8.08133333333334e-13 /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_D * SIGMA_L_D + GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_Q * SIGMA_L_Q */
-#define G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ 2.324231594666668e-09 /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_OMEGA_SQ_SIGMA_V_D_SQ 4.458666666666667e-05 /* GAIN_OMEGA * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_D_GAIN_TORQUE_SALIENCY_BY4 0.4479810613558169 /* 0.25 * GAIN_D * GAIN_TORQUE * SALIENCY */
-#define GAIN_Q_BY2 4.991010790286995e-05 /* 0.5 * GAIN_Q */
-#define G_D_S_G_O_S_G_T_S_S_S_S_L_A1B 7.135538891857215e-05 /* 0.0625 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SALIENCY * SALIENCY * SIGMA_LOSS * SIGMA_LOSS */
-#define G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1 8.856955985337321e-13 /* 0.25 * GAIN_OMEGA * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_OMEGA_ONE_MINUS_LOSS_D 0.0016517339646214728 /* GAIN_OMEGA * (1 - LOSS_D) */
-#define G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89 4.458666666666669e-15 /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D */
-#define G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24 2.7866666666666685e-14 /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q */
-#define G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D 9.29692637866667e-11 /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ 2.6631976340868474e-06 /* GAIN_D * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D */
-#define G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7 9.514051855809618e-06 /* 0.25 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_OMEGA_ONE_MINUS_LOSS_Q 0.0016606774537183224 /* GAIN_OMEGA * (1 - LOSS_Q) */
-#define GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ 2.6703904132351534e-06 /* GAIN_OMEGA * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
-#define G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2 1.0628347182404783e-09 /* 0.5 * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901 1.7834666666666678e-16 /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D */
-#define PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC 1.1146666666666673e-15 /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q */
-#define PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 3.718770551466668e-12 /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_D_SQ_SIGMA_V_D_SQ 1.5907494702913685e-07 /* GAIN_D * GAIN_D * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_D_SQ_SIGMA_LOSS_SQ 1.2685402474412826e-06 /* GAIN_D * GAIN_D * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_Q_SQ_SIGMA_V_D_SQ 1.5993536840082718e-07 /* GAIN_Q * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_Q_SQ_SIGMA_LOSS_SQ 1.2754016618885739e-06 /* GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_D_GAIN_Q_SIGMA_V_D_SQ 1.59504577540731e-07 /* GAIN_D * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
+#define GAIN_OMEGA_BY2 0.0008333333333333334 /* 0.5 * GAIN_OMEGA */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_L_D 3.3386624068130447e-07 /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_D */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q 8.346656017032611e-07 /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_Q */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M 4.821028515438036e-05 /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_PSI_M */
+#define GAIN_OMEGA_SIGMA_V_D_BY2 0.003338662406813044 /* 0.5 * GAIN_OMEGA * SIGMA_V_D */
+#define G_D_G_OMEGA_G_TQ_SAL_BY2 0.0014932702045193898 /* 0.5 * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY */
+#define GAIN_OMEGA_GAIN_Q_BY2 8.318351317144992e-08 /* 0.5 * GAIN_OMEGA * GAIN_Q */
 #define INV_L_Q_PLUS_SALIENCY 5000.0 /* INV_L_Q + SALIENCY */
 #define PAIR_WT_MINUS_PAIR_WT_SQ 0.16 /* PAIR_WEIGHT - PAIR_WEIGHT * PAIR_WEIGHT */
 #define PAIR_WEIGHT_SQ_SALIENCY_X5 600.0000000000001 /* 5 * PAIR_WEIGHT * PAIR_WEIGHT * SALIENCY */
@@ -90,8 +78,6 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -211,11 +197,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
- * so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
+ * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -225,14 +211,12 @@ static int within(const float64 value[2], float64 limit)
 /* Inverter: what dead time and switches leave of the voltage */
 static void inverter(const float64 x[5], const float64 u[2], float64 v_out[2], float64 g_out[3])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
     const float64 theta = x[3];
-    const float64 v_alpha = u[0];
-    const float64 v_beta = u[1];
     const pmsm_pair_f64 sincos_theta = sin_cos(theta);
     const float64 sin_theta = sincos_theta.sine;
     const float64 cos_theta = sincos_theta.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_here = cos_theta * psi_alpha + sin_theta * psi_beta;
     const float64 i_salient_here = SALIENCY * psi_d_here - INV_L_D_PSI_M;
     const float64 i_alpha_here = INV_L_Q * psi_alpha + cos_theta * i_salient_here;
@@ -247,9 +231,11 @@ static void inverter(const float64 x[5], const float64 u[2], float64 v_out[2], f
     /* --- v = u - V_d g(h(x)), g the Clarke transform of the legs' saturated signs */
     const float64 part_of_g_alpha_now = sign_a_here - 0.5 * (sign_b_here + sign_c_here);
     const float64 g_alpha_now = TWO_THIRDS * part_of_g_alpha_now;
+    const float64 v_alpha = u[0];
     const float64 v_alpha_now = v_alpha - V_DEAD * g_alpha_now;
     const float64 sign_b_minus_c_here = sign_b_here - sign_c_here;
     const float64 g_beta_now = ONE_BY_SQRT_3 * sign_b_minus_c_here;
+    const float64 v_beta = u[1];
     const float64 v_beta_now = v_beta - V_DEAD * g_beta_now;
 
     /* --- g(h(x)): the direction in which a wrong V_d acts; sqrt(1 - |3/4 g|^2): how unsure it is */
@@ -266,13 +252,12 @@ static void inverter(const float64 x[5], const float64 u[2], float64 v_out[2], f
 /* Small angles of time_update: sin(d) / d and cos(d) - 1; returns the status */
 static int time_update_turns(float64 LD[15], float64 turn_out[4])
 {
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 L_10 = LD[1];
     const float64 odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
+    const float64 D_theta = LD[0];
     const float64 z_theta_mid_0 = D_theta * odd_theta_mid_0 * odd_theta_mid_0;
+    const float64 D_omega = LD[2];
     const float64 z_theta_mid_1 = D_omega * HALF_T_SQ_POLE_PAIRS_SQ;
 
     if (z_theta_mid_0 + z_theta_mid_1 > SMALL_TURN) {
@@ -301,63 +286,42 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 g[3], const float64 turn[4], float64 x_pred_out[5], float64 LD_pred_out[15],
     float64 check_out[1])
 {
-    const float64 psi_alpha = x[0];
-    const float64 psi_beta = x[1];
-    const float64 omega = x[2];
-    const float64 theta = x[3];
-    const float64 load_torque = x[4];
-    const float64 D_theta = LD[0];
-    const float64 L_10 = LD[1];
-    const float64 D_omega = LD[2];
-    const float64 L_20 = LD[3];
-    const float64 L_21 = LD[4];
-    const float64 D_psi_alpha = LD[5];
-    const float64 L_30 = LD[6];
-    const float64 L_31 = LD[7];
-    const float64 L_32 = LD[8];
-    const float64 D_psi_beta = LD[9];
-    const float64 L_40 = LD[10];
-    const float64 L_41 = LD[11];
-    const float64 L_42 = LD[12];
-    const float64 L_43 = LD[13];
-    const float64 D_load_torque = LD[14];
-    const float64 Q_0 = Q[0];
-    const float64 Q_1 = Q[1];
-    const float64 Q_2 = Q[2];
-    const float64 Q_3 = Q[3];
-    const float64 Q_4 = Q[4];
-    const float64 v_alpha = v[0];
-    const float64 v_beta = v[1];
-    const float64 g_alpha = g[0];
-    const float64 g_beta = g[1];
-    const float64 unsure = g[2];
-    const float64 sinc_theta_mid_0 = turn[0];
-    const float64 cosm1_theta_mid_0 = turn[1];
-    const float64 sinc_theta_mid_1 = turn[2];
-    const float64 cosm1_theta_mid_1 = turn[3];
-
     /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
-    const float64 odd_theta_mid_0 = 1.0 + HALF_T_POLE_PAIRS * L_10;
-    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
+    const float64 omega = x[2];
+    const float64 omega_e = POLE_PAIRS * omega;
+    const float64 L_10 = LD[1];
+    const float64 odd_omega_e_0 = POLE_PAIRS * L_10;
+    const float64 theta = x[3];
+    const float64 theta_mid = HALF_T * omega_e + theta;
+    const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
+    const float64 psi_alpha = x[0];
+    const float64 psi_beta = x[1];
     const float64 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+    const float64 D_theta = LD[0];
+    const float64 n_D_0 = D_theta * 5.0;
+    const float64 sinc_theta_mid_0 = turn[0];
     const float64 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-    const float64 n_D_sind_theta_mid_0 = D_theta * 5.0 * sind_theta_mid_0;
+    const float64 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
+    const float64 L_30 = LD[6];
+    const float64 L_20 = LD[3];
     const float64 odd_psi_beta_turned_0 = cos_theta_mid * L_30 - sin_theta_mid * L_20;
+    const float64 cosm1_theta_mid_0 = turn[1];
     const float64 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
         n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
     const float64 one_plus_cosm1_theta_mid_0 = 1.0 + cosm1_theta_mid_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_mid * L_20 + sin_theta_mid * L_30;
     const float64 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
     const float64 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-        psi_q_mid * sind_theta_mid_0;
-    const float64 even_psi_q_mid_0 = psi_q_mid * cosm1_theta_mid_0 -
+        sind_theta_mid_0 * psi_q_mid;
+    const float64 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
         n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
     const float64 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
         psi_d_mid * sind_theta_mid_0;
+    const float64 v_alpha = v[0];
+    const float64 v_beta = v[1];
     const float64 v_d = cos_theta_mid * v_alpha + sin_theta_mid * v_beta;
     const float64 v_q = cos_theta_mid * v_beta - sin_theta_mid * v_alpha;
     const float64 gain_d_times_v_d = GAIN_D * v_d;
@@ -366,39 +330,46 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 even_psi_d_next_0 = ONE_MINUS_LOSS_D * even_psi_d_mid_0 +
         gain_d_times_v_d * cosm1_theta_mid_0;
     const float64 gain_d_times_v_q = GAIN_D * v_q;
-    const float64 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + gain_d_times_v_q * sind_theta_mid_0;
+    const float64 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + sind_theta_mid_0 * gain_d_times_v_q;
     const float64 gain_q_times_v_q = GAIN_Q * v_q;
+    const float64 omega_e_times_psi_m = omega_e * PSI_M;
     const float64 psi_q_next = ONE_MINUS_LOSS_Q * psi_q_mid + gain_q_times_v_q +
-        omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
+        MAGNET_TURN * omega_e_times_psi_m;
     const float64 even_psi_q_next_0 = ONE_MINUS_LOSS_Q * even_psi_q_mid_0 +
-        gain_q_times_v_q * cosm1_theta_mid_0;
+        cosm1_theta_mid_0 * gain_q_times_v_q;
     const float64 v_d_times_gain_q = v_d * GAIN_Q;
-    const float64 odd_psi_q_next_0 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - v_d_times_gain_q * sind_theta_mid_0
-        + MAGNET_TURN_POLE_PAIRS_PSI_M * L_10;
-    const float64 psi_q_mid_plus_next = psi_q_mid + psi_q_next;
-    const float64 psi_q_between = 0.5 * psi_q_mid_plus_next;
-    const float64 even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0;
-    const float64 even_psi_q_between_0 = 0.5 * even_psi_q_mid_plus_next_0;
-    const float64 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M -
-        GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next);
-    const float64 part_of_even_torque_0 = 0.5 * part_of_omega_pred;
+    const float64 odd_psi_q_next_0 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - sind_theta_mid_0 * v_d_times_gain_q
+        + odd_omega_e_0 * MAGNET_TURN_PSI_M;
+    const float64 psi_d_between = 0.5 * (psi_d_mid + psi_d_next);
+    const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
+    const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
+    const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
+    const float64 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY;
     const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-    const float64 odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0;
-    const float64 odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0;
-    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+    const float64 odd_psi_d_mid_and_next_0_scaled =
+        GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
+    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
         part_of_even_torque_0_2 * total_psi_q_between_0 -
-        D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0;
-    const float64 n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1;
+        n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0;
+    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+        total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled;
+    const float64 D_omega = LD[2];
+    const float64 n_D_1 = 5.0 * D_omega;
+    const float64 sinc_theta_mid_1 = turn[2];
+    const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
+    const float64 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
+    const float64 L_31 = LD[7];
+    const float64 L_21 = LD[4];
     const float64 odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21;
+    const float64 cosm1_theta_mid_1 = turn[3];
     const float64 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
         n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
     const float64 one_plus_cosm1_theta_mid_1 = 1.0 + cosm1_theta_mid_1;
     const float64 odd_psi_alpha_turned_1 = cos_theta_mid * L_21 + sin_theta_mid * L_31;
-    const float64 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
     const float64 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
-        psi_q_mid * sind_theta_mid_1;
-    const float64 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
+        sind_theta_mid_1 * psi_q_mid;
+    const float64 even_psi_q_mid_1 = cosm1_theta_mid_1 * psi_q_mid -
         n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
     const float64 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
         psi_d_mid * sind_theta_mid_1;
@@ -406,33 +377,36 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         gain_d_times_v_d * cosm1_theta_mid_1;
     const float64 odd_psi_d_next_1 = ONE_MINUS_LOSS_D * odd_psi_d_mid_1 + sind_theta_mid_1 * gain_d_times_v_q;
     const float64 even_psi_q_next_1 = ONE_MINUS_LOSS_Q * even_psi_q_mid_1 +
-        gain_q_times_v_q * cosm1_theta_mid_1;
+        cosm1_theta_mid_1 * gain_q_times_v_q;
     const float64 odd_psi_q_next_1 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_1 - v_d_times_gain_q * sind_theta_mid_1
         + MAGNET_TURN_POLE_PAIRS_PSI_M;
-    const float64 even_psi_q_mid_plus_next_1 = even_psi_q_mid_1 + even_psi_q_next_1;
-    const float64 even_psi_q_between_1 = 0.5 * even_psi_q_mid_plus_next_1;
+    const float64 even_psi_q_between_1 = 0.5 * (even_psi_q_mid_1 + even_psi_q_next_1);
+    const float64 odd_psi_q_between_1 = 0.5 * (odd_psi_q_mid_1 + odd_psi_q_next_1);
     const float64 part_of_even_torque_1 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_1 + even_psi_d_next_1);
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
-    const float64 odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1;
-    const float64 odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1;
-    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
+    const float64 odd_psi_d_mid_and_next_1_scaled =
+        GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
+    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 -
-        D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1;
+        n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1;
+    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+        total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled;
+    const float64 L_32 = LD[8];
     const float64 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
     const float64 odd_psi_q_mid_2 = cos_theta_mid * L_32 - sin_theta_mid;
     const float64 odd_psi_d_next_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2;
     const float64 odd_psi_q_next_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2;
-    const float64 odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2;
+    const float64 odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2);
     const float64 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
-    const float64 psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4;
-    const float64 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
-        odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled;
+    const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
+    const float64 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_between_2 -
+        odd_psi_d_mid_plus_next_2 * psi_q_between_scaled;
     const float64 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
     const float64 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
-    const float64 part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3;
-    const float64 part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3;
-    const float64 odd_torque_3 = part_of_even_torque_0 * part_of_curv_omega_sum_2 -
-        part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled;
+    const float64 odd_psi_q_between_3 = 0.5 * (cos_theta_mid + odd_psi_q_next_3);
+    const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3;
+    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 -
+        part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
         n_D_sind_theta_mid_0 * odd_psi_q_next_0;
@@ -453,154 +427,166 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
     const float64 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
         one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-    const float64 odd_omega_next_0 =
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2) -
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
-        L_10;
-    const float64 odd_omega_next_1 = 1.0 +
-        GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
-        GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41);
+    const float64 L_40 = LD[10];
+    const float64 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_40) + L_10;
+    const float64 L_41 = LD[11];
+    const float64 odd_omega_next_1 = 1.0 + GAIN_OMEGA * (odd_torque_1 - L_41);
+    const float64 L_42 = LD[12];
+    const float64 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_42);
+    const float64 L_43 = LD[13];
+    const float64 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
 
     /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
     const float64 G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D;
+    const float64 theta_minus_theta_mid = theta - theta_mid;
+    const pmsm_pair_f64 sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
+    const float64 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
+    const float64 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
+    const float64 part_of_G_omega_L_d = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
+        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
+    const float64 part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q +
+        cos_theta_minus_theta_mid * part_of_G_omega_L_d;
+    const float64 part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q +
+        sin_theta_minus_theta_mid * part_of_G_omega_L_d;
+    const float64 i_d = cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
+        sin_theta_minus_theta_mid * part_of_G_omega_L_d_2;
+    const float64 sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d;
+    const float64 omega_e_times_sample_time = omega_e * SAMPLE_TIME;
+    const float64 part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time;
+    const float64 G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
+    const float64 i_q = cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
+        sin_theta_minus_theta_mid * part_of_G_omega_L_d_3;
+    const float64 cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q;
+    const float64 part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time;
+    const float64 G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+    const float64 part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time;
+    const float64 G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+    const float64 unsure = g[2];
+    const float64 sigma_loss_times_unsure = SIGMA_LOSS * unsure;
+    const float64 G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure;
     const float64 G_psi_beta_R = v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
-        omega * PP_PSI_M_SIGMA_R_MAGNET_TURN;
+        omega_e_times_psi_m * SIGMA_R_MAGNET_TURN;
+    const float64 sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q;
+    const float64 G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+    const float64 G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure;
+    const float64 psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY;
+    const float64 G_omega_R = GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
+        psi_q_between_scaled_2 * G_psi_alpha_R);
+    const float64 cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d;
+    const float64 G_omega_L_d =
+        GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
+        part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d);
+    const float64 G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q;
+    const float64 g_alpha = g[0];
+    const float64 g_beta = g[1];
+    const float64 part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta);
+    const float64 part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha);
+    const float64 G_omega_V_d = GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
+        part_of_even_torque_0 * part_of_G_omega_V_d_2);
+    const float64 G_omega_loss_across =
+        GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred */
     const float64 D_odd_omega_0 = D_theta * odd_omega_next_0;
     const float64 D_odd_omega_1 = D_omega * odd_omega_next_1;
-    const float64 odd_torque_2_minus_L_42 = odd_torque_2 - L_42;
-    const float64 odd_torque_3_minus_L_43 = odd_torque_3 - L_43;
-    const float64 part_of_curv_omega_sum =
-        odd_psi_q_mid_plus_next_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha;
-    const float64 part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta;
-    const float64 curv_omega_sum = even_torque_0 + even_torque_1 -
-        GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4);
-    const float64 part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R -
-        psi_q_mid_plus_next_scaled * G_psi_alpha_R;
-    const float64 part_of_P_pred_32_2 = wrap_angle(theta - theta_mid);
-    const pmsm_pair_f64 sincos_part_of_P_pred_32_2 = sin_cos(part_of_P_pred_32_2);
-    const float64 sin_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.sine;
-    const float64 cos_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.cosine;
-    const float64 part_of_P_pred_32_3 = SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
-        psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M;
-    const float64 part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3;
-    const float64 part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3;
-    const float64 i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 -
-        sin_part_of_P_pred_32_2 * part_of_P_pred_32_5;
-    const float64 i_q_sq = i_q * i_q;
-    const float64 i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 +
-        sin_part_of_P_pred_32_2 * part_of_P_pred_32_4;
-    const float64 i_d_sq = i_d * i_d;
-    const float64 g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
-    const float64 g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
-    const float64 part_of_P_pred_32_6 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-        part_of_omega_pred * GAIN_Q_BY2 * g_q;
-    const float64 unsure_sq = unsure * unsure;
-    const float64 psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq;
-    const float64 part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq;
-    const float64 part_of_P_pred_32_8 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
-        (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
-        D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
-        PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
-        curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ + part_of_P_pred_32 * part_of_P_pred_32 +
-        D_load_torque) * GAIN_OMEGA_SQ +
-        GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-        part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
-        i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-        GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
-        psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-        part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
-    const float64 D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0;
-    const float64 part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
-        HALF_T_POLE_PAIRS * D_odd_omega_1;
-    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9;
-    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
-        odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3;
+    const float64 D_psi_alpha = LD[5];
+    const float64 D_odd_omega_2 = D_psi_alpha * odd_omega_next_2;
+    const float64 D_psi_beta = LD[9];
+    const float64 D_odd_omega_3 = D_psi_beta * odd_omega_next_3;
+    const float64 D_load_torque = LD[14];
+    const float64 minus_D_odd_omega_4 = GAIN_OMEGA * D_load_torque;
+    const float64 minus_even_torque_2 =
+        GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha;
+    const float64 minus_even_torque_3 =
+        GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_3 * part_of_curv_omega_sum * D_psi_beta;
+    const float64 curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3;
+    const float64 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+    const float64 minus_G_omega_L_q =
+        GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q +
+        part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q);
+    const float64 minus_G_omega_loss_along =
+        G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure;
+    const float64 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
+        + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+        minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
+        curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
+        minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
+        minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across;
+    const float64 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
+    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
+    const float64 Q_3 = Q[3];
+    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+        D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float64 D_pred_theta = larger(P_pred_33, Q_3);
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-    const float64 P_pred_22 = part_of_P_pred_32_8 + Q_2;
+    const float64 Q_2 = Q[2];
+    const float64 P_pred_22 = part_of_P_pred_32 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
-    const float64 odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha;
-    const float64 sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta;
     const float64 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
-    const float64 mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ;
-    const float64 G_omega_R = GAIN_OMEGA * part_of_P_pred_32;
-    const float64 omega_x_sin = omega * sin_part_of_P_pred_32_2;
-    const float64 omega_x_sin_times_i_q = omega_x_sin * i_q;
-    const float64 i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
-    const float64 omega_x_cos = omega * cos_part_of_P_pred_32_2;
-    const float64 i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
+    const float64 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
+    const float64 minus_G_psi_alpha_V_d = SIGMA_V_D * part_of_G_omega_V_d;
     const float64 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+        odd_psi_d_next_2 * D_odd_omega_2 + odd_psi_d_next_3 * D_odd_omega_3 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
-        even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
-        G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
-        + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
-        psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7;
+        even_psi_alpha_next_1 * even_torque_1) - curv_psi_alpha_mean * curv_omega_mean) +
+        G_psi_alpha_R * G_omega_R + G_omega_L_d * G_psi_alpha_L_d - minus_G_omega_L_q * G_psi_alpha_L_q +
+        G_omega_psi_m * G_psi_alpha_psi_m - G_omega_V_d * minus_G_psi_alpha_V_d -
+        minus_G_omega_loss_along * G_psi_alpha_loss_along;
     const float64 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
+    const float64 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
     const float64 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
-        D_theta_times_odd_theta_mid_0 * odd_psi_alpha_next_0;
-    const float64 odd_psi_q_mid_2_x_D_psi_alpha = odd_psi_q_mid_2 * D_psi_alpha;
-    const float64 cos_theta_mid_times_D_psi_beta = cos_theta_mid * D_psi_beta;
+        odd_theta_mid_0 * D_odd_psi_alpha_0;
     const float64 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1;
-    const float64 mean_psi_beta_by_n = curv_psi_beta_sum * PAIR_WEIGHT_SQ;
-    const float64 omega_x_cos_times_i_q = omega_x_cos * i_q;
+    const float64 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
+    const float64 minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
+    const float64 minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+    const float64 minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2;
     const float64 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA_ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+        odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
         GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0 +
-        even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
-        G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
-        omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-        g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-        part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
+        even_psi_beta_next_1 * even_torque_1) - curv_psi_beta_mean * curv_omega_mean) +
+        G_psi_beta_R * G_omega_R - G_omega_L_d * minus_G_psi_beta_L_d - minus_G_omega_L_q * G_psi_beta_L_q -
+        G_omega_psi_m * minus_G_psi_beta_psi_m - G_omega_V_d * minus_G_psi_beta_V_d +
+        G_omega_loss_across * G_psi_beta_loss_across;
     const float64 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
+    const float64 D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0;
     const float64 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
-        D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0;
+        odd_theta_mid_0 * D_odd_psi_beta_0;
     const float64 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
     const float64 L_pred_20 = inv_D_pred_theta * P_pred_30;
     const float64 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float64 LD_pred_21 = P_pred_20 - L_pred_10 * P_pred_30;
     const float64 inv_D_pred_omega = 1.0 / D_pred_omega;
     const float64 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
-    const float64 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
-    const float64 D_odd_psi_alpha_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha;
-    const float64 D_odd_psi_alpha_3 = ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta;
-    const float64 omega_x_sin_sq = omega_x_sin * omega_x_sin;
-    const float64 i_d_sq_scaled_2 = i_d_sq * PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901;
-    const float64 omega_x_cos_sq = omega_x_cos * omega_x_cos;
-    const float64 i_q_sq_scaled = i_q_sq * PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC;
     const float64 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
-        odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * D_odd_psi_alpha_2 +
-        odd_psi_d_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
-        even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_sum * mean_psi_alpha_by_n +
-        G_psi_alpha_R * G_psi_alpha_R + omega_x_sin_sq * i_d_sq_scaled_2 + omega_x_cos_sq * i_q_sq_scaled +
-        omega_x_sin_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_d * g_d * GAIN_D_SQ_SIGMA_V_D_SQ +
-        unsure_sq * GAIN_D_SQ_SIGMA_LOSS_SQ;
-    const float64 D_odd_psi_beta_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha;
-    const float64 D_odd_psi_beta_3 = ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta;
-    const float64 P_turned_11 = D_theta * odd_psi_beta_next_0 * odd_psi_beta_next_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * odd_psi_d_next_2 * D_psi_alpha +
+        odd_psi_d_next_3 * odd_psi_d_next_3 * D_psi_beta +
+        PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
+        even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_mean * curv_psi_alpha_mean +
+        G_psi_alpha_R * G_psi_alpha_R + G_psi_alpha_L_d * G_psi_alpha_L_d + G_psi_alpha_L_q * G_psi_alpha_L_q
+        + G_psi_alpha_psi_m * G_psi_alpha_psi_m + minus_G_psi_alpha_V_d * minus_G_psi_alpha_V_d +
+        G_psi_alpha_loss_along * G_psi_alpha_loss_along;
+    const float64 D_odd_psi_beta_2 = odd_psi_q_next_2 * D_psi_alpha;
+    const float64 D_odd_psi_beta_3 = odd_psi_q_next_3 * D_psi_beta;
+    const float64 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
         odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
         odd_psi_q_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
-        even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_beta_by_n +
-        G_psi_beta_R * G_psi_beta_R + omega_x_cos_sq * i_d_sq_scaled_2 + omega_x_sin_sq * i_q_sq_scaled +
-        omega_x_cos_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_q * g_q * GAIN_Q_SQ_SIGMA_V_D_SQ +
-        unsure_sq * GAIN_Q_SQ_SIGMA_LOSS_SQ;
-    const float64 omega_x_cos_times_omega_x_sin = omega_x_cos * omega_x_sin;
-    const float64 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
-        D_odd_psi_alpha_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_psi_alpha_2 +
-        odd_psi_q_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
-        even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_alpha_by_n +
-        G_psi_beta_R * G_psi_alpha_R - omega_x_cos_times_omega_x_sin * i_d_sq_scaled_2 +
-        omega_x_cos_times_omega_x_sin * i_q_sq_scaled -
-        omega_x_cos_times_omega_x_sin * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 +
-        g_d * g_q * GAIN_D_GAIN_Q_SIGMA_V_D_SQ;
+        even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_mean * curv_psi_beta_mean +
+        G_psi_beta_R * G_psi_beta_R + minus_G_psi_beta_L_d * minus_G_psi_beta_L_d +
+        G_psi_beta_L_q * G_psi_beta_L_q + minus_G_psi_beta_psi_m * minus_G_psi_beta_psi_m +
+        minus_G_psi_beta_V_d * minus_G_psi_beta_V_d + G_psi_beta_loss_across * G_psi_beta_loss_across;
+    const float64 P_turned_10 = odd_psi_alpha_next_0 * D_odd_psi_beta_0 +
+        odd_psi_alpha_next_1 * D_odd_psi_beta_1 + odd_psi_d_next_2 * D_odd_psi_beta_2 +
+        odd_psi_d_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
+        even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_alpha_mean * curv_psi_beta_mean +
+        G_psi_beta_R * G_psi_alpha_R - G_psi_alpha_L_d * minus_G_psi_beta_L_d +
+        G_psi_alpha_L_q * G_psi_beta_L_q - G_psi_alpha_psi_m * minus_G_psi_beta_psi_m +
+        minus_G_psi_alpha_V_d * minus_G_psi_beta_V_d;
     const float64 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0;
     const float64 P_turn = sin_theta_mid * P_tilt;
+    const float64 Q_0 = Q[0];
     const float64 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float64 D_pred_psi_alpha = larger(P_pred_00 - P_pred_30 * L_pred_20 - LD_pred_21 * L_pred_21, Q_0);
     const float64 P_pred_31 = sin_theta_mid * P_turned_30 + cos_theta_mid * P_turned_31;
@@ -612,6 +598,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_32 = P_pred_10 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_31;
     const float64 inv_D_pred_psi_alpha = 1.0 / D_pred_psi_alpha;
     const float64 L_pred_32 = LD_pred_32 * inv_D_pred_psi_alpha;
+    const float64 Q_1 = Q[1];
     const float64 P_pred_11 = P_turned_11 + P_turn + Q_1;
     const float64 D_pred_psi_beta = larger(P_pred_11 - P_pred_31 * L_pred_30 - LD_pred_31 * L_pred_31 -
         LD_pred_32 * L_pred_32, Q_1);
@@ -619,18 +606,20 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 D_odd_load_torque_1 = D_omega * L_41;
     const float64 D_odd_load_torque_2 = D_psi_alpha * L_42;
     const float64 D_odd_load_torque_3 = D_psi_beta * L_43;
-    const float64 P_pred_42 = D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1
-        + GAIN_OMEGA * D_odd_load_torque_2 * odd_torque_2_minus_L_42 +
-        GAIN_OMEGA * D_odd_load_torque_3 * odd_torque_3_minus_L_43 - GAIN_OMEGA * D_load_torque;
+    const float64 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+        + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 -
+        minus_D_odd_omega_4;
     const float64 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) +
-        D_theta_times_odd_theta_mid_0 * L_40;
+        odd_theta_mid_0 * D_odd_load_torque_0;
     const float64 L_pred_40 = inv_D_pred_theta * P_pred_43;
     const float64 LD_pred_41 = P_pred_42 - L_pred_10 * P_pred_43;
     const float64 L_pred_41 = inv_D_pred_omega * LD_pred_41;
-    const float64 P_turned_40 = D_odd_load_torque_0 * odd_psi_alpha_next_0 +
-        D_odd_load_torque_1 * odd_psi_alpha_next_1 + D_odd_psi_alpha_2 * L_42 + D_odd_psi_alpha_3 * L_43;
-    const float64 P_turned_41 = D_odd_load_torque_0 * odd_psi_beta_next_0 +
-        D_odd_load_torque_1 * odd_psi_beta_next_1 + D_odd_psi_beta_2 * L_42 + D_odd_psi_beta_3 * L_43;
+    const float64 P_turned_40 = odd_psi_alpha_next_0 * D_odd_load_torque_0 +
+        odd_psi_alpha_next_1 * D_odd_load_torque_1 + odd_psi_d_next_2 * D_odd_load_torque_2 +
+        odd_psi_d_next_3 * D_odd_load_torque_3;
+    const float64 P_turned_41 = odd_psi_beta_next_0 * D_odd_load_torque_0 +
+        odd_psi_beta_next_1 * D_odd_load_torque_1 + odd_psi_q_next_2 * D_odd_load_torque_2 +
+        odd_psi_q_next_3 * D_odd_load_torque_3;
     const float64 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
     const float64 LD_pred_42 = P_pred_40 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_41;
     const float64 L_pred_42 = inv_D_pred_psi_alpha * LD_pred_42;
@@ -638,26 +627,24 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 LD_pred_43 = P_pred_41 - L_pred_30 * P_pred_43 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
     const float64 L_pred_43 = LD_pred_43 / D_pred_psi_beta;
+    const float64 Q_4 = Q[4];
     const float64 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
         L_42 * D_odd_load_torque_2 + L_43 * D_odd_load_torque_3 + D_load_torque + Q_4;
     const float64 D_pred_load_torque = larger(P_pred_44 - P_pred_43 * L_pred_40 - LD_pred_41 * L_pred_41 -
         LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
 
     /* --- eq. 16: x_pred = mean X_i' */
-    const float64 offset_omega = GAIN_OMEGA_BY5 * curv_omega_sum;
-    const float64 offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP;
-    const float64 cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT;
-    const float64 sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT;
-    const float64 psi_alpha_pred = cos_theta_mid * psi_d_next - sin_theta_mid * psi_q_next +
-        curv_psi_alpha_sum * cos_theta_mid_times_pair_weight -
-        sin_theta_mid_times_pair_weight * curv_psi_beta_sum;
-    const float64 psi_beta_pred = sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
-        curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
-        cos_theta_mid_times_pair_weight * curv_psi_beta_sum;
-    const float64 omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next -
-        GAIN_OMEGA * load_torque + omega;
+    const float64 offset_omega = GAIN_OMEGA * curv_omega_mean;
+    const float64 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
+    const float64 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+    const float64 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
+    const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+    const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
+    const float64 load_torque = x[4];
+    const float64 omega_of_x = (GAIN_TORQUE_INV_L_D_PSI_M -
+        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
     const float64 omega_pred = omega_of_x + offset_omega;
-    const float64 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
+    const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
 
     /* --- sum of the pivots, for the guard */
     const float64 check = D_pred_theta + D_pred_omega + D_pred_psi_alpha + D_pred_psi_beta +
@@ -689,9 +676,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
 /* Small angles of ckf_measurement_update: sin(d) / d and cos(d) - 1; returns the status */
 static int ckf_measurement_update_turns(float64 LD_pred[15], float64 turn_pred_out[2])
 {
-    const float64 D_pred_theta = LD_pred[0];
-
     /* --- eq. 14: z = d^2 / 5, d what column c turns an angle by; sin(d) / d, cos(d) - 1 */
+    const float64 D_pred_theta = LD_pred[0];
 
     if (D_pred_theta > SMALL_TURN) {
         float64 z[1];
@@ -711,41 +697,21 @@ static int ckf_measurement_update_turns(float64 LD_pred[15], float64 turn_pred_o
 static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pred[15], const float64 R[2],
     const float64 y[2], const float64 turn_pred[2], float64 x_out[5], float64 LD_out[15], float64 nis_out[1])
 {
-    const float64 psi_alpha_pred = x_pred[0];
-    const float64 psi_beta_pred = x_pred[1];
-    const float64 omega_pred = x_pred[2];
-    const float64 theta_pred = x_pred[3];
-    const float64 load_torque_pred = x_pred[4];
-    const float64 D_pred_theta = LD_pred[0];
-    const float64 L_pred_10 = LD_pred[1];
-    const float64 D_pred_omega = LD_pred[2];
-    const float64 L_pred_20 = LD_pred[3];
-    const float64 L_pred_21 = LD_pred[4];
-    const float64 D_pred_psi_alpha = LD_pred[5];
-    const float64 L_pred_30 = LD_pred[6];
-    const float64 L_pred_31 = LD_pred[7];
-    const float64 L_pred_32 = LD_pred[8];
-    const float64 D_pred_psi_beta = LD_pred[9];
-    const float64 L_pred_40 = LD_pred[10];
-    const float64 L_pred_41 = LD_pred[11];
-    const float64 L_pred_42 = LD_pred[12];
-    const float64 L_pred_43 = LD_pred[13];
-    const float64 D_pred_load_torque = LD_pred[14];
-    const float64 R_0 = R[0];
-    const float64 R_1 = R[1];
-    const float64 i_alpha_meas = y[0];
-    const float64 i_beta_meas = y[1];
-    const float64 sinc_theta_0 = turn_pred[0];
-    const float64 cosm1_theta_0 = turn_pred[1];
-
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
+    const float64 theta_pred = x_pred[3];
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
+    const float64 psi_alpha_pred = x_pred[0];
+    const float64 psi_beta_pred = x_pred[1];
     const float64 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
+    const float64 D_pred_theta = LD_pred[0];
+    const float64 sinc_theta_0 = turn_pred[0];
     const float64 D_sind_theta_0 = D_pred_theta * sinc_theta_0;
+    const float64 L_pred_30 = LD_pred[6];
+    const float64 L_pred_20 = LD_pred[3];
     const float64 odd_psi_beta_turned_0 = cos_theta_pred * L_pred_30 - sin_theta_pred * L_pred_20;
+    const float64 cosm1_theta_0 = turn_pred[1];
     const float64 even_psi_d_pred_0 = cosm1_theta_0 * psi_d_pred +
         D_sind_theta_0 * 5.0 * odd_psi_beta_turned_0;
     const float64 odd_psi_alpha_turned_0 = cos_theta_pred * L_pred_20 + sin_theta_pred * L_pred_30;
@@ -755,8 +721,11 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
         sinc_theta_0 * psi_beta_turned;
     const float64 i_salient_pred = SALIENCY * psi_d_pred - INV_L_D_PSI_M;
     const float64 even_i_salient_pred_0 = SALIENCY * even_psi_d_pred_0;
+    const float64 L_pred_21 = LD_pred[4];
+    const float64 L_pred_31 = LD_pred[7];
     const float64 odd_psi_d_pred_1 = cos_theta_pred * L_pred_21 + sin_theta_pred * L_pred_31;
     const float64 odd_psi_beta_turned_1 = cos_theta_pred * L_pred_31 - sin_theta_pred * L_pred_21;
+    const float64 L_pred_32 = LD_pred[8];
     const float64 odd_psi_d_pred_2 = cos_theta_pred + sin_theta_pred * L_pred_32;
     const float64 odd_psi_beta_turned_2 = cos_theta_pred * L_pred_32 - sin_theta_pred;
     const float64 total_i_salient_pred_0 = i_salient_pred + even_i_salient_pred_0;
@@ -774,6 +743,8 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 curv_y_i_beta_mean = SALIENCY * part_of_curv_y_i_beta_mean;
 
     /* --- eq. 22: R, and what the bend of h adds to it */
+    const float64 R_0 = R[0];
+    const float64 R_1 = R[1];
     const float64 R_turned_00 = cos_theta_pred * cos_theta_pred * R_0 + sin_theta_pred * sin_theta_pred * R_1;
     const float64 R_0_min_R_1 = smaller(R_0, R_1);
     const float64 noise_00 = larger(R_turned_00 +
@@ -781,23 +752,28 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame */
+    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    const float64 i_alpha_meas = y[0];
+    const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
         INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
     const float64 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
         INV_L_Q * psi_beta_turned - curv_y_i_beta_mean;
     const float64 noise_10_per_noise_00 = noise_10 / noise_00;
     const float64 HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
+    const float64 D_pred_psi_beta = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_psi_beta;
-    const float64 var_first_3 = noise_00 + HL_03 * g_first_3;
+    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
     const float64 HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2;
+    const float64 D_pred_psi_alpha = LD_pred[5];
     const float64 g_first_2 = D_pred_psi_alpha * HL_02;
-    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
+    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
     const float64 HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1;
+    const float64 D_pred_omega = LD_pred[2];
     const float64 g_first_1 = D_pred_omega * HL_01;
-    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
+    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, noise_00);
     const float64 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
+    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -814,25 +790,25 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3;
     const float64 D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 var_second_3 = R_second + HL_13_apart * g_second_3;
+    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
     const float64 change_first_32 =
         sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
     const float64 g_second_2 = D_first_2 * f_second_2;
-    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
     const float64 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
+    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
     const float64 gain_first_21 = g_first_2 + L_pred_21 * g_first_1;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
@@ -850,17 +826,25 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
     const float64 psi_beta_new = nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
         nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + psi_beta_pred;
+    const float64 L_pred_10 = LD_pred[1];
     const float64 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
+    const float64 omega_pred = x_pred[2];
     const float64 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float64 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
+    const float64 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
+        theta_pred);
+    const float64 L_pred_43 = LD_pred[13];
+    const float64 L_pred_42 = LD_pred[12];
     const float64 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
+    const float64 L_pred_41 = LD_pred[11];
     const float64 gain_first_41 = gain_first_42 + g_first_1 * L_pred_41;
     const float64 L_first_42 = L_pred_42 - change_first_32 * L_pred_43;
     const float64 gain_second_42 = g_second_3 * L_pred_43 + g_second_2 * L_first_42;
     const float64 L_first_41 = L_pred_41 - lambda_first_1 * gain_first_42;
     const float64 gain_second_41 = gain_second_42 + g_second_1 * L_first_41;
+    const float64 L_pred_40 = LD_pred[10];
     const float64 L_first_40 = L_pred_40 - lambda_first_0 * gain_first_41;
+    const float64 load_torque_pred = x_pred[4];
     const float64 load_torque_new = nu_by_var_first * (gain_first_41 + g_first_0 * L_pred_40) +
         nu_by_var_second * (gain_second_41 + g_second_0 * L_first_40) + load_torque_pred;
 
@@ -887,6 +871,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
 
     /* --- normalised innovation squared */
     const float64 nis = innovation_i_alpha * nu_by_var_first + innovation_after_first * nu_by_var_second;
+    const float64 D_pred_load_torque = LD_pred[14];
 
     x_out[0] = psi_alpha_new;
     x_out[1] = psi_beta_new;
@@ -938,7 +923,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = theta_pred;
+    x_out[3] = wrap_angle(theta_pred);
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_theta;
     LD_out[1] = L_pred_10;
@@ -991,16 +976,9 @@ static void restart(traction_70kw_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 5, 9, 2, 0, 14 }; /* its place among the words */
-    f->LD[1] = 0.0;
-    f->LD[3] = 0.0;
-    f->LD[4] = 0.0;
-    f->LD[6] = 0.0;
-    f->LD[7] = 0.0;
-    f->LD[8] = 0.0;
-    f->LD[10] = 0.0;
-    f->LD[11] = 0.0;
-    f->LD[12] = 0.0;
-    f->LD[13] = 0.0;
+    for (i = 0; i < N_WORDS; i++) {
+        f->LD[i] = 0.0;
+    }
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1052,19 +1030,15 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     float64 check[1];
     float64 turn_pred[2];
     float64 nis[1];
-    int accepted = 0;
-    int iterations;
-    int status = PMSM_INPUT_REJECTED;
+    const int u_good = within(u, f->u_max);
+    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
+    int iterations = accepted;
+    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
 
-    if (within(u, f->u_max) != 0) {
+    if (u_good != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
-        if (within(y, f->y_max) != 0) {
-            accepted = 1;
-            status = 0;
-        }
     }
-    iterations = accepted;
     inverter(f->x, f->u_held, v, g);
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, v, g, turn, x_pred, LD_pred, check);
@@ -1079,15 +1053,11 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
-        */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
-    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
-        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
+    /* The sum of pivots, mean and states is no number if one of them is none. */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
+    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
+        !(f->nis < f->nis_max)) {
         status = set_status_bits(f, status, check[0]);
-    }
-    if (!(f->x[3] * f->x[3] <= INSIDE)) {
-        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

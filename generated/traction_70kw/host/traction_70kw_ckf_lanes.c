@@ -20,60 +20,48 @@
 #define SALIENCY 3000.0f /* 1 / L_d - 1 / L_q, A/Wb */
 #define SIGN_PER_A 0.16666667f /* 1 / I_0, 1/A: below I_0 a leg's sign fades */
 #define V_DEAD 12.0f /* V_dc t_d f_sw + V_drop, V: what a leg loses */
+#define POLE_PAIRS 4.0f /* p */
+#define HALF_T 5e-05f /* T / 2, s */
+#define MAGNET_TURN 1.0780581e-10f /* (1 + a - 2 (1 - a) / z) T / 2, s */
 #define GAIN_D 9.955135e-05f /* (1 - exp(-T R / L_d)) L_d / R, s */
 #define LOSS_D 0.008959621f /* 1 - exp(-T R / L_d) */
 #define GAIN_Q 9.9820216e-05f /* (1 - exp(-T R / L_q)) L_q / R, s */
 #define GAIN_OMEGA 0.0016666667f /* T / J, rad/s per N m */
+#define SAMPLE_TIME 1e-04f /* sample time, s */
+#define SIGMA_R_MAGNET_TURN 7.192068e-11f /* what MAGNET_TURN changes with one sigma of R */
 #define SIGMA_R_GAIN_D -1.493414e-07f /* what GAIN_D changes with one sigma of R */
 #define SIGMA_R_LOSS_D 0.0029778744f /* what LOSS_D changes with one sigma of R */
 #define SIGMA_R_GAIN_Q -5.995189e-08f /* what GAIN_Q changes with one sigma of R */
 #define SIGMA_R_LOSS_Q 0.0011975993f /* what LOSS_Q changes with one sigma of R */
+#define SIGMA_L_D 3.3386623e-05f /* one sigma of L_d */
+#define SIGMA_L_Q 8.346656e-05f /* one sigma of L_q */
+#define SIGMA_PSI_M 0.0048210286f /* one sigma of psi_m */
+#define SIGMA_V_D 4.006395f /* one sigma of V_d, V */
+#define SIGMA_LOSS 11.313708f /* V: one sigma of either axis where no sign is sure */
 #define INV_L_D_PSI_M 400.0f /* INV_L_D * PSI_M */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
 #define TWO_THIRDS 0.6666667f /* 2 / 3 */
 #define ONE_BY_SQRT_3 0.57735026f /* 1 / sqrt(3) */
 #define HALF_T_POLE_PAIRS 0.0002f /* HALF_T * POLE_PAIRS */
 #define HALF_T_SQ_POLE_PAIRS_SQ 4e-08f /* HALF_T * HALF_T * POLE_PAIRS * POLE_PAIRS */
-#define ONE_MINUS_LOSS_Q 0.9964065f /* 1 - LOSS_Q */
-#define MAGNET_TURN_POLE_PAIRS_PSI_M 3.449786e-11f /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define ONE_MINUS_LOSS_D 0.99104035f /* 1 - LOSS_D */
-#define HALF_T_POLE_PAIRS_X5 0.001f /* 5 * HALF_T * POLE_PAIRS */
+#define ONE_MINUS_LOSS_Q 0.9964065f /* 1 - LOSS_Q */
+#define MAGNET_TURN_PSI_M 8.624465e-12f /* MAGNET_TURN * PSI_M */
+#define MAGNET_TURN_POLE_PAIRS_PSI_M 3.449786e-11f /* MAGNET_TURN * POLE_PAIRS * PSI_M */
 #define PAIR_WEIGHT 0.2f /* 1 / 5: weight of the two points of a column of S */
-#define GAIN_OMEGA_BY2 0.00083333335f /* 0.5 * GAIN_OMEGA */
 #define GAIN_TORQUE_INV_L_D_PSI_M 2400.0f /* GAIN_TORQUE * INV_L_D * PSI_M */
+#define GAIN_TORQUE_SALIENCY 18000.0f /* GAIN_TORQUE * SALIENCY */
 #define GAIN_TORQUE_SALIENCY_BY2 9000.0f /* 0.5 * GAIN_TORQUE * SALIENCY */
-#define GAIN_OMEGA_BY5 0.00033333333f /* 0.2 * GAIN_OMEGA */
-#define GAIN_TORQUE_SALIENCY_X5_BY4 22500.0f /* 1.25 * GAIN_TORQUE * SALIENCY */
-#define G_OMEGA_HALF_T_PAIR_WEIGHT_PP 6.6666665e-08f /* GAIN_OMEGA * HALF_T * PAIR_WEIGHT * POLE_PAIRS */
-#define GAIN_TORQUE_SALIENCY_BY4 4500.0f /* 0.25 * GAIN_TORQUE * SALIENCY */
-#define PAIR_WEIGHT_SQ 0.04f /* PAIR_WEIGHT * PAIR_WEIGHT */
-#define PP_PSI_M_SIGMA_R_MAGNET_TURN 2.3014616e-11f /* POLE_PAIRS * PSI_M * SIGMA_R_MAGNET_TURN */
+#define GAIN_TORQUE_SALIENCY_X5_BY2 45000.0f /* 2.5 * GAIN_TORQUE * SALIENCY */
+#define GAIN_OMEGA_HALF_T_POLE_PAIRS 3.3333333e-07f /* GAIN_OMEGA * HALF_T * POLE_PAIRS */
 #define GAIN_OMEGA_SQ 2.7777778e-06f /* GAIN_OMEGA * GAIN_OMEGA */
-#define GAIN_OMEGA_SQ_X101250000 281.25f /* 101250000 * GAIN_OMEGA * GAIN_OMEGA */
-#define G_O_S_G_T_S_S_46C 8.0813335e-13f /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_D * SIGMA_L_D + GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_L_Q * SIGMA_L_Q */
-#define G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ 2.3242317e-09f /* GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_OMEGA_SQ_SIGMA_V_D_SQ 4.4586668e-05f /* GAIN_OMEGA * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_D_GAIN_TORQUE_SALIENCY_BY4 0.44798106f /* 0.25 * GAIN_D * GAIN_TORQUE * SALIENCY */
-#define GAIN_Q_BY2 4.9910108e-05f /* 0.5 * GAIN_Q */
-#define G_D_S_G_O_S_G_T_S_S_S_S_L_A1B 7.135539e-05f /* 0.0625 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_OMEGA * GAIN_TORQUE * GAIN_TORQUE * SALIENCY * SALIENCY * SIGMA_LOSS * SIGMA_LOSS */
-#define G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1 8.856956e-13f /* 0.25 * GAIN_OMEGA * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_OMEGA_ONE_MINUS_LOSS_D 0.001651734f /* GAIN_OMEGA * (1 - LOSS_D) */
-#define G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89 4.4586667e-15f /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D */
-#define G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24 2.7866667e-14f /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q */
-#define G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D 9.2969264e-11f /* GAIN_OMEGA * GAIN_TORQUE * POLE_PAIRS * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ 2.6631976e-06f /* GAIN_D * GAIN_OMEGA * SIGMA_V_D * SIGMA_V_D */
-#define G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7 9.514052e-06f /* 0.25 * GAIN_D * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_OMEGA_ONE_MINUS_LOSS_Q 0.0016606775f /* GAIN_OMEGA * (1 - LOSS_Q) */
-#define GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ 2.6703904e-06f /* GAIN_OMEGA * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
-#define G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2 1.0628347e-09f /* 0.5 * GAIN_OMEGA * GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901 1.7834666e-16f /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_D * SIGMA_L_D */
-#define PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC 1.1146667e-15f /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_L_Q * SIGMA_L_Q */
-#define PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 3.7187705e-12f /* POLE_PAIRS * POLE_PAIRS * SAMPLE_TIME * SAMPLE_TIME * SIGMA_PSI_M * SIGMA_PSI_M */
-#define GAIN_D_SQ_SIGMA_V_D_SQ 1.5907494e-07f /* GAIN_D * GAIN_D * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_D_SQ_SIGMA_LOSS_SQ 1.2685402e-06f /* GAIN_D * GAIN_D * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_Q_SQ_SIGMA_V_D_SQ 1.5993537e-07f /* GAIN_Q * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
-#define GAIN_Q_SQ_SIGMA_LOSS_SQ 1.2754017e-06f /* GAIN_Q * GAIN_Q * SIGMA_LOSS * SIGMA_LOSS */
-#define GAIN_D_GAIN_Q_SIGMA_V_D_SQ 1.5950458e-07f /* GAIN_D * GAIN_Q * SIGMA_V_D * SIGMA_V_D */
+#define GAIN_OMEGA_BY2 0.00083333335f /* 0.5 * GAIN_OMEGA */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_L_D 3.3386624e-07f /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_D */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q 8.346656e-07f /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_L_Q */
+#define GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M 4.8210284e-05f /* GAIN_OMEGA * GAIN_TORQUE * SIGMA_PSI_M */
+#define GAIN_OMEGA_SIGMA_V_D_BY2 0.0033386624f /* 0.5 * GAIN_OMEGA * SIGMA_V_D */
+#define G_D_G_OMEGA_G_TQ_SAL_BY2 0.0014932702f /* 0.5 * GAIN_D * GAIN_OMEGA * GAIN_TORQUE * SALIENCY */
+#define GAIN_OMEGA_GAIN_Q_BY2 8.3183515e-08f /* 0.5 * GAIN_OMEGA * GAIN_Q */
 #define INV_L_Q_PLUS_SALIENCY 5000.0f /* INV_L_Q + SALIENCY */
 #define PAIR_WT_MINUS_PAIR_WT_SQ 0.16f /* PAIR_WEIGHT - PAIR_WEIGHT * PAIR_WEIGHT */
 #define PAIR_WEIGHT_SQ_SALIENCY_X5 600.0f /* 5 * PAIR_WEIGHT * PAIR_WEIGHT * SALIENCY */
@@ -84,22 +72,25 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
-/* Just below pi^2: an angle whose square is no larger is wrapped already. */
-#define INSIDE 9.8696f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
+ * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
+#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
-    const float32 z = x * x;
-    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
-        -0.04166664f) * z + 1.0f);
-    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
-        1.0f;
-    result.sine = s * c;
-    result.cosine = 2.0f * (c * c) - 1.0f;
+    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
+    const float32 k = x * 0.31830987f + ROUND - ROUND;
+    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
+    /* --- the sign is -1 for odd k */
+    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
+    const float32 sign = 1.0f - 2.0f * (odd * odd);
+    /* --- minimax polynomials in z = r^2 */
+    const float32 z = r * r;
+    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
+        -0.16666657f));
+    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
+        -0.0013888568f) * z + 0.041666657f));
     return result;
 }
 
@@ -124,7 +115,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -132,7 +123,7 @@ INLINE float32 wrap_angle(float32 x)
 
 /* How far a column of L turns an angle, from z = d^2 / 5: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad; WIDE_ ones for d up to pi.
- * Error proved: sinc 1.0e-06, cosm1 4.4e-07 of d^2 / 2; wide 4.9e-07, 1.1e-06. */
+ * Error proved: sinc 1.1e-06, cosm1 4.4e-07 of d^2 / 2; wide 5.5e-07, 1.1e-06. */
 #define SINC_1 -0.8332277f
 #define SINC_2 0.20490783f
 #define COSM1_1 -2.4999995f
@@ -231,19 +222,10 @@ static void take(lanes *__restrict target, const lanes *__restrict source, const
     }
 }
 
-/* What stands in the order of the sizes of numbers: their bits without the sign. Infinity is above every number, NaN above
- * infinity. */
-INLINE Uint32 size_of(float32 value)
-{
-    pmsm_word word;
-    word.value = value;
-    return word.bits << 1;
-}
-
-/* 1 if value is a number within +-limit; NaN and infinity are not. */
+/* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
 INLINE int within(float32 value, float32 limit)
 {
-    return (size_of(value) <= size_of(limit)) ? 1 : 0;
+    return (value * value <= limit * limit) ? 1 : 0;
 }
 
 /* Input guard: holds good voltages, marks the lanes whose input is rejected and says whether there is any. */
@@ -389,15 +371,17 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 cosm1_theta_mid_1 = turn[3].of[lane];
 
         /* --- eq. 15: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_mid = HALF_T_POLE_PAIRS * omega + theta;
-        const float32 odd_theta_mid_0 = 1.0f + HALF_T_POLE_PAIRS * L_10;
-        const float32 theta_mid_wrapped = wrap_angle(theta_mid);
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid_wrapped);
+        const float32 omega_e = POLE_PAIRS * omega;
+        const float32 odd_omega_e_0 = POLE_PAIRS * L_10;
+        const float32 theta_mid = HALF_T * omega_e + theta;
+        const float32 odd_theta_mid_0 = 1.0f + HALF_T * odd_omega_e_0;
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
+        const float32 n_D_0 = D_theta * 5.0f;
         const float32 sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0;
-        const float32 n_D_sind_theta_mid_0 = D_theta * 5.0f * sind_theta_mid_0;
+        const float32 n_D_sind_theta_mid_0 = n_D_0 * sind_theta_mid_0;
         const float32 odd_psi_beta_turned_0 = cos_theta_mid * L_30 - sin_theta_mid * L_20;
         const float32 even_psi_d_mid_0 = psi_d_mid * cosm1_theta_mid_0 +
             n_D_sind_theta_mid_0 * odd_psi_beta_turned_0;
@@ -405,8 +389,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_alpha_turned_0 = cos_theta_mid * L_20 + sin_theta_mid * L_30;
         const float32 psi_q_mid = cos_theta_mid * psi_beta - psi_alpha * sin_theta_mid;
         const float32 odd_psi_d_mid_0 = one_plus_cosm1_theta_mid_0 * odd_psi_alpha_turned_0 +
-            psi_q_mid * sind_theta_mid_0;
-        const float32 even_psi_q_mid_0 = psi_q_mid * cosm1_theta_mid_0 -
+            sind_theta_mid_0 * psi_q_mid;
+        const float32 even_psi_q_mid_0 = cosm1_theta_mid_0 * psi_q_mid -
             n_D_sind_theta_mid_0 * odd_psi_alpha_turned_0;
         const float32 odd_psi_q_mid_0 = odd_psi_beta_turned_0 * one_plus_cosm1_theta_mid_0 -
             psi_d_mid * sind_theta_mid_0;
@@ -418,39 +402,41 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 even_psi_d_next_0 = ONE_MINUS_LOSS_D * even_psi_d_mid_0 +
             gain_d_times_v_d * cosm1_theta_mid_0;
         const float32 gain_d_times_v_q = GAIN_D * v_q;
-        const float32 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + gain_d_times_v_q * sind_theta_mid_0;
+        const float32 odd_psi_d_next_0 = ONE_MINUS_LOSS_D * odd_psi_d_mid_0 + sind_theta_mid_0 * gain_d_times_v_q;
         const float32 gain_q_times_v_q = GAIN_Q * v_q;
+        const float32 omega_e_times_psi_m = omega_e * PSI_M;
         const float32 psi_q_next = ONE_MINUS_LOSS_Q * psi_q_mid + gain_q_times_v_q +
-            omega * MAGNET_TURN_POLE_PAIRS_PSI_M;
+            MAGNET_TURN * omega_e_times_psi_m;
         const float32 even_psi_q_next_0 = ONE_MINUS_LOSS_Q * even_psi_q_mid_0 +
-            gain_q_times_v_q * cosm1_theta_mid_0;
+            cosm1_theta_mid_0 * gain_q_times_v_q;
         const float32 v_d_times_gain_q = v_d * GAIN_Q;
-        const float32 odd_psi_q_next_0 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - v_d_times_gain_q * sind_theta_mid_0
-            + MAGNET_TURN_POLE_PAIRS_PSI_M * L_10;
-        const float32 psi_q_mid_plus_next = psi_q_mid + psi_q_next;
-        const float32 psi_q_between = 0.5f * psi_q_mid_plus_next;
-        const float32 even_psi_q_mid_plus_next_0 = even_psi_q_mid_0 + even_psi_q_next_0;
-        const float32 even_psi_q_between_0 = 0.5f * even_psi_q_mid_plus_next_0;
-        const float32 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M -
-            GAIN_TORQUE_SALIENCY_BY2 * (psi_d_mid + psi_d_next);
-        const float32 part_of_even_torque_0 = 0.5f * part_of_omega_pred;
+        const float32 odd_psi_q_next_0 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_0 - sind_theta_mid_0 * v_d_times_gain_q
+            + odd_omega_e_0 * MAGNET_TURN_PSI_M;
+        const float32 psi_d_between = 0.5f * (psi_d_mid + psi_d_next);
+        const float32 psi_q_between = 0.5f * (psi_q_mid + psi_q_next);
+        const float32 even_psi_q_between_0 = 0.5f * (even_psi_q_mid_0 + even_psi_q_next_0);
+        const float32 odd_psi_q_between_0 = 0.5f * (odd_psi_q_mid_0 + odd_psi_q_next_0);
+        const float32 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY;
         const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
         const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-        const float32 odd_psi_d_mid_plus_next_0 = odd_psi_d_mid_0 + odd_psi_d_next_0;
-        const float32 odd_psi_q_mid_plus_next_0 = odd_psi_q_mid_0 + odd_psi_q_next_0;
-        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_mid_plus_next_0 -
+        const float32 odd_psi_d_mid_and_next_0_scaled =
+            GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
+        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
             part_of_even_torque_0_2 * total_psi_q_between_0 -
-            D_theta * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_0 * odd_psi_q_mid_plus_next_0;
-        const float32 n_D_sind_theta_mid_1 = HALF_T_POLE_PAIRS_X5 * D_omega * sinc_theta_mid_1;
+            n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0;
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+            total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled;
+        const float32 n_D_1 = 5.0f * D_omega;
+        const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
+        const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
         const float32 odd_psi_beta_turned_1 = cos_theta_mid * L_31 - sin_theta_mid * L_21;
         const float32 even_psi_d_mid_1 = psi_d_mid * cosm1_theta_mid_1 +
             n_D_sind_theta_mid_1 * odd_psi_beta_turned_1;
         const float32 one_plus_cosm1_theta_mid_1 = 1.0f + cosm1_theta_mid_1;
         const float32 odd_psi_alpha_turned_1 = cos_theta_mid * L_21 + sin_theta_mid * L_31;
-        const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
         const float32 odd_psi_d_mid_1 = one_plus_cosm1_theta_mid_1 * odd_psi_alpha_turned_1 +
-            psi_q_mid * sind_theta_mid_1;
-        const float32 even_psi_q_mid_1 = psi_q_mid * cosm1_theta_mid_1 -
+            sind_theta_mid_1 * psi_q_mid;
+        const float32 even_psi_q_mid_1 = cosm1_theta_mid_1 * psi_q_mid -
             n_D_sind_theta_mid_1 * odd_psi_alpha_turned_1;
         const float32 odd_psi_q_mid_1 = odd_psi_beta_turned_1 * one_plus_cosm1_theta_mid_1 -
             psi_d_mid * sind_theta_mid_1;
@@ -458,33 +444,35 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             gain_d_times_v_d * cosm1_theta_mid_1;
         const float32 odd_psi_d_next_1 = ONE_MINUS_LOSS_D * odd_psi_d_mid_1 + sind_theta_mid_1 * gain_d_times_v_q;
         const float32 even_psi_q_next_1 = ONE_MINUS_LOSS_Q * even_psi_q_mid_1 +
-            gain_q_times_v_q * cosm1_theta_mid_1;
+            cosm1_theta_mid_1 * gain_q_times_v_q;
         const float32 odd_psi_q_next_1 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_1 - v_d_times_gain_q * sind_theta_mid_1
             + MAGNET_TURN_POLE_PAIRS_PSI_M;
-        const float32 even_psi_q_mid_plus_next_1 = even_psi_q_mid_1 + even_psi_q_next_1;
-        const float32 even_psi_q_between_1 = 0.5f * even_psi_q_mid_plus_next_1;
+        const float32 even_psi_q_between_1 = 0.5f * (even_psi_q_mid_1 + even_psi_q_next_1);
+        const float32 odd_psi_q_between_1 = 0.5f * (odd_psi_q_mid_1 + odd_psi_q_next_1);
         const float32 part_of_even_torque_1 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_1 + even_psi_d_next_1);
         const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
-        const float32 odd_psi_d_mid_plus_next_1 = odd_psi_d_mid_1 + odd_psi_d_next_1;
-        const float32 odd_psi_q_mid_plus_next_1 = odd_psi_q_mid_1 + odd_psi_q_next_1;
-        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_mid_plus_next_1 -
+        const float32 odd_psi_d_mid_and_next_1_scaled =
+            GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
+        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 -
-            D_omega * GAIN_TORQUE_SALIENCY_X5_BY4 * odd_psi_d_mid_plus_next_1 * odd_psi_q_mid_plus_next_1;
+            n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1;
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+            total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled;
         const float32 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_32 - sin_theta_mid;
         const float32 odd_psi_d_next_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2;
         const float32 odd_psi_q_next_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2;
-        const float32 odd_psi_q_mid_plus_next_2 = odd_psi_q_mid_2 + odd_psi_q_next_2;
+        const float32 odd_psi_q_between_2 = 0.5f * (odd_psi_q_mid_2 + odd_psi_q_next_2);
         const float32 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
-        const float32 psi_q_mid_plus_next_scaled = psi_q_mid_plus_next * GAIN_TORQUE_SALIENCY_BY4;
-        const float32 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_mid_plus_next_2 -
-            odd_psi_d_mid_plus_next_2 * psi_q_mid_plus_next_scaled;
+        const float32 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
+        const float32 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_between_2 -
+            odd_psi_d_mid_plus_next_2 * psi_q_between_scaled;
         const float32 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
         const float32 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
-        const float32 part_of_curv_omega_sum_2 = cos_theta_mid + odd_psi_q_next_3;
-        const float32 part_of_curv_omega_sum_3 = sin_theta_mid + odd_psi_d_next_3;
-        const float32 odd_torque_3 = part_of_even_torque_0 * part_of_curv_omega_sum_2 -
-            part_of_curv_omega_sum_3 * psi_q_mid_plus_next_scaled;
+        const float32 odd_psi_q_between_3 = 0.5f * (cos_theta_mid + odd_psi_q_next_3);
+        const float32 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3;
+        const float32 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 -
+            part_of_curv_omega_sum * psi_q_between_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
             n_D_sind_theta_mid_0 * odd_psi_q_next_0;
@@ -505,152 +493,151 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             one_plus_cosm1_theta_mid_0 * odd_psi_q_next_0;
         const float32 odd_psi_beta_next_1 = sind_theta_mid_1 * total_psi_d_next_1 +
             one_plus_cosm1_theta_mid_1 * odd_psi_q_next_1;
-        const float32 odd_omega_next_0 =
-            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_0 * (part_of_omega_pred - part_of_even_torque_0_2) -
-            GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_0 * odd_psi_d_mid_plus_next_0 + L_40) +
-            L_10;
-        const float32 odd_omega_next_1 = 1.0f +
-            GAIN_OMEGA_BY2 * odd_psi_q_mid_plus_next_1 * (part_of_omega_pred - part_of_even_torque_1) -
-            GAIN_OMEGA * (GAIN_TORQUE_SALIENCY_BY2 * total_psi_q_between_1 * odd_psi_d_mid_plus_next_1 + L_41);
+        const float32 odd_omega_next_0 = GAIN_OMEGA * (odd_torque_0 - L_40) + L_10;
+        const float32 odd_omega_next_1 = 1.0f + GAIN_OMEGA * (odd_torque_1 - L_41);
+        const float32 odd_omega_next_2 = GAIN_OMEGA * (odd_torque_2 - L_42);
+        const float32 odd_omega_next_3 = GAIN_OMEGA * (odd_torque_3 - L_43);
 
         /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
         const float32 G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D;
+        const float32 theta_minus_theta_mid = theta - theta_mid;
+        const pmsm_pair sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
+        const float32 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
+        const float32 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
+        const float32 part_of_G_omega_L_d = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
+            psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
+        const float32 part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q +
+            cos_theta_minus_theta_mid * part_of_G_omega_L_d;
+        const float32 part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q +
+            sin_theta_minus_theta_mid * part_of_G_omega_L_d;
+        const float32 i_d = cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
+            sin_theta_minus_theta_mid * part_of_G_omega_L_d_2;
+        const float32 sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d;
+        const float32 omega_e_times_sample_time = omega_e * SAMPLE_TIME;
+        const float32 part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time;
+        const float32 G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
+        const float32 i_q = cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
+            sin_theta_minus_theta_mid * part_of_G_omega_L_d_3;
+        const float32 cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q;
+        const float32 part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time;
+        const float32 G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+        const float32 part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time;
+        const float32 G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+        const float32 sigma_loss_times_unsure = SIGMA_LOSS * unsure;
+        const float32 G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure;
         const float32 G_psi_beta_R = v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
-            omega * PP_PSI_M_SIGMA_R_MAGNET_TURN;
+            omega_e_times_psi_m * SIGMA_R_MAGNET_TURN;
+        const float32 sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q;
+        const float32 G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+        const float32 G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure;
+        const float32 psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY;
+        const float32 G_omega_R = GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
+            psi_q_between_scaled_2 * G_psi_alpha_R);
+        const float32 cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d;
+        const float32 G_omega_L_d =
+            GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
+            part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d);
+        const float32 G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q;
+        const float32 part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta);
+        const float32 part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha);
+        const float32 G_omega_V_d = GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
+            part_of_even_torque_0 * part_of_G_omega_V_d_2);
+        const float32 G_omega_loss_across =
+            GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred */
         const float32 D_odd_omega_0 = D_theta * odd_omega_next_0;
         const float32 D_odd_omega_1 = D_omega * odd_omega_next_1;
-        const float32 odd_torque_2_minus_L_42 = odd_torque_2 - L_42;
-        const float32 odd_torque_3_minus_L_43 = odd_torque_3 - L_43;
-        const float32 part_of_curv_omega_sum =
-            odd_psi_q_mid_plus_next_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha;
-        const float32 part_of_curv_omega_sum_4 = part_of_curv_omega_sum_2 * part_of_curv_omega_sum_3 * D_psi_beta;
-        const float32 curv_omega_sum = even_torque_0 + even_torque_1 -
-            GAIN_TORQUE_SALIENCY_X5_BY4 * (part_of_curv_omega_sum + part_of_curv_omega_sum_4);
-        const float32 part_of_P_pred_32 = part_of_even_torque_0 * G_psi_beta_R -
-            psi_q_mid_plus_next_scaled * G_psi_alpha_R;
-        const float32 part_of_P_pred_32_2 = wrap_angle(theta - theta_mid);
-        const pmsm_pair sincos_part_of_P_pred_32_2 = sin_cos(part_of_P_pred_32_2);
-        const float32 sin_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.sine;
-        const float32 cos_part_of_P_pred_32_2 = sincos_part_of_P_pred_32_2.cosine;
-        const float32 part_of_P_pred_32_3 = SALIENCY * (psi_d_mid * cos_part_of_P_pred_32_2 +
-            psi_q_mid * sin_part_of_P_pred_32_2) - INV_L_D_PSI_M;
-        const float32 part_of_P_pred_32_4 = psi_q_mid * INV_L_Q + sin_part_of_P_pred_32_2 * part_of_P_pred_32_3;
-        const float32 part_of_P_pred_32_5 = psi_d_mid * INV_L_Q + cos_part_of_P_pred_32_2 * part_of_P_pred_32_3;
-        const float32 i_q = cos_part_of_P_pred_32_2 * part_of_P_pred_32_4 -
-            sin_part_of_P_pred_32_2 * part_of_P_pred_32_5;
-        const float32 i_q_sq = i_q * i_q;
-        const float32 i_d = cos_part_of_P_pred_32_2 * part_of_P_pred_32_5 +
-            sin_part_of_P_pred_32_2 * part_of_P_pred_32_4;
-        const float32 i_d_sq = i_d * i_d;
-        const float32 g_d = cos_theta_mid * g_alpha + sin_theta_mid * g_beta;
-        const float32 g_q = cos_theta_mid * g_beta - sin_theta_mid * g_alpha;
-        const float32 part_of_P_pred_32_6 = psi_q_mid_plus_next * GAIN_D_GAIN_TORQUE_SALIENCY_BY4 * g_d -
-            part_of_omega_pred * GAIN_Q_BY2 * g_q;
-        const float32 unsure_sq = unsure * unsure;
-        const float32 psi_q_mid_plus_next_x_unsure_sq = psi_q_mid_plus_next * unsure_sq;
-        const float32 part_of_P_pred_32_7 = part_of_omega_pred * unsure_sq;
-        const float32 part_of_P_pred_32_8 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
-            (D_psi_alpha * odd_torque_2_minus_L_42 * odd_torque_2_minus_L_42 +
-            D_psi_beta * odd_torque_3_minus_L_43 * odd_torque_3_minus_L_43 +
-            PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1) -
-            curv_omega_sum * curv_omega_sum * PAIR_WEIGHT_SQ + part_of_P_pred_32 * part_of_P_pred_32 +
-            D_load_torque) * GAIN_OMEGA_SQ +
-            GAIN_OMEGA_SQ_X101250000 * (part_of_curv_omega_sum * part_of_curv_omega_sum +
-            part_of_curv_omega_sum_4 * part_of_curv_omega_sum_4) + G_O_S_G_T_S_S_46C * i_q_sq * i_d_sq +
-            i_q_sq * G_OM_SQ_G_TQ_SQ_SIGMA_PSI_M_SQ +
-            GAIN_OMEGA_SQ_SIGMA_V_D_SQ * part_of_P_pred_32_6 * part_of_P_pred_32_6 +
-            psi_q_mid_plus_next * G_D_S_G_O_S_G_T_S_S_S_S_L_A1B * psi_q_mid_plus_next_x_unsure_sq +
-            part_of_omega_pred * part_of_P_pred_32_7 * G_OM_SQ_G_Q_SQ_SIG_LO_SQ_BY_8C1;
-        const float32 D_theta_times_odd_theta_mid_0 = D_theta * odd_theta_mid_0;
-        const float32 part_of_P_pred_32_9 = D_theta_times_odd_theta_mid_0 * odd_omega_next_0 +
-            HALF_T_POLE_PAIRS * D_odd_omega_1;
-        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_8 + part_of_P_pred_32_9;
-        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_9) +
-            odd_theta_mid_0 * D_theta_times_odd_theta_mid_0 + D_omega * HALF_T_SQ_POLE_PAIRS_SQ + Q_3;
+        const float32 D_odd_omega_2 = D_psi_alpha * odd_omega_next_2;
+        const float32 D_odd_omega_3 = D_psi_beta * odd_omega_next_3;
+        const float32 minus_D_odd_omega_4 = GAIN_OMEGA * D_load_torque;
+        const float32 minus_even_torque_2 =
+            GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_2 * odd_psi_d_mid_plus_next_2 * D_psi_alpha;
+        const float32 minus_even_torque_3 =
+            GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_3 * part_of_curv_omega_sum * D_psi_beta;
+        const float32 curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3;
+        const float32 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
+        const float32 minus_G_omega_L_q =
+            GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q +
+            part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q);
+        const float32 minus_G_omega_loss_along =
+            G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure;
+        const float32 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+            odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
+            + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
+            minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
+            curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
+            minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
+            minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across;
+        const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
+        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
+        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+            D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
         const float32 D_pred_theta = larger(P_pred_33, Q_3);
         const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
         const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-        const float32 P_pred_22 = part_of_P_pred_32_8 + Q_2;
+        const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
         const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
-        const float32 odd_psi_d_mid_2_x_D_psi_alpha = odd_psi_d_mid_2 * D_psi_alpha;
-        const float32 sin_theta_mid_times_D_psi_beta = sin_theta_mid * D_psi_beta;
         const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
-        const float32 mean_psi_alpha_by_n = curv_psi_alpha_sum * PAIR_WEIGHT_SQ;
-        const float32 G_omega_R = GAIN_OMEGA * part_of_P_pred_32;
-        const float32 omega_x_sin = omega * sin_part_of_P_pred_32_2;
-        const float32 omega_x_sin_times_i_q = omega_x_sin * i_q;
-        const float32 i_d_sq_scaled = i_d_sq * G_OM_G_TQ_PP_SA_TI_SI_L_D_S_C89;
-        const float32 omega_x_cos = omega * cos_part_of_P_pred_32_2;
-        const float32 i_q_sq_x_i_d_scaled = i_q_sq * i_d * G_OM_G_TQ_PP_SA_TI_SI_L_Q_S_B24;
+        const float32 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
+        const float32 minus_G_psi_alpha_V_d = SIGMA_V_D * part_of_G_omega_V_d;
         const float32 P_turned_20 = D_odd_omega_0 * odd_psi_alpha_next_0 + D_odd_omega_1 * odd_psi_alpha_next_1 +
-            GAIN_OMEGA_ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-            GAIN_OMEGA_ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+            odd_psi_d_next_2 * D_odd_omega_2 + odd_psi_d_next_3 * D_odd_omega_3 +
             GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_alpha_next_0 * even_torque_0 +
-            even_psi_alpha_next_1 * even_torque_1) - curv_omega_sum * mean_psi_alpha_by_n) +
-            G_psi_alpha_R * G_omega_R + omega_x_sin_times_i_q * i_d_sq_scaled - omega_x_cos * i_q_sq_x_i_d_scaled
-            + omega_x_sin_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-            g_d * part_of_P_pred_32_6 * GAIN_D_GAIN_OMEGA_SIGMA_V_D_SQ -
-            psi_q_mid_plus_next_x_unsure_sq * G_D_SQ_G_OM_G_TQ_SA_S_L_S_B_2D7;
+            even_psi_alpha_next_1 * even_torque_1) - curv_psi_alpha_mean * curv_omega_mean) +
+            G_psi_alpha_R * G_omega_R + G_omega_L_d * G_psi_alpha_L_d - minus_G_omega_L_q * G_psi_alpha_L_q +
+            G_omega_psi_m * G_psi_alpha_psi_m - G_omega_V_d * minus_G_psi_alpha_V_d -
+            minus_G_omega_loss_along * G_psi_alpha_loss_along;
         const float32 D_odd_psi_alpha_1 = D_omega * odd_psi_alpha_next_1;
+        const float32 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
         const float32 P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) +
-            D_theta_times_odd_theta_mid_0 * odd_psi_alpha_next_0;
-        const float32 odd_psi_q_mid_2_x_D_psi_alpha = odd_psi_q_mid_2 * D_psi_alpha;
-        const float32 cos_theta_mid_times_D_psi_beta = cos_theta_mid * D_psi_beta;
+            odd_theta_mid_0 * D_odd_psi_alpha_0;
         const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1;
-        const float32 mean_psi_beta_by_n = curv_psi_beta_sum * PAIR_WEIGHT_SQ;
-        const float32 omega_x_cos_times_i_q = omega_x_cos * i_q;
+        const float32 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
+        const float32 minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
+        const float32 minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+        const float32 minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2;
         const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
-            GAIN_OMEGA_ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha * odd_torque_2_minus_L_42 +
-            GAIN_OMEGA_ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta * odd_torque_3_minus_L_43 +
+            odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
             GAIN_OMEGA * (PAIR_WEIGHT * (even_psi_beta_next_0 * even_torque_0 +
-            even_psi_beta_next_1 * even_torque_1) - curv_omega_sum * mean_psi_beta_by_n) +
-            G_psi_beta_R * G_omega_R - omega_x_cos_times_i_q * i_d_sq_scaled - omega_x_sin * i_q_sq_x_i_d_scaled -
-            omega_x_cos_times_i_q * G_OM_G_TQ_PP_SA_TI_SI_P_M_S_A8D -
-            g_q * part_of_P_pred_32_6 * GAIN_OMEGA_GAIN_Q_SIGMA_V_D_SQ +
-            part_of_P_pred_32_7 * G_OM_G_Q_SQ_SIGMA_LOSS_SQ_BY2;
+            even_psi_beta_next_1 * even_torque_1) - curv_psi_beta_mean * curv_omega_mean) +
+            G_psi_beta_R * G_omega_R - G_omega_L_d * minus_G_psi_beta_L_d - minus_G_omega_L_q * G_psi_beta_L_q -
+            G_omega_psi_m * minus_G_psi_beta_psi_m - G_omega_V_d * minus_G_psi_beta_V_d +
+            G_omega_loss_across * G_psi_beta_loss_across;
         const float32 D_odd_psi_beta_1 = D_omega * odd_psi_beta_next_1;
+        const float32 D_odd_psi_beta_0 = D_theta * odd_psi_beta_next_0;
         const float32 P_turned_31 = HALF_T_POLE_PAIRS * (P_turned_21 + D_odd_psi_beta_1) +
-            D_theta_times_odd_theta_mid_0 * odd_psi_beta_next_0;
+            odd_theta_mid_0 * D_odd_psi_beta_0;
         const float32 P_pred_30 = cos_theta_mid * P_turned_30 - sin_theta_mid * P_turned_31;
         const float32 L_pred_20 = inv_D_pred_theta * P_pred_30;
         const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
         const float32 LD_pred_21 = P_pred_20 - L_pred_10 * P_pred_30;
         const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
         const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
-        const float32 D_odd_psi_alpha_0 = D_theta * odd_psi_alpha_next_0;
-        const float32 D_odd_psi_alpha_2 = ONE_MINUS_LOSS_D * odd_psi_d_mid_2_x_D_psi_alpha;
-        const float32 D_odd_psi_alpha_3 = ONE_MINUS_LOSS_D * sin_theta_mid_times_D_psi_beta;
-        const float32 omega_x_sin_sq = omega_x_sin * omega_x_sin;
-        const float32 i_d_sq_scaled_2 = i_d_sq * PP_SQ_SAM_TIM_SQ_SIG_L_D_SQ_901;
-        const float32 omega_x_cos_sq = omega_x_cos * omega_x_cos;
-        const float32 i_q_sq_scaled = i_q_sq * PP_SQ_SAM_TIM_SQ_SIG_L_Q_SQ_EAC;
         const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
-            odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * D_odd_psi_alpha_2 +
-            odd_psi_d_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
-            even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_sum * mean_psi_alpha_by_n +
-            G_psi_alpha_R * G_psi_alpha_R + omega_x_sin_sq * i_d_sq_scaled_2 + omega_x_cos_sq * i_q_sq_scaled +
-            omega_x_sin_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_d * g_d * GAIN_D_SQ_SIGMA_V_D_SQ +
-            unsure_sq * GAIN_D_SQ_SIGMA_LOSS_SQ;
-        const float32 D_odd_psi_beta_2 = ONE_MINUS_LOSS_Q * odd_psi_q_mid_2_x_D_psi_alpha;
-        const float32 D_odd_psi_beta_3 = ONE_MINUS_LOSS_Q * cos_theta_mid_times_D_psi_beta;
-        const float32 P_turned_11 = D_theta * odd_psi_beta_next_0 * odd_psi_beta_next_0 +
+            odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * odd_psi_d_next_2 * D_psi_alpha +
+            odd_psi_d_next_3 * odd_psi_d_next_3 * D_psi_beta +
+            PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_alpha_next_0 +
+            even_psi_alpha_next_1 * even_psi_alpha_next_1) - curv_psi_alpha_mean * curv_psi_alpha_mean +
+            G_psi_alpha_R * G_psi_alpha_R + G_psi_alpha_L_d * G_psi_alpha_L_d + G_psi_alpha_L_q * G_psi_alpha_L_q
+            + G_psi_alpha_psi_m * G_psi_alpha_psi_m + minus_G_psi_alpha_V_d * minus_G_psi_alpha_V_d +
+            G_psi_alpha_loss_along * G_psi_alpha_loss_along;
+        const float32 D_odd_psi_beta_2 = odd_psi_q_next_2 * D_psi_alpha;
+        const float32 D_odd_psi_beta_3 = odd_psi_q_next_3 * D_psi_beta;
+        const float32 P_turned_11 = odd_psi_beta_next_0 * D_odd_psi_beta_0 +
             odd_psi_beta_next_1 * D_odd_psi_beta_1 + odd_psi_q_next_2 * D_odd_psi_beta_2 +
             odd_psi_q_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_beta_next_0 * even_psi_beta_next_0 +
-            even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_beta_by_n +
-            G_psi_beta_R * G_psi_beta_R + omega_x_cos_sq * i_d_sq_scaled_2 + omega_x_sin_sq * i_q_sq_scaled +
-            omega_x_cos_sq * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 + g_q * g_q * GAIN_Q_SQ_SIGMA_V_D_SQ +
-            unsure_sq * GAIN_Q_SQ_SIGMA_LOSS_SQ;
-        const float32 omega_x_cos_times_omega_x_sin = omega_x_cos * omega_x_sin;
-        const float32 P_turned_10 = D_odd_psi_alpha_0 * odd_psi_beta_next_0 +
-            D_odd_psi_alpha_1 * odd_psi_beta_next_1 + odd_psi_q_next_2 * D_odd_psi_alpha_2 +
-            odd_psi_q_next_3 * D_odd_psi_alpha_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
-            even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_beta_sum * mean_psi_alpha_by_n +
-            G_psi_beta_R * G_psi_alpha_R - omega_x_cos_times_omega_x_sin * i_d_sq_scaled_2 +
-            omega_x_cos_times_omega_x_sin * i_q_sq_scaled -
-            omega_x_cos_times_omega_x_sin * PP_SQ_SAM_TIM_SQ_SI_PS_M_SQ_F36 +
-            g_d * g_q * GAIN_D_GAIN_Q_SIGMA_V_D_SQ;
+            even_psi_beta_next_1 * even_psi_beta_next_1) - curv_psi_beta_mean * curv_psi_beta_mean +
+            G_psi_beta_R * G_psi_beta_R + minus_G_psi_beta_L_d * minus_G_psi_beta_L_d +
+            G_psi_beta_L_q * G_psi_beta_L_q + minus_G_psi_beta_psi_m * minus_G_psi_beta_psi_m +
+            minus_G_psi_beta_V_d * minus_G_psi_beta_V_d + G_psi_beta_loss_across * G_psi_beta_loss_across;
+        const float32 P_turned_10 = odd_psi_alpha_next_0 * D_odd_psi_beta_0 +
+            odd_psi_alpha_next_1 * D_odd_psi_beta_1 + odd_psi_d_next_2 * D_odd_psi_beta_2 +
+            odd_psi_d_next_3 * D_odd_psi_beta_3 + PAIR_WEIGHT * (even_psi_alpha_next_0 * even_psi_beta_next_0 +
+            even_psi_alpha_next_1 * even_psi_beta_next_1) - curv_psi_alpha_mean * curv_psi_beta_mean +
+            G_psi_beta_R * G_psi_alpha_R - G_psi_alpha_L_d * minus_G_psi_beta_L_d +
+            G_psi_alpha_L_q * G_psi_beta_L_q - G_psi_alpha_psi_m * minus_G_psi_beta_psi_m +
+            minus_G_psi_alpha_V_d * minus_G_psi_beta_V_d;
         const float32 P_tilt = sin_theta_mid * (P_turned_00 - P_turned_11) + cos_theta_mid * P_turned_10 * 2.0f;
         const float32 P_turn = sin_theta_mid * P_tilt;
         const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
@@ -671,18 +658,20 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 D_odd_load_torque_1 = D_omega * L_41;
         const float32 D_odd_load_torque_2 = D_psi_alpha * L_42;
         const float32 D_odd_load_torque_3 = D_psi_beta * L_43;
-        const float32 P_pred_42 = D_odd_load_torque_0 * odd_omega_next_0 + D_odd_load_torque_1 * odd_omega_next_1
-            + GAIN_OMEGA * D_odd_load_torque_2 * odd_torque_2_minus_L_42 +
-            GAIN_OMEGA * D_odd_load_torque_3 * odd_torque_3_minus_L_43 - GAIN_OMEGA * D_load_torque;
+        const float32 P_pred_42 = odd_omega_next_0 * D_odd_load_torque_0 + odd_omega_next_1 * D_odd_load_torque_1
+            + odd_omega_next_2 * D_odd_load_torque_2 + odd_omega_next_3 * D_odd_load_torque_3 -
+            minus_D_odd_omega_4;
         const float32 P_pred_43 = HALF_T_POLE_PAIRS * (P_pred_42 + D_odd_load_torque_1) +
-            D_theta_times_odd_theta_mid_0 * L_40;
+            odd_theta_mid_0 * D_odd_load_torque_0;
         const float32 L_pred_40 = inv_D_pred_theta * P_pred_43;
         const float32 LD_pred_41 = P_pred_42 - L_pred_10 * P_pred_43;
         const float32 L_pred_41 = inv_D_pred_omega * LD_pred_41;
-        const float32 P_turned_40 = D_odd_load_torque_0 * odd_psi_alpha_next_0 +
-            D_odd_load_torque_1 * odd_psi_alpha_next_1 + D_odd_psi_alpha_2 * L_42 + D_odd_psi_alpha_3 * L_43;
-        const float32 P_turned_41 = D_odd_load_torque_0 * odd_psi_beta_next_0 +
-            D_odd_load_torque_1 * odd_psi_beta_next_1 + D_odd_psi_beta_2 * L_42 + D_odd_psi_beta_3 * L_43;
+        const float32 P_turned_40 = odd_psi_alpha_next_0 * D_odd_load_torque_0 +
+            odd_psi_alpha_next_1 * D_odd_load_torque_1 + odd_psi_d_next_2 * D_odd_load_torque_2 +
+            odd_psi_d_next_3 * D_odd_load_torque_3;
+        const float32 P_turned_41 = odd_psi_beta_next_0 * D_odd_load_torque_0 +
+            odd_psi_beta_next_1 * D_odd_load_torque_1 + odd_psi_q_next_2 * D_odd_load_torque_2 +
+            odd_psi_q_next_3 * D_odd_load_torque_3;
         const float32 P_pred_40 = cos_theta_mid * P_turned_40 - sin_theta_mid * P_turned_41;
         const float32 LD_pred_42 = P_pred_40 - L_pred_20 * P_pred_43 - L_pred_21 * LD_pred_41;
         const float32 L_pred_42 = inv_D_pred_psi_alpha * LD_pred_42;
@@ -696,20 +685,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             LD_pred_42 * L_pred_42 - LD_pred_43 * L_pred_43, Q_4);
 
         /* --- eq. 16: x_pred = mean X_i' */
-        const float32 offset_omega = GAIN_OMEGA_BY5 * curv_omega_sum;
-        const float32 offset_theta = curv_omega_sum * G_OMEGA_HALF_T_PAIR_WEIGHT_PP;
-        const float32 cos_theta_mid_times_pair_weight = cos_theta_mid * PAIR_WEIGHT;
-        const float32 sin_theta_mid_times_pair_weight = sin_theta_mid * PAIR_WEIGHT;
-        const float32 psi_alpha_pred = cos_theta_mid * psi_d_next - sin_theta_mid * psi_q_next +
-            curv_psi_alpha_sum * cos_theta_mid_times_pair_weight -
-            sin_theta_mid_times_pair_weight * curv_psi_beta_sum;
-        const float32 psi_beta_pred = sin_theta_mid * psi_d_next + cos_theta_mid * psi_q_next +
-            curv_psi_alpha_sum * sin_theta_mid_times_pair_weight +
-            cos_theta_mid_times_pair_weight * curv_psi_beta_sum;
-        const float32 omega_of_x = GAIN_OMEGA_BY2 * part_of_omega_pred * psi_q_mid_plus_next -
-            GAIN_OMEGA * load_torque + omega;
+        const float32 offset_omega = GAIN_OMEGA * curv_omega_mean;
+        const float32 offset_theta = curv_omega_mean * GAIN_OMEGA_HALF_T_POLE_PAIRS;
+        const float32 psi_alpha_mean = psi_d_next + curv_psi_alpha_mean;
+        const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
+        const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
+        const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
+        const float32 omega_of_x = (GAIN_TORQUE_INV_L_D_PSI_M -
+            GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
         const float32 omega_pred = omega_of_x + offset_omega;
-        const float32 theta_pred = theta_mid + HALF_T_POLE_PAIRS * omega_of_x + offset_theta;
+        const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
 
         /* --- sum of the pivots, for the guard */
         const float32 check = D_pred_theta + D_pred_omega + D_pred_psi_alpha + D_pred_psi_beta +
@@ -796,8 +781,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 cosm1_theta_0 = turn_pred[1].of[lane];
 
         /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const float32 theta_pred_wrapped = wrap_angle(theta_pred);
-        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred_wrapped);
+        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
         const float32 sin_theta_pred = sincos_theta_pred.sine;
         const float32 cos_theta_pred = sincos_theta_pred.cosine;
         const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -838,7 +822,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-        /* --- eq. 25: y - y_pred, in the rotor's frame */
+        /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
         const float32 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
             INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
         const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -846,15 +830,15 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
         const float32 g_first_3 = HL_03 * D_pred_psi_beta;
-        const float32 var_first_3 = noise_00 + HL_03 * g_first_3;
+        const float32 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
         const float32 HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2;
         const float32 g_first_2 = D_pred_psi_alpha * HL_02;
-        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
+        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
         const float32 HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1;
         const float32 g_first_1 = D_pred_omega * HL_01;
-        const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
+        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, noise_00);
         const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-        const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
+        const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
         const float32 one_per_var_first = 1.0f / var_first;
         const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
         const float32 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -871,25 +855,25 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3;
         const float32 D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3;
         const float32 g_second_3 = HL_13_apart * D_first_3;
-        const float32 var_second_3 = R_second + HL_13_apart * g_second_3;
+        const float32 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
         const float32 change_first_32 =
             sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
         const float32 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
         const float32 g_second_2 = D_first_2 * f_second_2;
-        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
+        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
         const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
         const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = D_first_1 * f_second_1;
-        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
+        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
         const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
         const float32 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
         const float32 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
         const float32 g_second_0 = D_first_0 * f_second_0;
-        const float32 var_second = var_second_1 + f_second_0 * g_second_0;
+        const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
         const float32 gain_first_21 = g_first_2 + L_pred_21 * g_first_1;
         const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
         const float32 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
@@ -910,7 +894,8 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
         const float32 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
             nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-        const float32 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
+        const float32 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
+            theta_pred);
         const float32 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
         const float32 gain_first_41 = gain_first_42 + g_first_1 * L_pred_41;
         const float32 L_first_42 = L_pred_42 - change_first_32 * L_pred_43;
@@ -999,7 +984,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
-        x_out[3].of[lane] = theta_pred;
+        x_out[3].of[lane] = wrap_angle(theta_pred);
         x_out[4].of[lane] = load_torque_pred;
         LD_out[0].of[lane] = D_pred_theta;
         LD_out[1].of[lane] = L_pred_10;
@@ -1072,7 +1057,7 @@ static void set_status_bits(traction_70kw_ckf_lanes_t *__restrict f, float32 che
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
+/* The sum of pivots, mean and states is no number if one of them is none. */
 static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1087,12 +1072,12 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[4].of[lane];
+            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
-        const int unusual_0 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
-        const int unusual_1 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
-        const int unusual_2 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
+        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
+        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
         special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
@@ -1102,15 +1087,6 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
                 set_status_bits(f, check[0].of[lane], lane);
             }
         }
-    }
-}
-
-/* The angle back within a turn. */
-static void keep_within_turn(traction_70kw_ckf_lanes_t *__restrict f)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        f->x[3].of[lane] = wrap_angle(f->x[3].of[lane]);
     }
 }
 
@@ -1147,5 +1123,4 @@ void traction_70kw_ckf_lanes_step(traction_70kw_ckf_lanes_t *f, const lanes u[2]
         take(f->LD, other_LD, rejected, 15);
     }
     finish_step(f, nis, check, rejected);
-    keep_within_turn(f);
 }

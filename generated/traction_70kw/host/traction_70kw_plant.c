@@ -45,11 +45,11 @@ static pmsm_pair_f64 sin_cos(float64 x)
 /* Standstill without current at an electrical angle */
 static void plant_at_rest(const float64 motor[6], const float64 angle[1], float64 s_out[6])
 {
-    const float64 psi_m = motor[3];
     const float64 theta = angle[0];
     const pmsm_pair_f64 sincos_theta = sin_cos(theta);
     const float64 sin_theta = sincos_theta.sine;
     const float64 cos_theta = sincos_theta.cosine;
+    const float64 psi_m = motor[3];
 
     s_out[0] = cos_theta * psi_m;
     s_out[1] = sin_theta * psi_m;
@@ -75,35 +75,34 @@ static void rotor_phasor(const float64 angle[1], float64 phasor_out[2])
 static void plant_substep(const float64 s[6], const float64 motor[6], const float64 v[2],
     const float64 load[1], const float64 width[1], float64 s_out[6])
 {
-    const float64 z_alpha = s[0];
-    const float64 z_beta = s[1];
-    const float64 omega = s[2];
-    const float64 theta = s[3];
-    const float64 rotor_cos = s[4];
-    const float64 rotor_sin = s[5];
-    const float64 R = motor[0];
-    const float64 per_L_d = motor[1];
-    const float64 per_L_q = motor[2];
-    const float64 psi_m = motor[3];
-    const float64 per_J = motor[4];
-    const float64 D = motor[5];
-    const float64 v_alpha = v[0];
-    const float64 v_beta = v[1];
-    const float64 T_L = load[0];
     const float64 h = width[0];
     const float64 half_h = 0.5 * h;
+    const float64 rotor_cos = s[4];
+    const float64 z_alpha = s[0];
+    const float64 rotor_sin = s[5];
+    const float64 z_beta = s[1];
     const float64 psi_d_at1 = rotor_cos * z_alpha + rotor_sin * z_beta;
+    const float64 per_L_d = motor[1];
+    const float64 per_L_q = motor[2];
     const float64 per_L_d_minus_q = per_L_d - per_L_q;
+    const float64 psi_m = motor[3];
     const float64 per_L_d_times_psi_m = per_L_d * psi_m;
     const float64 i_salient_at1 = per_L_d_minus_q * psi_d_at1 - per_L_d_times_psi_m;
     const float64 i_alpha_at1 = per_L_q * z_alpha + rotor_cos * i_salient_at1;
     const float64 i_beta_at1 = per_L_q * z_beta + rotor_sin * i_salient_at1;
 
     /* --- slope 1 */
+    const float64 v_alpha = v[0];
+    const float64 R = motor[0];
     const float64 slope1_z_alpha = v_alpha - R * i_alpha_at1;
+    const float64 v_beta = v[1];
     const float64 slope1_z_beta = v_beta - R * i_beta_at1;
     const float64 per_L_d_scaled_times_psi_m = 6.0 * per_L_d * psi_m;
     const float64 per_L_d_minus_q_scaled = 6.0 * per_L_d_minus_q;
+    const float64 T_L = load[0];
+    const float64 D = motor[5];
+    const float64 omega = s[2];
+    const float64 per_J = motor[4];
     const float64 slope1_omega = ((per_L_d_scaled_times_psi_m -
         per_L_d_minus_q_scaled * psi_d_at1) * (rotor_cos * z_beta - rotor_sin * z_alpha) - T_L -
         D * omega) * per_J;
@@ -175,6 +174,7 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
 
     /* --- weighted mean of the slopes */
     const float64 sixth_h = RUNGE_KUTTA_WEIGHT * h;
+    const float64 theta = s[3];
 
     s_out[0] = z_alpha + sixth_h * (slope1_z_alpha + 2.0 * (slope2_z_alpha + slope3_z_alpha) +
         slope4_z_alpha);
@@ -190,15 +190,15 @@ static void plant_substep(const float64 s[6], const float64 motor[6], const floa
 /* Currents and torque of the motor */
 static void plant_outputs(const float64 s[6], const float64 motor[6], float64 i_out[2], float64 torque_out[1])
 {
-    const float64 z_alpha = s[0];
-    const float64 z_beta = s[1];
     const float64 rotor_cos = s[4];
+    const float64 z_alpha = s[0];
     const float64 rotor_sin = s[5];
+    const float64 z_beta = s[1];
+    const float64 psi_d = rotor_cos * z_alpha + rotor_sin * z_beta;
     const float64 per_L_d = motor[1];
     const float64 per_L_q = motor[2];
-    const float64 psi_m = motor[3];
-    const float64 psi_d = rotor_cos * z_alpha + rotor_sin * z_beta;
     const float64 per_L_d_minus_q = per_L_d - per_L_q;
+    const float64 psi_m = motor[3];
     const float64 i_salient = per_L_d_minus_q * psi_d - per_L_d * psi_m;
     const float64 i_alpha = per_L_q * z_alpha + rotor_cos * i_salient;
     const float64 i_beta = per_L_q * z_beta + rotor_sin * i_salient;

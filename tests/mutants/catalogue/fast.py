@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.mutants.catalogue.rewriting import FACTORED, FLUX, PAPER, SPLIT, TORQUE, TURNED, of
+from tests.mutants.catalogue.rewriting import AFFINE, FACTORED, FLUX, PAPER, SPLIT, TORQUE, TURNED, of
 
 FORM = (
     *of(
@@ -211,6 +211,24 @@ FORM = (
     ),
     *of(
         "fast form",
+        "codegen/fast/affine.py",
+        ("each state alone", "for j in (*found, i))", "for j in (i,))", AFFINE),
+        ("kink taken for affine", "return frozenset()", "pass", AFFINE),
+        (
+            "every state affine",
+            "            found.add(i)\n    return",
+            "            pass\n        found.add(i)\n    return",
+            AFFINE,
+        ),
+    ),
+    *of(
+        "fast form",
+        "codegen/fast/spread.py",
+        ("h asked at the iterate", "at = [x_pred[i] if i in affine else", "at = [value if i in affine else", FLUX),
+        ("H times what h has already", "left = [zero if i in affine else", "left = [value if i in affine else", FLUX),
+    ),
+    *of(
+        "fast form",
         "codegen/fast/steps.py",
         ("Q dropped", "P[i][i] = P[i][i] + Q[i]", "P[i][i] = P[i][i] + Q[i] * 0.0", PAPER),
         ("Q before the turn", "P = frame.out_matrix(P)\n", "P = P\n", FLUX),
@@ -225,8 +243,8 @@ FORM = (
         ("back reversed", "back = [before - now for before, now", "back = [now - before for before, now", FLUX),
         (
             "slope forgotten",
-            "innovation = [turned[k] - run.base[k] - slopes[k] for k in range(2)]",
-            "innovation = [turned[k] - run.base[k] for k in range(2)]",
+            "turned[k] - held - moved for k, (held, moved)",
+            "turned[k] - held for k, (held, _)",
             FLUX,
         ),
         (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.mutants.catalogue.rewriting import PAPER, PIPELINE, SMALL, TRIG, of, pass_checks
+from tests.mutants.catalogue.rewriting import COUNTED, PAPER, PIPELINE, SMALL, TRIG, of, pass_checks
 
 PASS = (
     *of(
@@ -80,9 +80,22 @@ PASS = (
         ),
         (
             "sign of what is collected",
-            "(negative != flip, factors) for negative, factors in inner",
-            "(negative, factors) for negative, factors in inner",
+            "rests = [(negative != flip, list(",
+            "rests = [(negative, list(",
             pass_checks("collect"),
+        ),
+        (
+            "common factor left in",
+            "list((Counter(factors) - common).elements())",
+            "list(factors)",
+            pass_checks("collect"),
+        ),
+        ("common factor of the first term alone", "common &= Counter(factors)", "pass", COUNTED),
+        (
+            "common factor goes in",
+            "common = Counter(other for other in inner[0][1] if other in others)",
+            "common = Counter[int]()",
+            COUNTED,
         ),
         ("empty product is 0", "return self.new.const(1.0)", "return self.new.const(0.0)", pass_checks("collect")),
         (

@@ -11,6 +11,8 @@ TRIG = ("pytest tests/codegen/test_trig.py",)
 TURNED = ("pytest tests/codegen/test_variants.py -k turned_form",)
 PIPELINE = ("pytest tests/codegen/test_passes.py -k 'one_after_another or other_roots'",)
 SMALL = ("pytest tests/codegen/test_small_angle.py",)
+AFFINE = ("pytest tests/codegen/test_affine.py",)
+COUNTED = ("pytest tests/codegen/test_passes.py -k multiplied_once",)
 
 
 def of(
