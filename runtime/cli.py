@@ -19,6 +19,7 @@ from typer.main import get_command
 from codegen.output.version import __version__
 from runtime.commands.quiet import with_quiet
 from runtime.commands.terminal import console
+from runtime.system.collector import loading
 from runtime.system.errors import UserError, end_interrupted, was_interrupted
 
 #: Commands in groups, both in the order in which one comes to use them; each lies in the module of its name.
@@ -42,7 +43,8 @@ def load_command(word: str) -> typer.Typer:
     word : str
         One of :data:`GROUPS`.
     """
-    module = import_module(f"runtime.commands.{word}")
+    with loading():
+        module = import_module(f"runtime.commands.{word}")
     loaded: typer.Typer = getattr(module, "app", None) or typer.Typer()
     panel = next(group for group, words in GROUPS.items() if word in words)
     if loaded.registered_commands:

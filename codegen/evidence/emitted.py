@@ -7,9 +7,10 @@ uses (includes of the folder, object- and function-like macros, conditionals) an
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from pycparser import CParser, c_ast
 
@@ -18,6 +19,8 @@ from codegen.targets.find import default_target
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _IDENTIFIER = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*)")
+#: What declarations end with and nest by; a string or character is passed over whole.
+_MARK = re.compile(r""""(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|[{};]""")
 
 
 class EmittedError(ValueError):
@@ -45,6 +48,8 @@ def parse_emitted(
 ) -> tuple[c_ast.FileAST, tuple[str, ...]]:
     """Syntax tree of one emitted file, and what it was read from: itself and its includes within ``files``.
 
+    Trees of several files share their nodes where they share declarations: they are for reading.
+
     Parameters
     ----------
     files : mapping of str to str
@@ -62,9 +67,50 @@ def parse_emitted(
     preprocessor = _Preprocessor(files, default_target().macros if macros is None else macros)
     text = preprocessor.read(name)
     try:
-        return CParser().parse(text, name), tuple(sorted(preprocessor.included))
+        return _tree(text, name), tuple(sorted(preprocessor.included))
     except Exception as error:  # pycparser's ParseError has moved between its versions
         raise EmittedError(f"{name} cannot be read as C: {error}") from error
+
+
+def _tree(text: str, name: str) -> c_ast.FileAST:
+    """Declaration by declaration: files of a folder share headers, filters of a drive most of their functions."""
+    found: list[Any] = []
+    types: set[str] = set()
+    try:
+        for declaration in _declarations(text):
+            used = sorted(types.intersection(_IDENTIFIER.findall(declaration)))
+            nodes = _parsed(declaration, tuple(used))
+            types.update(node.name for node in nodes if isinstance(node, c_ast.Typedef))
+            found += nodes
+    except Exception:  # the whole text is wrong too, and then the line is its own; or it was cut in a wrong place
+        return CParser().parse(text, name)
+    return c_ast.FileAST(found)
+
+
+def _declarations(text: str) -> Iterator[str]:
+    """The text, cut behind every declaration and every function's body."""
+    begin = depth = 0
+    is_function = False
+    for mark in _MARK.finditer(text):
+        if mark[0] == "{":
+            if depth == 0:
+                is_function = text[begin : mark.start()].rstrip().endswith(")")
+            depth += 1
+        elif mark[0] == "}":
+            depth -= 1
+        if depth == 0 and (mark[0] == ";" or (mark[0] == "}" and is_function)):
+            yield text[begin : mark.end()].strip()
+            begin = mark.end()
+    if rest := text[begin:].strip():
+        yield rest
+
+
+@lru_cache(maxsize=512)
+def _parsed(declaration: str, types: tuple[str, ...]) -> list[Any]:
+    """The nodes of a declaration in which these names are those of types."""
+    before = f"typedef int {', '.join(types)};\n" if types else ""
+    nodes: list[Any] = CParser().parse(f"{before}{declaration}").ext
+    return nodes[len(types) :]
 
 
 @dataclass(frozen=True)
@@ -149,6 +195,8 @@ class _Preprocessor:
 
     def _expand(self, text: str, hidden: frozenset[str] = frozenset()) -> str:
         """Macros replaced, their bodies too; a macro is not expanded inside itself."""
+        if self.macros.keys().isdisjoint(_IDENTIFIER.findall(text)):
+            return text
         result, position = [], 0
         while match := _IDENTIFIER.search(text, position):
             name, end = match[0], match.end()

@@ -46,7 +46,7 @@ def flush(value: Value) -> Value:
     value : float32 or ndarray of float32
     """
     if isinstance(value, np.ndarray):
-        return np.where(np.abs(value) < TINY, np.copysign(np.float32(0), value), value)
+        return value * (np.abs(value) >= TINY)  # by one or by zero: both keep the sign
     return value * np.float32(0) if -TINY < value < TINY else value
 
 

@@ -9,7 +9,7 @@ counts. Arithmetic of whole numbers, and copies of single numbers, are not count
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 from pycparser import c_ast
 
 from codegen.evidence.emitted import EmittedError, parse_emitted
-from codegen.evidence.units import Kind, Unit, constant, walk
+from codegen.evidence.units import Kind, Unit, constant
 from codegen.targets.description import Target
 from codegen.targets.find import default_target
 
@@ -42,6 +42,8 @@ _COMPARISONS = frozenset({"<", ">", "<=", ">=", "==", "!="})
 _LEAVES = (c_ast.ID, c_ast.Constant)
 
 Count = Counter[str]
+#: Of a function that was counted: the fields it asked for with what was given of them, and the count.
+Known = tuple[dict[str, int | None], Count]
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class Program:
         #: Functions that are not of the text, by what they do.
         self.library = _LIBRARY | (dict(native.calls) if native else {})
         self.units = [Unit(*parse_emitted(files, name, self.target.macros), name, self.target.data) for name in sources]
+        #: Functions that were counted, by N_max and what was left aside; then by file, name and parameters.
+        self.known: dict[tuple[int, frozenset[str]], dict[tuple[Any, ...], list[Known]]] = {}
 
     def ledger(
         self, function: str, struct: str, max_iterations: int, given: Mapping[str, int] = MappingProxyType({})
@@ -118,7 +122,7 @@ class Program:
             Functions of which the calls count and not the bodies.
         """
         unit, definition = self.find(function)
-        return _Counting(self, max_iterations, given, aside).function(unit, definition, {})
+        return Counter(_Counting(self, max_iterations, given, aside).function(unit, definition, {}))
 
     def find(self, function: str, caller: Unit | None = None) -> tuple[Unit, c_ast.FuncDef]:
         """The function as ``caller`` sees it: its own file's, else one that is not static.
@@ -142,24 +146,40 @@ class Program:
         unit : Unit
         definition : FuncDef
         """
-        for name in sorted({node.name.name for node in walk(definition.body) if isinstance(node, c_ast.FuncCall)}):
+        for name in unit.calls(definition):
             if name not in self.library:
                 yield self.find(name, unit)
 
 
 class _Counting:
-    """One count: how far loops go, what is given, and what is not followed."""
+    """One count: how far loops go, what is given, and what is not followed.
+
+    What a function asks of what is given is noted: another count in which these answers are the same takes its result.
+    """
 
     def __init__(self, program: Program, max_iterations: int, given: Mapping[str, int], aside: frozenset[str]) -> None:
         self.program, self.max_iterations, self.given, self.aside = program, max_iterations, given, aside
-        self.known: dict[tuple[str, str, tuple[tuple[str, int], ...]], Count] = {}
+        self.known = program.known.setdefault((max_iterations, aside), {})
+        #: Of each function under way, the outermost first: the fields it has asked for.
+        self.asked: list[dict[str, int | None]] = [{}]
 
     def function(self, unit: Unit, definition: c_ast.FuncDef, constants: dict[str, int]) -> Count:
         """Count a function's body; ``constants``: parameters whose whole value the call fixes."""
-        key = (unit.name, definition.decl.name, tuple(sorted(constants.items())))
-        if key not in self.known:
-            self.known[key] = _Body(self, unit, unit.kinds_in(definition), constants).count(definition.body)
-        return self.known[key]
+        known = self.known.setdefault((unit.name, definition.decl.name, tuple(sorted(constants.items()))), [])
+        for asked, found in known:
+            if all(self.given.get(field) == value for field, value in asked.items()):
+                self.asked[-1] |= asked
+                return found
+        self.asked.append({})
+        count = _Body(self, unit, unit.kinds_in(definition), constants).count(definition.body)
+        known.append((self.asked.pop(), count))
+        self.asked[-1] |= known[-1][0]
+        return count
+
+    def value(self, field: str) -> int | None:
+        """What is given of a field; None if nothing is."""
+        value = self.asked[-1][field] = self.given.get(field)
+        return value
 
 
 class _Body:
@@ -249,7 +269,7 @@ class _Body:
         return total
 
     def _count_If(self, node: Any) -> Count:
-        holds = _decided(node.cond, self.counting.given)
+        holds = _decided(node.cond, self.counting.value)
         if holds is not None:
             return self._asked(node.cond) + self.count(node.iftrue if holds else node.iffalse)
         return self._asked(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))
@@ -330,14 +350,14 @@ def _table(count: Count) -> dict[str, int]:
     return {name: count[name] for name in TOLD} | seldom
 
 
-def _decided(condition: Any, given: Mapping[str, int]) -> bool | None:
+def _decided(condition: Any, given: Callable[[str], int | None]) -> bool | None:
     """Whether a condition holds, as far as a field that is compared with a whole number, and given, says."""
     if not isinstance(condition, c_ast.BinaryOp):
         return None
     if condition.op == "&&":
         sides = {_decided(side, given) for side in (condition.left, condition.right)}
         return False if False in sides else None if None in sides else True
-    value = given.get(condition.left.field.name) if isinstance(condition.left, c_ast.StructRef) else None
+    value = given(condition.left.field.name) if isinstance(condition.left, c_ast.StructRef) else None
     other = constant(condition.right, {})
     if value is None or other is None or condition.op not in {"==", "!="}:
         return None

@@ -8,6 +8,7 @@ quotient and root off by a random -3 .. 3 units; what the outputs make of that, 
 from __future__ import annotations
 
 import ast
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType, SimpleNamespace
@@ -51,19 +52,32 @@ def execute(module: str, name: str, **replaced: Any) -> dict[str, Any]:
         The name.
     """
     namespace: dict[str, Any] = {"__name__": name, **replaced}
-    exec(_compiled(module, bool(replaced)), namespace)
+    exec(_compiled(module)[bool(replaced)], namespace)
     return namespace
 
 
-@lru_cache(maxsize=2)
-def _compiled(module: str, replaced: bool) -> CodeType:
-    """The module's code, which every filter kind's recordings and certificate run again."""
-    if not replaced:
-        return compile(module, "generated.py", "exec")
-    return compile(_Replace().visit(ast.parse(module)), "generated.py", "exec")
+@lru_cache(maxsize=1)
+def _compiled(module: str) -> tuple[CodeType, CodeType]:
+    """The module's code, as it stands and replaced: every filter kind's recordings and certificate run it again."""
+    tree = ast.parse(module)
+    plain = compile(tree, "generated.py", "exec")
+    places = [k for k, line in enumerate(module.split("\n"), 1) if "/" in line or "sqrt" in line]
+    return plain, compile(_Replace(places).visit(tree), "generated.py", "exec")
 
 
 class _Replace(ast.NodeTransformer):
+    """Quotients and roots as calls; ``places`` are the lines that may have some, in order: most have none."""
+
+    def __init__(self, places: list[int]) -> None:
+        self.places = places
+
+    def visit(self, node: ast.AST) -> Any:
+        if isinstance(node, ast.stmt):
+            first = bisect_left(self.places, node.lineno)
+            if first == len(self.places) or self.places[first] > (node.end_lineno or node.lineno):
+                return node
+        return super().visit(node)
+
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
         if not isinstance(node.op, ast.Div):

@@ -26,6 +26,7 @@ class Unit:
             if isinstance(item, c_ast.Decl) and isinstance(item.type, c_ast.FuncDecl)
         } | {name: item.decl.type.type for name, item in self.functions.items()}
         self._kinds_in: dict[str, dict[str, Kind]] = {}
+        self._calls: dict[str, list[str]] = {}
 
     def kind(self, type_node: Any) -> Kind:
         """The scalar type behind a type: arrays and pointers stand for their elements.
@@ -60,6 +61,20 @@ class Unit:
                 if isinstance(node, c_ast.Decl) and not isinstance(node.type, c_ast.FuncDecl)
             }
         return self._kinds_in[name]
+
+    def calls(self, definition: c_ast.FuncDef) -> list[str]:
+        """Names of the functions that a function calls, sorted.
+
+        Parameters
+        ----------
+        definition : FuncDef
+            One of the unit's functions.
+        """
+        name = definition.decl.name
+        if name not in self._calls:
+            called = {node.name.name for node in walk(definition.body) if isinstance(node, c_ast.FuncCall)}
+            self._calls[name] = sorted(called)
+        return self._calls[name]
 
     def field(self, struct: Kind, name: str) -> Any:
         """Type of a field of a typedef'd struct.

@@ -17,11 +17,15 @@ from model.drives.load import shipped_drives
 from model.schema import Drive, DriveError, TargetChoice
 from runtime.estimator.folder import GENERATED
 from runtime.folders.resolve import NamedDrive, find_drive, target_folder
+from runtime.system.collector import leave_circles
 from runtime.system.errors import UserError
 from runtime.system.values import read_word
 from runtime.system.workers import workers
 
 Progress = Callable[[str], None]
+
+#: Drives whose circles may lie about in one process: 30 MB each, of the shipped ones.
+DRIVES_AT_ONCE = 10
 
 
 @dataclass(frozen=True)
@@ -137,6 +141,7 @@ def _generate_all(
 
 def _generate(named: NamedDrive, out: Path | None, check: bool, form: str) -> InMemory:
     """One drive in memory, within its budget; stack and code size as the folder has them, else measured."""
+    leave_circles(DRIVES_AT_ONCE)
     drive = named.drive
     kept = kept_records(target_folder(named, out))
     try:

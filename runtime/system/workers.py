@@ -18,6 +18,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
+from runtime.system.collector import end_without_search
+
 Submit = Callable[..., Future[Any]]
 Progress = Callable[[str], None]
 
@@ -100,6 +102,7 @@ COLLECTED_EVERY = 20_000
 def _begin(scratch: str, words: Any) -> None:
     global _words
     gc.set_threshold(COLLECTED_EVERY, 20, 20)
+    end_without_search()
     _words = words
     os.environ["TMPDIR"] = tempfile.tempdir = scratch
     threading.Thread(target=_end_with_the_command, daemon=True).start()

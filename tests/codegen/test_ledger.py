@@ -7,8 +7,9 @@ from typing import Any
 
 import casadi as ca
 import pytest
+from pycparser import CParser, c_generator
 
-from codegen.evidence.emitted import EmittedError, code_of, parse_emitted
+from codegen.evidence.emitted import EmittedError, _declarations, _Preprocessor, code_of, parse_emitted
 from codegen.evidence.ledger import Program
 from codegen.ir.layout import Listing, lay_out
 from codegen.ir.trig import sin_cos_listing, wrap_listing
@@ -254,6 +255,57 @@ def test_what_is_given_decides_its_branches_and_copies_cost_their_words(
     table = program.ledger("step", "drive_t", 1, given).operations
     assert table.get("copied", 0) == expected.get("copied", 0)
     assert ("copied" in table) == ("copied" in expected)
+
+
+NESTED = (
+    STEP
+    + """
+static void inner(drive_t *d, small_t *f) { step(d, f); }
+void outer(drive_t *d, small_t *f) { if (d->rivals == 1) { inner(d, f); } inner(d, f); }
+void again(drive_t *d, small_t *f) { inner(d, f); }
+"""
+)
+
+
+def test_counts_of_one_program_do_not_take_each_others_answers() -> None:
+    """A function that was counted is not counted again where what it asked, itself or by a call, is the same."""
+    every = [{}, {"mode": 4}, {"mode": 4, "rivals": 0}, {"mode": 4, "rivals": 1}, {"mode": 6}, {"mode": 5, "rivals": 0}]
+    for order in (every, every[::-1]):
+        program = Program({"x.c": NESTED}, "x.c")
+        for given in order:
+            for function in ("outer", "again", "step"):
+                alone = Program({"x.c": NESTED}, "x.c").count(function, 1, given=given)
+                assert program.count(function, 1, given=given) == alone
+                program.count(function, 1, given=given).clear()  # the caller's own
+        assert program.count("step", 1, given={"mode": 4}) == {"mul": 2, "add": 1, "branch": 2}
+
+
+TRICKY = """
+typedef struct { int a[2]; struct { int b; } c; } s_t, *p_t;
+static const char text[] = "} ; {"; static const char mark = '{';
+static const s_t table[2] = { { { 1, 2 }, { 3 } }, { { 4, 5 }, { 6 } } };
+enum { ONE, TWO };
+int f(p_t s, int (*g)(int));
+int f(p_t s, int (*g)(int)) { if (s->a[0]) { return g(1); } return 2; }
+static int h(int s_t_) { typedef int s_u; s_u k = s_t_; return k; }
+"""
+
+
+def test_a_text_is_read_in_parts_as_it_is_read_whole() -> None:
+    name = "ipmsm_flux"
+    files = {path.name: path.read_text() for path in (GENERATED / name).glob("*.[ch]")} | {"tricky.c": TRICKY}
+    spell = c_generator.CGenerator().visit
+    for source in ("tricky.c", f"{name}_ckf.c", f"{name}_ickf.c", f"{name}_ickf_supervisor.c", f"{name}_ickf_drive.c"):
+        text = _Preprocessor(files, default_target().macros).read(source)
+        parts = list(_declarations(text))
+        assert len(parts) > 5
+        assert spell(parse_emitted(files, source)[0]) == spell(CParser().parse(text))
+
+
+@pytest.mark.parametrize("wrong", ["int f(void) { return 1; ", "int f(void) { return 1; } }", "s_t x;", "int f( { }"])
+def test_what_is_no_c_is_refused_with_its_place_in_the_file(wrong: str) -> None:
+    with pytest.raises(EmittedError, match=r"x\.c cannot be read as C: (x\.c:|At end of input)"):
+        parse_emitted({"x.c": f"int y;\n{wrong}\n"}, "x.c")
 
 
 def test_one_more_iteration_costs_one_more_pass() -> None:

@@ -255,7 +255,7 @@ _EVIDENCE = {
         ("angle not taken round", "dx[angle] = np.abs(np.remainder(", "dx[angle] = np.abs(1.5 * np.remainder(", FIGURES),
         ("relative to P_ii alone", "scale = sigma[:, :, None] * sigma[:, None, :]", "scale = sigma[:, :, None] * sigma[:, :, None]", FIGURES),
         ("bad draws not counted", "not_finite=int(np.sum(~good))", "not_finite=0", FIGURES),
-        ("indefinite not counted", "indefinite=int(np.sum(lowest <= 0))", "indefinite=int(np.sum(lowest < -1e9))", FIGURES),
+        ("indefinite not counted", "eigvalsh(P)[:, 0] <= 0", "eigvalsh(P)[:, 0] < -1e9", FIGURES),
         ("chip against float64", "return ChipModel(_compare(module, fpu32, host)", 'return ChipModel(_compare(module, fpu32, one_step(module, kind, box, "float64"))', FIGURES),
     ),
     "codegen/evidence/box.py": (
@@ -276,6 +276,9 @@ _EVIDENCE = {
     ),
     "codegen/evidence/ledger.py": (
         ("what is given decides the other way", "(value == other) is (condition.op ==", "(value != other) is (condition.op ==", (LEDGER,)),
+        ("a count under other circumstances taken", "            if all(self.given.get(field)", "            if True or all(self.given.get(field)", (LEDGER,)),
+        ("what a callee asked forgotten", "        self.asked[-1] |= known[-1][0]\n", "", (LEDGER,)),
+        ("what a known callee asked forgotten", "                self.asked[-1] |= asked\n", "", (LEDGER,)),
         ("what is given decides nothing", "        if holds is not None:\n", "        if holds is not None and False:\n", (LEDGER,)),
         ("copies not counted", "own[COPIED] += self.unit.words", "own[COPIED] += 0 * self.unit.words", (LEDGER,)),
         ("cheaper side of a branch", "return self._asked(node.cond) + (self.count(node.iftrue) | self.count(node.iffalse))\n\n    def _count_DoWhile", "return self._asked(node.cond) + (self.count(node.iftrue) & self.count(node.iffalse))\n\n    def _count_DoWhile", (LEDGER,)),
@@ -290,7 +293,7 @@ _EVIDENCE = {
     ),
     "codegen/evidence/fpu32.py": (
         ("one Newton step", "    y = seed = reciprocal_seed(b)\n    for _ in range(2):", "    y = seed = reciprocal_seed(b)\n    for _ in range(1):", (FPU,)),
-        ("denormals kept", "np.abs(value) < TINY, np.copysign", "np.abs(value) < 0, np.copysign", (FPU,)),
+        ("denormals kept", "(np.abs(value) >= TINY)", "(np.abs(value) >= 0)", (FPU,)),
     ),
 }  # fmt: skip
 
