@@ -239,7 +239,7 @@ void ipmsm_ickf_drive_init(ipmsm_ickf_drive_t *d, int delay)
 {
     ipmsm_ickf_foc_init(&d->control, delay);
     ipmsm_ickf_supervisor_init(&d->supervisor);
-    d->injection[0] = 360.0f;
+    d->injection[0] = 311.04f;
     d->injection[1] = 1.0f;
     d->status = 0;
 }

@@ -233,7 +233,7 @@ void ipmsm_adaptive_ckf_drive_init(ipmsm_adaptive_ckf_drive_t *d, int delay)
 {
     ipmsm_adaptive_ckf_foc_init(&d->control, delay);
     ipmsm_adaptive_ckf_supervisor_init(&d->supervisor);
-    d->injection[0] = 360.0f;
+    d->injection[0] = 345.6f;
     d->injection[1] = 1.0f;
     d->status = 0;
 }

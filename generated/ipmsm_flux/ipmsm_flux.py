@@ -2094,7 +2094,7 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
-INJECTED_VOLTAGE = 359.99999999999994  # V: amplitude of the square wave on the d axis
+INJECTED_VOLTAGE = 345.5999999999999  # V: amplitude of the square wave on the d axis
 
 
 MOST_VARIANCE = 0.2741556778080377  # rad^2: an angle that P knows no better is not seen

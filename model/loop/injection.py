@@ -17,16 +17,21 @@ from typing import Any
 import casadi as ca
 
 from model.filters.program import BlockBuilder
-from model.inverter import SQRT_3
+from model.inverter import SQRT_3, lost_voltage
 from model.loop.controller import LEAST_LINK
 from model.machines.base import Rotor
 from model.quantities import Block
 from model.rating import rating
 from model.schema import Drive
 
-#: Amplitude of the ripple, of the current that rated torque takes, or of the largest where none is stated; speed beyond
-#: which there is none, of the rated one.
-RIPPLE, FADED = 0.05, 0.2
+#: Amplitude that the ripple may have, of the current that rated torque takes, or of the largest where none is stated;
+#: speed beyond which there is none, of the rated one.
+RIPPLE, FADED = 0.048, 0.2
+#: Length of what a single leg's V_d makes of the voltage vector. The compensation of a leg whose current is about zero
+#: follows the sign that the ripple had a whole period before: it adds so much of V_d to the square wave.
+OF_A_LEG = 2.0 / 3.0
+#: Share of the wave that is left in any case, where V_d is as large as the wave itself.
+LEAST_LEFT = 0.5
 
 
 def ripple_scale(drive: Drive) -> float:
@@ -42,15 +47,19 @@ def ripple_scale(drive: Drive) -> float:
 def injected_voltage(drive: Drive) -> float:
     """Amplitude of the square wave, V; 0 for a round rotor, which shows nothing.
 
+    The ripple is held with the smallest d inductance within tolerance, and with what the compensation adds.
+
     Parameters
     ----------
     drive : Drive
-        Its rated or largest current, d inductance and sample time.
+        Its rated or largest current, d inductance, sample time, and V_d.
     """
     m = drive.motor
     if m.inductance_d == m.inductance_q:
         return 0.0
-    return 2.0 * RIPPLE * ripple_scale(drive) * m.inductance_d / drive.model.sample_time
+    least = m.inductance_d * (1.0 - (drive.tolerance.inductance if drive.tolerance else 0.0))
+    allowed = 2.0 * RIPPLE * ripple_scale(drive) * least / drive.model.sample_time
+    return max(allowed - OF_A_LEG * lost_voltage(drive), LEAST_LEFT * allowed)
 
 
 def faded(drive: Drive) -> float:

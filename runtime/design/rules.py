@@ -33,6 +33,7 @@ from runtime.design.known import (
     inductance_bandwidth,
     is_salient,
     limits,
+    model_fading,
     motor_data,
     rated_point,
     remarks,
@@ -110,7 +111,7 @@ def design(facts: Facts) -> Design:
         "rated": _rated(facts),
         "operating_box": _box(facts, point, box),
         "control": _control(facts, point),
-        **({"inverter": _inverter(facts)} if facts.dead_time else {}),
+        **({"inverter": _inverter(facts, point)} if facts.dead_time else {}),
         "tolerance": _tolerance(facts, point),
     }
     return Design(facts.name, sections, said)
@@ -266,12 +267,15 @@ def _tolerance(f: Facts, point: RatedPoint) -> Section:
     }
 
 
-def _inverter(f: Facts) -> Section:
+def _inverter(f: Facts, point: RatedPoint) -> Section:
     way = f"more of {FADING_SIGMAS:g} sigmas and what V_d drives through L in"
+    fading = Choice(fading_current(f), f"A, the {way} {FADING_SAMPLES:g} sample")
+    if model_fading(f, point) > fading.value:
+        fading = Choice(model_fading(f, point), "A, two thirds of the ripple: within it the sign is that of the mean")
     return {
         "dead_time": Choice(f.dead_time, f"s, {f.dead_time / f.T:.1%} of a sample; model and controller have it"),
         "switching_frequency": Choice(stated(1 / f.T), "Hz, one period a sample"),
-        "fading_current": Choice(fading_current(f), f"A, the {way} {FADING_SAMPLES:g} sample"),
+        "fading_current": fading,
         "compensation_current": Choice(
             fading_current(f, COMPENSATION_SAMPLES), f"A, the {way} {COMPENSATION_SAMPLES:g} samples"
         ),

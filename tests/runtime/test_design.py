@@ -14,6 +14,7 @@ import pytest
 
 from codegen.generate import Package
 from model.drives.load import accepted_range, drive_path, load_drive, parse_drive, shipped_drives
+from model.loop.injection import RIPPLE
 from model.rating import mtpa_currents
 from runtime.design.cost import priced
 from runtime.design.facts import EXAMPLE, SECTIONS, Facts, parse_facts, read_facts
@@ -241,13 +242,14 @@ def test_facts_that_no_drive_file_holds_are_bad_input() -> None:
 
 @pytest.mark.parametrize("path", FACTS, ids=lambda path: path.stem)
 def test_the_inverter_is_in_the_drive_file_where_there_is_dead_time(path: Path) -> None:
-    """Its currents: one that V_d drives through the inductance in a sample, and never within the sensor's noise."""
+    """Its currents: one that V_d drives through the inductance in a sample, never within noise or, at rest, ripple."""
     facts = read_facts(path)
     section = {key: choice.value for key, choice in design(facts).sections["inverter"].items()}
     driven = facts.dc_link * facts.dead_time / min(facts.L_d, facts.L_q)
     assert section["dead_time"] == facts.dead_time
     assert section["switching_frequency"] == pytest.approx(1 / facts.T)
-    assert section["fading_current"] == pytest.approx(max(3 * facts.sigma, driven), rel=5e-3)
+    ripple = 0.0 if facts.L_d == facts.L_q else RIPPLE * rated_point(facts).current
+    assert section["fading_current"] == pytest.approx(max(3 * facts.sigma, driven, ripple / 1.5), rel=5e-3)
     assert section["compensation_current"] == pytest.approx(max(3 * facts.sigma, 0.6 * driven), rel=5e-3)
     assert "inverter" not in design(replace(facts, dead_time=0.0)).sections
 
