@@ -66,7 +66,7 @@ void paper_spmsm_ckf_supervisor_init(paper_spmsm_ckf_supervisor_t *s);
 void paper_spmsm_ckf_supervisor_refuse(paper_spmsm_ckf_supervisor_t *s);
 
 /* Once an interrupt, after the filter's step where there was one. status: that step's, else 0; phase: i_a, i_b in A;
- * reference: speed, of which only the sign matters. Returns the number of the transition that was taken, 0 for none:
+ * reference: speed in rad/s, whose sign alone matters. Returns the number of the transition that was taken, 0 for none:
  * REPORT.md lists them. */
 int paper_spmsm_ckf_supervise(paper_spmsm_ckf_supervisor_t *s, paper_spmsm_ckf_t *f, int status, const float32 phase[2], float32 reference);
 

@@ -124,6 +124,9 @@
 #define MIRROR_SPEED 2500.0f /* (rad/s)^2: of half a turn on */
 #define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
 #define HALF_PI 1.5707964f /* a quarter of a turn */
+#define START_SPEED 12.5f /* rad/s: STARTING goes for no less: WINDOW_TURN in the longest window */
+#define START_SPEED_SQUARED 156.25f /* (rad/s)^2 */
+#define STILL_SQUARED 0.015625f /* (rad/s)^2: a reference within this asks for no motion */
 #define HELD 0.001f /* of P_0: motor data that are states are not learnt while the rotor is looked for */
 #define PI 3.1415927f /* half a turn */
 
@@ -510,6 +513,10 @@ static void watch(spmsm_adaptive_ickf_supervisor_t *s, const spmsm_adaptive_ickf
     } else {
         s->probe[1] = 0.0f;
     }
+    s->asked[0] = reference;
+    if (reference * reference < START_SPEED_SQUARED) {
+        s->asked[0] = s->probe[0] * START_SPEED;
+    }
     if (s->mode == PMSM_WAITING) {
         turn_guess(s->guess, s->guess);
     }
@@ -629,6 +636,7 @@ void spmsm_adaptive_ickf_supervisor_init(spmsm_adaptive_ickf_supervisor_t *s)
     s->side = 0;
     s->windows = 0;
     s->good = 0;
+    s->asked[0] = 0.0f;
     spmsm_adaptive_ickf_init(&s->rival);
 }
 
@@ -685,8 +693,8 @@ int spmsm_adaptive_ickf_supervise(
             guess_from_probe(s);
             go(s, PMSM_WAITING);
             taken = 6;
-        } else if (s->since >= PROBE_SAMPLES) {
-            /* no current came: the rotor stands */
+        } else if ((s->since >= PROBE_SAMPLES) && (reference * reference > STILL_SQUARED)) {
+            /* no current came: the rotor stands, and the reference asks for motion */
             guess_rest(s, f);
             place(s, phase);
             start_filter(s, f);

@@ -124,6 +124,9 @@
 #define MIRROR_SPEED 2500.0f /* (rad/s)^2: of half a turn on */
 #define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
 #define HALF_PI 1.5707964f /* a quarter of a turn */
+#define START_SPEED 12.5f /* rad/s: STARTING goes for no less: WINDOW_TURN in the longest window */
+#define START_SPEED_SQUARED 156.25f /* (rad/s)^2 */
+#define STILL_SQUARED 0.015625f /* (rad/s)^2: a reference within this asks for no motion */
 #define PI 3.1415927f /* half a turn */
 
 #define TURN_PER_SAMPLE 0.0004f /* p T, rad electrical per rad/s */
@@ -505,6 +508,10 @@ static void watch(spmsm_load_torque_ckf_supervisor_t *s, const spmsm_load_torque
     } else {
         s->probe[1] = 0.0f;
     }
+    s->asked[0] = reference;
+    if (reference * reference < START_SPEED_SQUARED) {
+        s->asked[0] = s->probe[0] * START_SPEED;
+    }
     if (s->mode == PMSM_WAITING) {
         turn_guess(s->guess, s->guess);
     }
@@ -624,6 +631,7 @@ void spmsm_load_torque_ckf_supervisor_init(spmsm_load_torque_ckf_supervisor_t *s
     s->side = 0;
     s->windows = 0;
     s->good = 0;
+    s->asked[0] = 0.0f;
     spmsm_load_torque_ckf_init(&s->rival);
 }
 
@@ -680,8 +688,8 @@ int spmsm_load_torque_ckf_supervise(
             guess_from_probe(s);
             go(s, PMSM_WAITING);
             taken = 6;
-        } else if (s->since >= PROBE_SAMPLES) {
-            /* no current came: the rotor stands */
+        } else if ((s->since >= PROBE_SAMPLES) && (reference * reference > STILL_SQUARED)) {
+            /* no current came: the rotor stands, and the reference asks for motion */
             guess_rest(s, f);
             place(s, phase);
             start_filter(s, f);

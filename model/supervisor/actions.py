@@ -25,13 +25,15 @@ from model.supervisor.blocks import onward_block, place_block, probe_block, read
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
 
-def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
+def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...]:
     """What is counted in every mode, and of the step that ran.
 
     Parameters
     ----------
     drive : Drive
     model : StateSpaceModel
+    rivals : bool
+        There is a second filter.
     """
     probe, phase = [Entry("probe", k) for k in range(2)], [Entry("phase", k) for k in range(2)]
     trip = Name("TRIP_SQUARED")
@@ -44,6 +46,7 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
             (Set(probe[1], Operation("+", probe[1], Number(1.0))),),
             (Set(probe[1], Number(0.0)),),
         ),
+        *(_asked(probe[0]) if rivals else ()),
         If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),
         _eased(),
         If(
@@ -68,6 +71,13 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
             ),
         ),
     )
+
+
+def _asked(way: Value) -> tuple[Node, ...]:
+    """A start turns fast enough that its windows tell the angle, whatever the reference is; NaN stays what it is."""
+    asked, reference = Entry("asked", 0), Name("reference")
+    slow = Compare("<", square(reference), Name("START_SPEED_SQUARED"))
+    return Set(asked, reference), If(slow, (Set(asked, Operation("*", way, Name("START_SPEED"))),))
 
 
 def _eased() -> If:

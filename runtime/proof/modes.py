@@ -41,6 +41,7 @@ from runtime.proof.mode_numbers import (
     SILENT_TURN,
     START_ANGLE,
     STEADY,
+    STILL,
     TELLS,
     TRIP,
     TURN,
@@ -97,6 +98,7 @@ class Modes(Numbers):
         self._count(m, f, said, phase, reference)
         m.whole["fresh"] = m.whole["anew"] = 0
         where, branch = m.mode, getattr(self, f"_{m.mode.lower()}", None)
+        self._wanted = abs(reference) > STILL * self.slowest
         event = branch(m, f, said, phase) if branch else self._go(m, "RESTING")  # a mode that is none
         for name, modes in (("runs", RUNNING), ("torque", TORQUE), ("rivals", ("STARTING",))):
             if name in m.whole:
@@ -130,6 +132,9 @@ class Modes(Numbers):
         n["since"] += n["since"] < MOST
         zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
         m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
+        if m.rival is not None:  # a start turns fast enough to be judged; what is no number stays
+            least = math.copysign(self.slowest, m.arrays["probe"][0])
+            m.arrays["asked"] = [least if abs(reference) < self.slowest else reference]
         if m.mode == "WAITING":  # the rotor turns on
             omega, theta = m.arrays["guess"][2:]
             m.arrays["guess"][3] = math.remainder(theta + self.p * omega * self.T, 2 * math.pi)
@@ -207,7 +212,7 @@ class Modes(Numbers):
         if not self._inside(phase, TRIP):
             return self._lost(m, "CURRENT")
         if self._inside(phase, SHOWS):
-            if m.whole["since"] < self.samples(PROBE):
+            if m.whole["since"] < self.samples(PROBE) or (m.rival is not None and not self._wanted):
                 return ""
             m.whole["fresh"] = 1
             self._stands(m, f)
