@@ -209,16 +209,16 @@ static void watch_turning(const float32 x[4], const float32 turning[5], float32 
     const float32 turned = turning[0];
     const float32 stated = turning[1];
     const float32 theta_before = turning[2];
-    const float32 turned_now = turned + wrap_angle(theta - theta_before);
-    const float32 turn_now = TURN_PER_SAMPLE * omega;
-    const float32 stated_now = stated + turn_now;
+    const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned_now = turned + moved_now;
+    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = turn_now;
+    turning_out[4] = moved_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -605,6 +605,19 @@ static void watch(ipmsm_flux_ckf_supervisor_t *s, const ipmsm_flux_ckf_t *f, int
             }
             s->silent[2] = s->silent[2] + s->turning[4];
             if ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED) {
+                s->silent[2] = 0.0f;
+            }
+        } else {
+            s->silent[0] = s->silent[0] - 0.25f * s->turning[4];
+            if (s->silent[0] * s->turning[4] < 0.0f) {
+                s->silent[0] = 0.0f;
+            }
+            s->silent[1] = s->silent[1] - 0.25f * s->turning[4];
+            if (s->silent[1] * s->turning[4] < 0.0f) {
+                s->silent[1] = 0.0f;
+            }
+            s->silent[2] = s->silent[2] - 0.25f * s->turning[4];
+            if (s->silent[2] * s->turning[4] < 0.0f) {
                 s->silent[2] = 0.0f;
             }
         }

@@ -22,6 +22,7 @@ from model.filters.program import Call, Count, If, Node, Restart, Set
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.blocks import onward_block, place_block, probe_block, reading_block, turning_block
+from model.supervisor.limits import FORGOTTEN_TURN
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
 
@@ -66,6 +67,7 @@ def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...
                 If(
                     Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
                     tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
+                    tuple(node for k in range(3) for node in _less_silent(k)),
                 ),
                 _in_a_row("open", Either(tuple(_half_turn(k) for k in range(3))), "MAX_OPEN"),
             ),
@@ -104,6 +106,13 @@ def _silent(k: int, current: Value) -> tuple[Set, If]:
     silent = Entry("silent", k)
     more = Set(silent, Operation("+", silent, Entry("turning", 4)))
     return more, If(Compare(">", square(current), Name("ZERO_SQUARED")), (Set(silent, Number(0.0)),))
+
+
+def _less_silent(k: int) -> tuple[Set, If]:
+    """Where no phase carries a current a quarter of a turn is taken back: pulses now and then are no open phase."""
+    silent, moved = Entry("silent", k), Entry("turning", 4)
+    less = Set(silent, Operation("-", silent, Operation("*", Number(FORGOTTEN_TURN), moved)))
+    return less, If(Compare("<", Operation("*", silent, moved), Number(0.0)), (Set(silent, Number(0.0)),))
 
 
 def _half_turn(k: int) -> Condition:
