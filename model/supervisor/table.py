@@ -3,12 +3,12 @@
 RESTING, inverter off, until the currents read zero; PROBING, zero voltage: a rotor that turns makes a current, which is
 read, and read again after WAITING, inverter off, until it has turned far enough to tell which way the rotor turns.
 CATCHING, once that current has died out, too: the filter runs without torque until it has found the rotor. Where no
-current comes the rotor stands, or nearly. Once the reference asks for motion: STARTING, torque is on, and a rival filter
-half a turn away runs beside the filter; whichever expects the currents better is followed. As standstill tells nothing
-of either, a start turns at START_SPEED at least, however small the reference is. RUNNING, in which a rotor that was caught gets its torque
-little by little: braking from beyond the rated speed, field weakening has to come first. And FAULT, inverter off, after
-too many attempts in a row, or where the currents never read zero. Read :func:`transitions` as a table: from a mode,
-where a guard holds, to a mode.
+current comes the rotor stands, or nearly. Once the reference asks for motion: STARTING, torque is on, and a rival
+filter half a turn away runs beside the filter; whichever expects the currents better is followed. As standstill tells
+nothing of either, a start turns at START_SPEED at least, however small the reference is. RUNNING, in which a rotor that
+was caught gets its torque little by little: braking from beyond the rated speed, field weakening has to come first. And
+FAULT, inverter off, after too many attempts in a row, or where the currents never read zero. Read :func:`transitions`
+as a table: from a mode, where a guard holds, to a mode.
 
 Once an interrupt, after filter and controller where they ran. ``PMSM_NOT_CONVERGED`` is no reason to stop: the last
 iterate is kept and the next step goes on from it. ``PMSM_DIVERGED`` says that currents, voltages and motor do not fit

@@ -30,7 +30,6 @@ from runtime.faults.starts import (
 )
 from tests.conftest import EVERY_DRIVE, thoroughly
 
-
 #: Share of runs that need a second attempt, and crawl too late for their judge: of 200 at most 3 of traction_70kw and 2
 #: of ipmsm_adaptive.
 LATE_CRAWLS = {"traction_70kw": 0.05, "ipmsm_adaptive": 0.05}
