@@ -53,7 +53,19 @@ def stay_texts(machine: Supervisor, sample_time: float) -> dict[str, str]:
     sample_time : float
         s.
     """
-    return {name: f"at most {1e3 * count * sample_time:.3g} ms" for name, count in longest_stays(machine).items()}
+    stays = longest_stays(machine)
+    texts = {name: f"at most {1e3 * count * sample_time:.3g} ms" for name, count in stays.items()}
+    return texts | {name: f"{texts[name]}, or no motion is asked for" for name in waiting(machine)}
+
+
+def waiting(machine: Supervisor) -> tuple[str, ...]:
+    """Modes that last on, beyond their longest stay, while the reference asks for no motion.
+
+    Parameters
+    ----------
+    machine : Supervisor
+    """
+    return ("PROBING",) if machine.rivals else ()
 
 
 def spell_value(value: Value) -> str:
@@ -116,13 +128,11 @@ def modes_context(machine: Supervisor, sample_time: float) -> dict[str, Any]:
     sample_time : float
         s.
     """
-    stays = longest_stays(machine)
+    stays = {name: f"{1e3 * count * sample_time:.3g}" for name, count in longest_stays(machine).items()}
+    stays |= {name: f"{stays[name]}; more where no motion is asked for" for name in waiting(machine)}
     return {
         "rivals": machine.rivals,
-        "modes": [
-            {"mode": mode, "stay": f"{1e3 * stays[mode.name] * sample_time:.3g}" if mode.name in stays else "no limit"}
-            for mode in machine.modes
-        ],
+        "modes": [{"mode": mode, "stay": stays.get(mode.name, "no limit")} for mode in machine.modes],
         "transitions": [
             {
                 "number": number,

@@ -7,7 +7,8 @@
  *   if (s.runs != 0) {
  *       if (s.fresh != 0) { voltages that are under way: 0 }
  *       if (s.anew != 0) { your integrators: 0 }
- *       if (s.rivals != 0) { ipmsm_ickf_step(&s.rival, u, y); and a current limited to IPMSM_ICKF_START_SHARE }
+ *       if (s.rivals != 0) { ipmsm_ickf_step(&s.rival, u, y); a current limited to IPMSM_ICKF_START_SHARE; and the speed
+ *                            s.asked[0] to go for, which is the reference or faster }
  *       status = ipmsm_ickf_step(&f, u, y);      then your controller, its current limited to 0 unless s.torque,
  *                                                 and then to s.eased[0] of the largest
  *   } else { status = 0; zero voltage: all duty cycles 0.5 }
@@ -55,7 +56,7 @@ typedef struct {
     int mirrored; /* 1: the guess is not turned round: it was already, or the current told which way */
     int failures; /* attempts in a row that did not end in steady running */
     int steady; /* windows of RUNNING in a row */
-    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
+    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now */
     float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
     float32 eased[1]; /* share of the largest current that RUNNING allows */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
@@ -66,6 +67,7 @@ typedef struct {
     int side; /* on which side of the filter the rival was last */
     int windows; /* of STARTING, so far */
     int good; /* of them in a row in which the angle turned as stated */
+    float32 asked[1]; /* rad/s: the speed that STARTING goes for: the reference, or START_SPEED where that is less */
     ipmsm_ickf_t rival; /* the second filter of STARTING */
 } ipmsm_ickf_supervisor_t;
 
@@ -76,7 +78,7 @@ void ipmsm_ickf_supervisor_init(ipmsm_ickf_supervisor_t *s);
 void ipmsm_ickf_supervisor_refuse(ipmsm_ickf_supervisor_t *s);
 
 /* Once an interrupt, after the filter's step where there was one. status: that step's, else 0; phase: i_a, i_b in A;
- * reference: speed, of which only the sign matters. Returns the number of the transition that was taken, 0 for none:
+ * reference: speed in rad/s. Returns the number of the transition that was taken, 0 for none:
  * REPORT.md lists them. */
 int ipmsm_ickf_supervise(ipmsm_ickf_supervisor_t *s, ipmsm_ickf_t *f, int status, const float32 phase[2], float32 reference);
 

@@ -181,12 +181,13 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
 static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
     float32 share = (supervisor.torque != 0) ? supervisor.eased[0] : 0.0f; /* of the current that may be asked for */
+    const float32 reference = read_speed_reference();
     float32 command[2];
     float32 i[2];
     float32 v[2] = {0.0f, 0.0f};
     i[0] = phase[0]; /* CLARKE, amplitude-invariant */
     i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));
-    command[0] = read_speed_reference();
+    command[0] = reference;
     command[1] = read_dc_link();
     status[0] = 0;
     duty[0] = 0.5f;
@@ -210,7 +211,7 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
         v_queued[0] = v[0]; /* what the inverter really makes of duty: with v limited, the limited one */
         v_queued[1] = v[1];
     }
-    (void)paper_spmsm_ickf_supervise(&supervisor, &filter, status[0], phase, command[0]);
+    (void)paper_spmsm_ickf_supervise(&supervisor, &filter, status[0], phase, reference);
     return supervisor.inverter;
 }
 #endif

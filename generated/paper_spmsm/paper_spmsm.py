@@ -947,12 +947,12 @@ def watch_turning(x, turning, math, stages=None):
     turned = turning[0]
     stated = turning[1]
     theta_before = turning[2]
-    turned_now = turned + math.wrap(theta - theta_before)
-    turn_now = TURN_PER_SAMPLE * omega
-    stated_now = stated + turn_now
+    moved_now = math.wrap(theta - theta_before)
+    turned_now = turned + moved_now
+    stated_now = stated + TURN_PER_SAMPLE * omega
     off = turned_now - stated_now
 
-    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), turn_now,)
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), moved_now,)
 
 
 def read_current(phase, first, math, stages=None):
@@ -1215,6 +1215,8 @@ def _watch(s, f, status, phase, reference, math):
     turning_new = watch_turning(f.x, turning, math)
     turning = list(_select(hit_11, turning_new, turning))
     hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    miss_15 = (hit_11 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
+        (phase[1] * phase[1] > PROBE_SQUARED)))
     silent[0] = np.where(hit_15, silent[0] + turning[4], silent[0])[()]
     hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED)
     silent[0] = np.where(hit_16, 0.0, silent[0])[()]
@@ -1224,12 +1226,21 @@ def _watch(s, f, status, phase, reference, math):
     silent[2] = np.where(hit_15, silent[2] + turning[4], silent[2])[()]
     hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
     silent[2] = np.where(hit_18, 0.0, silent[2])[()]
-    hit_19 = (hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    silent[0] = np.where(miss_15, silent[0] - 0.25 * turning[4], silent[0])[()]
+    hit_19 = miss_15 & (silent[0] * turning[4] < 0.0)
+    silent[0] = np.where(hit_19, 0.0, silent[0])[()]
+    silent[1] = np.where(miss_15, silent[1] - 0.25 * turning[4], silent[1])[()]
+    hit_20 = miss_15 & (silent[1] * turning[4] < 0.0)
+    silent[1] = np.where(hit_20, 0.0, silent[1])[()]
+    silent[2] = np.where(miss_15, silent[2] - 0.25 * turning[4], silent[2])[()]
+    hit_21 = miss_15 & (silent[2] * turning[4] < 0.0)
+    silent[2] = np.where(hit_21, 0.0, silent[2])[()]
+    hit_22 = (hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    miss_19 = (hit_11 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    miss_22 = (hit_11 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    s.open = np.where(hit_19 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
-    s.open = np.where(miss_19, 0, s.open)[()]
+    s.open = np.where(hit_22 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_22, 0, s.open)[()]
     s.probe = tuple(probe)
     s.guess = tuple(guess)
     s.eased = tuple(eased)

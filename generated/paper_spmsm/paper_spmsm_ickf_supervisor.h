@@ -49,7 +49,7 @@ typedef struct {
     int mirrored; /* 1: the guess is not turned round: it was already, or the current told which way */
     int failures; /* attempts in a row that did not end in steady running */
     int steady; /* windows of RUNNING in a row */
-    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
+    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now */
     float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
     float32 eased[1]; /* share of the largest current that RUNNING allows */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
@@ -66,7 +66,7 @@ void paper_spmsm_ickf_supervisor_init(paper_spmsm_ickf_supervisor_t *s);
 void paper_spmsm_ickf_supervisor_refuse(paper_spmsm_ickf_supervisor_t *s);
 
 /* Once an interrupt, after the filter's step where there was one. status: that step's, else 0; phase: i_a, i_b in A;
- * reference: speed, of which only the sign matters. Returns the number of the transition that was taken, 0 for none:
+ * reference: speed in rad/s, whose sign alone matters. Returns the number of the transition that was taken, 0 for none:
  * REPORT.md lists them. */
 int paper_spmsm_ickf_supervise(paper_spmsm_ickf_supervisor_t *s, paper_spmsm_ickf_t *f, int status, const float32 phase[2], float32 reference);
 

@@ -181,12 +181,13 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
 static int control_sample(const float32 phase[2], float32 duty[3], int status[1])
 {
     float32 share = (supervisor.torque != 0) ? supervisor.eased[0] : 0.0f; /* of the current that may be asked for */
+    const float32 reference = read_speed_reference();
     float32 command[2];
     float32 i[2];
     float32 v[2] = {0.0f, 0.0f};
     i[0] = phase[0]; /* CLARKE, amplitude-invariant */
     i[1] = INV_SQRT_3 * (phase[0] + (2.0f * phase[1]));
-    command[0] = read_speed_reference();
+    command[0] = reference;
     command[1] = read_dc_link();
     status[0] = 0;
     duty[0] = 0.5f;
@@ -204,6 +205,7 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
         if (supervisor.rivals != 0) {
             (void)traction_70kw_ckf_step(&supervisor.rival, v_acting, i);
             share = TRACTION_70KW_CKF_START_SHARE;
+            command[0] = supervisor.asked[0]; /* what your speed loop goes for, too */
         }
         status[0] = traction_70kw_ckf_step(&filter, v_acting, i);
         share = share * traction_70kw_ckf_link_share(command, filter.x[OMEGA]); /* less where the DC link is low, or high */
@@ -214,7 +216,7 @@ static int control_sample(const float32 phase[2], float32 duty[3], int status[1]
         v_queued[0] = v[0]; /* what the inverter really makes of duty: with v limited, the limited one */
         v_queued[1] = v[1];
     }
-    (void)traction_70kw_ckf_supervise(&supervisor, &filter, status[0], phase, command[0]);
+    (void)traction_70kw_ckf_supervise(&supervisor, &filter, status[0], phase, reference);
     return supervisor.inverter;
 }
 #endif

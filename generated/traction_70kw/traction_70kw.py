@@ -1230,6 +1230,9 @@ REST_SPEED = 1049.014856703433  # (rad/s)^2: of a rotor that made no current
 MIRROR_SPEED = 43890.25  # (rad/s)^2: of half a turn on
 START_ANGLE = 0.09  # rad^2: about each of the filters' guesses
 HALF_PI = 1.5707963267948966  # a quarter of a turn
+START_SPEED = 12.5  # rad/s: STARTING goes for no less: WINDOW_TURN in the longest window
+START_SPEED_SQUARED = 156.25  # (rad/s)^2
+STILL_SQUARED = 0.015625  # (rad/s)^2: a reference within this asks for no motion
 FLUX_SQUARED = 0.0064  # Wb^2: psi_m^2
 PI = 3.141592653589793  # half a turn
 
@@ -1268,6 +1271,7 @@ def new_supervisor(dtype=np.float32):
         side=np.int64(0),
         windows=np.int64(0),
         good=np.int64(0),
+        asked=(dtype(0),) * 1,
         rival=new_filter(dtype),
     )
 
@@ -1354,12 +1358,12 @@ def watch_turning(x, turning, math, stages=None):
     turned = turning[0]
     stated = turning[1]
     theta_before = turning[2]
-    turned_now = turned + math.wrap(theta - theta_before)
-    turn_now = TURN_PER_SAMPLE * omega
-    stated_now = stated + turn_now
+    moved_now = math.wrap(theta - theta_before)
+    turned_now = turned + moved_now
+    stated_now = stated + TURN_PER_SAMPLE * omega
     off = turned_now - stated_now
 
-    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), turn_now,)
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), moved_now,)
 
 
 def read_current(phase, first, math, stages=None):
@@ -1644,6 +1648,7 @@ def _tell(s):
 def _watch(s, f, status, phase, reference, math):
     """Counts, in every mode, and of the step that ran."""
     probe = list(s.probe)
+    asked = list(s.asked)
     guess = list(s.guess)
     eased = list(s.eased)
     turning = list(s.turning)
@@ -1657,65 +1662,80 @@ def _watch(s, f, status, phase, reference, math):
     miss_2 = np.logical_not(s.mode == PROBING)
     probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
     probe[1] = np.where(miss_2, 0.0, probe[1])[()]
-    hit_3 = s.mode == WAITING
+    asked[0] = reference
+    hit_3 = reference * reference < START_SPEED_SQUARED
+    asked[0] = np.where(hit_3, probe[0] * START_SPEED, asked[0])[()]
+    hit_4 = s.mode == WAITING
     guess_new = turn_guess(guess, math)
-    guess = list(_select(hit_3, guess_new, guess))
-    hit_4 = s.mode == CATCHING
-    miss_4 = np.logical_not(s.mode == CATCHING)
-    eased[0] = np.where(hit_4, EASE, eased[0])[()]
-    hit_5 = miss_4 & (s.mode == RUNNING)
-    miss_5 = miss_4 & np.logical_not(s.mode == RUNNING)
-    eased[0] = np.where(hit_5, eased[0] + EASE, eased[0])[()]
-    eased[0] = np.where(miss_5, 1.0, eased[0])[()]
-    hit_6 = miss_4 & (np.logical_not(eased[0] <= 1.0))
-    eased[0] = np.where(hit_6, 1.0, eased[0])[()]
-    hit_7 = s.mode == RESTING
-    miss_7 = np.logical_not(s.mode == RESTING)
-    hit_8 = hit_7 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
-    miss_8 = (hit_7 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
+    guess = list(_select(hit_4, guess_new, guess))
+    hit_5 = s.mode == CATCHING
+    miss_5 = np.logical_not(s.mode == CATCHING)
+    eased[0] = np.where(hit_5, EASE, eased[0])[()]
+    hit_6 = miss_5 & (s.mode == RUNNING)
+    miss_6 = miss_5 & np.logical_not(s.mode == RUNNING)
+    eased[0] = np.where(hit_6, eased[0] + EASE, eased[0])[()]
+    eased[0] = np.where(miss_6, 1.0, eased[0])[()]
+    hit_7 = miss_5 & (np.logical_not(eased[0] <= 1.0))
+    eased[0] = np.where(hit_7, 1.0, eased[0])[()]
+    hit_8 = s.mode == RESTING
+    miss_8 = np.logical_not(s.mode == RESTING)
+    hit_9 = hit_8 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
+    miss_9 = (hit_8 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
         (phase[1] * phase[1] <= ZERO_SQUARED)))
-    s.quiet = np.where(hit_8 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
+    s.quiet = np.where(hit_9 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
+    s.quiet = np.where(miss_9, 0, s.quiet)[()]
     s.quiet = np.where(miss_8, 0, s.quiet)[()]
-    s.quiet = np.where(miss_7, 0, s.quiet)[()]
-    hit_9 = np.logical_not(s.mode == FAULT)
-    s.acknowledged = np.where(hit_9, 0, s.acknowledged)[()]
-    hit_10 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
-    miss_10 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
-    s.excess = np.where(hit_10 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
-    s.excess = np.where(miss_10, 0, s.excess)[()]
-    hit_11 = s.runs == 1
-    hit_12 = hit_11 & ((status & INPUT_REJECTED) != 0)
-    miss_12 = hit_11 & np.logical_not((status & INPUT_REJECTED) != 0)
-    s.rejected = np.where(hit_12 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
-    s.rejected = np.where(miss_12, 0, s.rejected)[()]
-    hit_13 = hit_11 & ((status & DIVERGED) != 0)
-    miss_13 = hit_11 & np.logical_not((status & DIVERGED) != 0)
-    s.diverged = np.where(hit_13 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
-    s.diverged = np.where(miss_13, 0, s.diverged)[()]
-    hit_14 = hit_11 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
-    miss_14 = (hit_11 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
+    hit_10 = np.logical_not(s.mode == FAULT)
+    s.acknowledged = np.where(hit_10, 0, s.acknowledged)[()]
+    hit_11 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
+    miss_11 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
+    s.excess = np.where(hit_11 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
+    s.excess = np.where(miss_11, 0, s.excess)[()]
+    hit_12 = s.runs == 1
+    hit_13 = hit_12 & ((status & INPUT_REJECTED) != 0)
+    miss_13 = hit_12 & np.logical_not((status & INPUT_REJECTED) != 0)
+    s.rejected = np.where(hit_13 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
+    s.rejected = np.where(miss_13, 0, s.rejected)[()]
+    hit_14 = hit_12 & ((status & DIVERGED) != 0)
+    miss_14 = hit_12 & np.logical_not((status & DIVERGED) != 0)
+    s.diverged = np.where(hit_14 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
+    s.diverged = np.where(miss_14, 0, s.diverged)[()]
+    hit_15 = hit_12 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
+    miss_15 = (hit_12 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
         np.logical_not((status & RESTARTED) != 0)))
-    s.content = np.where(hit_14 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
-    s.content = np.where(miss_14, 0, s.content)[()]
+    s.content = np.where(hit_15 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
+    s.content = np.where(miss_15, 0, s.content)[()]
     turning_new = watch_turning(f.x, turning, math)
-    turning = list(_select(hit_11, turning_new, turning))
-    hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
-    silent[0] = np.where(hit_15, silent[0] + turning[4], silent[0])[()]
-    hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED)
-    silent[0] = np.where(hit_16, 0.0, silent[0])[()]
-    silent[1] = np.where(hit_15, silent[1] + turning[4], silent[1])[()]
-    hit_17 = hit_15 & (phase[1] * phase[1] > ZERO_SQUARED)
-    silent[1] = np.where(hit_17, 0.0, silent[1])[()]
-    silent[2] = np.where(hit_15, silent[2] + turning[4], silent[2])[()]
-    hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
-    silent[2] = np.where(hit_18, 0.0, silent[2])[()]
-    hit_19 = (hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    turning = list(_select(hit_12, turning_new, turning))
+    hit_16 = hit_12 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    miss_16 = (hit_12 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
+        (phase[1] * phase[1] > PROBE_SQUARED)))
+    silent[0] = np.where(hit_16, silent[0] + turning[4], silent[0])[()]
+    hit_17 = hit_16 & (phase[0] * phase[0] > ZERO_SQUARED)
+    silent[0] = np.where(hit_17, 0.0, silent[0])[()]
+    silent[1] = np.where(hit_16, silent[1] + turning[4], silent[1])[()]
+    hit_18 = hit_16 & (phase[1] * phase[1] > ZERO_SQUARED)
+    silent[1] = np.where(hit_18, 0.0, silent[1])[()]
+    silent[2] = np.where(hit_16, silent[2] + turning[4], silent[2])[()]
+    hit_19 = hit_16 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
+    silent[2] = np.where(hit_19, 0.0, silent[2])[()]
+    silent[0] = np.where(miss_16, silent[0] - 0.25 * turning[4], silent[0])[()]
+    hit_20 = miss_16 & (silent[0] * turning[4] < 0.0)
+    silent[0] = np.where(hit_20, 0.0, silent[0])[()]
+    silent[1] = np.where(miss_16, silent[1] - 0.25 * turning[4], silent[1])[()]
+    hit_21 = miss_16 & (silent[1] * turning[4] < 0.0)
+    silent[1] = np.where(hit_21, 0.0, silent[1])[()]
+    silent[2] = np.where(miss_16, silent[2] - 0.25 * turning[4], silent[2])[()]
+    hit_22 = miss_16 & (silent[2] * turning[4] < 0.0)
+    silent[2] = np.where(hit_22, 0.0, silent[2])[()]
+    hit_23 = (hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    miss_19 = (hit_11 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    miss_23 = (hit_12 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    s.open = np.where(hit_19 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
-    s.open = np.where(miss_19, 0, s.open)[()]
+    s.open = np.where(hit_23 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_23, 0, s.open)[()]
     s.probe = tuple(probe)
+    s.asked = tuple(asked)
     s.guess = tuple(guess)
     s.eased = tuple(eased)
     s.turning = tuple(turning)
@@ -1777,7 +1797,7 @@ def supervise(s, f, status, phase, reference, math):
         (phase[1] * phase[1] <= ZERO_SQUARED)), 8, found))
     taken = np.where(s.mode == WAITING, found, taken)[()]
     found = 0
-    found = np.where(s.since >= PROBE_SAMPLES, 7, found)
+    found = np.where((s.since >= PROBE_SAMPLES) & (reference * reference > STILL_SQUARED), 7, found)
     found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
         (phase[1] * phase[1] <= PROBE_SQUARED)), 6, found))
     found = (np.where(np.logical_not((phase[0] * phase[0] <= PROBE_SQUARED) &
@@ -1824,7 +1844,7 @@ def supervise(s, f, status, phase, reference, math):
         _take_reading(s, f, phase, where, math)
         _guess_from_probe(s, f, phase, where, math)
         _go(s, WAITING, where)
-    # PROBING: no current came: the rotor stands.
+    # PROBING: no current came: the rotor stands, and the reference asks for motion.
     where = taken == 7
     if np.any(where):
         _guess_rest(s, f, phase, where, math)
@@ -2083,13 +2103,15 @@ def drive_step(d, filter_step, phase, command, math):
         c.integrator = (zero, zero, zero, zero)
     if s.runs != 0:
         gain = c.gain
+        asked = command
         limit = np.where(s.torque != 0, s.eased[0] * gain[5], zero)[()]
         if s.rivals != 0:
             filter_step(s.rival, c.v_acting, clarke(phase, math), math)
             limit = START_SHARE * gain[5]
-        (share,) = allow(command, (c.filter.x[2],), math)
+            asked = (s.asked[0], command[1])
+        (share,) = allow(asked, (c.filter.x[2],), math)
         c.gain = (*gain[:5], limit * share, *gain[6:])
-        duty, d.status = foc_step(c, filter_step, phase, command, math)
+        duty, d.status = foc_step(c, filter_step, phase, asked, math)
         c.gain = gain
         if s.torque != 0:
             (variance,) = angle_variance(c.filter.LD, math)

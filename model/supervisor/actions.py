@@ -22,16 +22,19 @@ from model.filters.program import Call, Count, If, Node, Restart, Set, Wrap
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.blocks import onward_block, place_block, probe_block, reading_block, turning_block
+from model.supervisor.limits import FORGOTTEN_TURN
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
 
-def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
+def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...]:
     """What is counted in every mode, and of the step that ran.
 
     Parameters
     ----------
     drive : Drive
     model : StateSpaceModel
+    rivals : bool
+        There is a second filter.
     """
     probe, phase = [Entry("probe", k) for k in range(2)], [Entry("phase", k) for k in range(2)]
     trip = Name("TRIP_SQUARED")
@@ -44,6 +47,7 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
             (Set(probe[1], Operation("+", probe[1], Number(1.0))),),
             (Set(probe[1], Number(0.0)),),
         ),
+        *(_asked(probe[0]) if rivals else ()),
         If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),
         _eased(),
         If(
@@ -63,11 +67,19 @@ def watch(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
                 If(
                     Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
                     tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
+                    tuple(node for k in range(3) for node in _less_silent(k)),
                 ),
                 _in_a_row("open", Either(tuple(_half_turn(k) for k in range(3))), "MAX_OPEN"),
             ),
         ),
     )
+
+
+def _asked(way: Value) -> tuple[Node, ...]:
+    """A start turns fast enough that its windows tell the angle, whatever the reference is; NaN stays what it is."""
+    asked, reference = Entry("asked", 0), Name("reference")
+    slow = Compare("<", square(reference), Name("START_SPEED_SQUARED"))
+    return Set(asked, reference), If(slow, (Set(asked, Operation("*", way, Name("START_SPEED"))),))
 
 
 def _eased() -> If:
@@ -94,6 +106,13 @@ def _silent(k: int, current: Value) -> tuple[Set, If]:
     silent = Entry("silent", k)
     more = Set(silent, Operation("+", silent, Entry("turning", 4)))
     return more, If(Compare(">", square(current), Name("ZERO_SQUARED")), (Set(silent, Number(0.0)),))
+
+
+def _less_silent(k: int) -> tuple[Set, If]:
+    """Where no phase carries a current a quarter of a turn is taken back: pulses now and then are no open phase."""
+    silent, moved = Entry("silent", k), Entry("turning", 4)
+    less = Set(silent, Operation("-", silent, Operation("*", Number(FORGOTTEN_TURN), moved)))
+    return less, If(Compare("<", Operation("*", silent, moved), Number(0.0)), (Set(silent, Number(0.0)),))
 
 
 def _half_turn(k: int) -> Condition:

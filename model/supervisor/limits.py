@@ -42,11 +42,16 @@ CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad: so far the rotor turns while a healthy phase carries no current: a third of that, as the others carry twice what
 #: reads as zero. Of the operating box's speed: beyond what field weakening reaches.
 SILENT_TURN, MOST_SPEED = math.pi, 3.0
+#: Share of a turn without any current by which a phase is less silent. With a phase open the others carry a current
+#: over half of a turn or more (`ipmsm_flux`, 0.49, the least); pulses of torque at a crawl were 0.06 of it.
+FORGOTTEN_TURN = 0.25
 #: Share of their variance that adaptive states keep meanwhile.
 HELD = 1e-3
 #: Of a start: share of the largest current; s, least window; rad, what ends one, and what is motion enough to judge by;
 #: good windows that must have gone before, and windows at most.
 START_SHARE, WINDOW_TIME, WINDOW_TURN, LEAST_TURN, GOOD_WINDOWS, MAX_WINDOWS = 0.8, 20e-3, 1.0, 0.5, 1, 20
+#: Of the speed that a start goes for at least: a reference within this asks for no motion.
+STILL_SHARE = 0.01
 #: By so much less must the rival's mean of the normalised innovation squared be; what a load of the largest torque
 #: adds: a filter that is half a turn off takes the torque that its rotor does not follow for a load.
 PREFERENCE, LOAD_PENALTY = 0.05, 0.3
@@ -97,6 +102,16 @@ def window_time(drive: Drive) -> float:
     """
     torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     return max(WINDOW_TIME, math.sqrt(2.0 * drive.motor.inertia / (drive.motor.pole_pairs * torque)))
+
+
+def start_speed(drive: Drive) -> float:
+    """The speed that a start goes for at least, rad/s: a window then has motion enough, so that it tells the angle.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    return WINDOW_TURN / (drive.motor.pole_pairs * window_time(drive))
 
 
 def unseen_speed(drive: Drive) -> float:
@@ -198,6 +213,7 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
 def _starts(drive: Drive, load: bool) -> tuple[Limit, ...]:
     torque = allowed_torque(drive, start_share(drive) * drive.control.max_current)
     penalty = Limit("LOAD_PENALTY", LOAD_PENALTY / torque**2, "1/(N m)^2: what a load adds to a filter's score")
+    speed = start_speed(drive)
     return (
         _samples(drive, "WINDOW_SAMPLES", window_time(drive), "of STARTING at most: the rotor's time for a radian"),
         Limit("WINDOW_TURN_SQUARED", WINDOW_TURN**2, "rad^2: a window is over that has turned so far"),
@@ -210,4 +226,7 @@ def _starts(drive: Drive, load: bool) -> tuple[Limit, ...]:
         Limit("MIRROR_SPEED", (MIRROR_SPEED * drive.operating_box.speed) ** 2, "(rad/s)^2: of half a turn on"),
         Limit("START_ANGLE", START_ANGLE, "rad^2: about each of the filters' guesses"),
         Limit("HALF_PI", math.pi / 2, "a quarter of a turn"),
+        Limit("START_SPEED", speed, "rad/s: STARTING goes for no less: WINDOW_TURN in the longest window"),
+        Limit("START_SPEED_SQUARED", speed**2, "(rad/s)^2"),
+        Limit("STILL_SQUARED", (STILL_SHARE * speed) ** 2, "(rad/s)^2: a reference within this asks for no motion"),
     )

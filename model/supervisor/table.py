@@ -3,11 +3,12 @@
 RESTING, inverter off, until the currents read zero; PROBING, zero voltage: a rotor that turns makes a current, which is
 read, and read again after WAITING, inverter off, until it has turned far enough to tell which way the rotor turns.
 CATCHING, once that current has died out, too: the filter runs without torque until it has found the rotor. Where no
-current comes the rotor stands, or nearly: STARTING, torque is on, and a rival filter half a turn away runs beside the
-filter; whichever expects the currents better is followed. RUNNING, in which a rotor that was caught gets its torque
-little by little: braking from beyond the rated speed, field weakening has to come first. And FAULT, inverter off, after
-too many attempts in a row, or where the currents never read zero. Read :func:`transitions` as a table: from a mode,
-where a guard holds, to a mode.
+current comes the rotor stands, or nearly. Once the reference asks for motion: STARTING, torque is on, and a rival
+filter half a turn away runs beside the filter; whichever expects the currents better is followed. As standstill tells
+nothing of either, a start turns at START_SPEED at least, however small the reference is. RUNNING, in which a rotor that
+was caught gets its torque little by little: braking from beyond the rated speed, field weakening has to come first. And
+FAULT, inverter off, after too many attempts in a row, or where the currents never read zero. Read :func:`transitions`
+as a table: from a mode, where a guard holds, to a mode.
 
 Once an interrupt, after filter and controller where they ran. ``PMSM_NOT_CONVERGED`` is no reason to stop: the last
 iterate is kept and the next step goes on from it. ``PMSM_DIVERGED`` says that currents, voltages and motor do not fit
@@ -107,7 +108,7 @@ FIELDS = (
     Field("mirrored", "1: the guess is not turned round: it was already, or the current told which way"),
     Field("failures", "attempts in a row that did not end in steady running"),
     Field("steady", "windows of RUNNING in a row"),
-    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),
+    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now", 5),
     Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
     Field("eased", "share of the largest current that RUNNING allows", 1),
     Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),
@@ -122,6 +123,7 @@ RIVAL_FIELDS = (
     Field("side", "on which side of the filter the rival was last"),
     Field("windows", "of STARTING, so far"),
     Field("good", "of them in a row in which the angle turned as stated"),
+    Field("asked", "rad/s: the speed that STARTING goes for: the reference, or START_SPEED where that is less", 1),
     Field("rival", "the second filter of STARTING", filter=True),
 )
 
@@ -145,7 +147,7 @@ def supervisor(drive: Drive, model: StateSpaceModel, scored: bool = True) -> Sup
         reasons=REASONS,
         fields=tuple(field for field in FIELDS if rivals or field.name != "rivals") + (RIVAL_FIELDS if rivals else ()),
         limits=limits(drive, model, rivals),
-        watch=watch(drive, model),
+        watch=watch(drive, model, rivals),
         actions=tuple(action for action in actions(drive, model, rivals) if action.name in named),
         transitions=table,
     )
@@ -186,6 +188,8 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
     known, none = at_least("readings", "MAX_READINGS"), within("phase", "ZERO_SQUARED")
     both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
     stands = (*both, "void_voltages") if rivals else ("start_at_rest", "void_voltages")
+    tried = at_least("since", "PROBE_SAMPLES")
+    wanted = All((tried, Compare(">", square(Name("reference")), Name("STILL_SQUARED"))))
     return (
         Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),
         Transition(
@@ -217,8 +221,9 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         Transition(
             "PROBING",
             "STARTING" if rivals else "RUNNING",
-            at_least("since", "PROBE_SAMPLES"),
-            "no current came: the rotor stands" + ("" if rivals else ", and starts as the drive file says"),
+            wanted if rivals else tried,
+            "no current came: the rotor stands, "
+            + ("and the reference asks for motion" if rivals else "and starts as the drive file says"),
             (*stands, "begin_anew", "begin_window"),
         ),
         Transition(

@@ -24,6 +24,9 @@ def starts(
     still: Annotated[
         bool, typer.Option("--still", help="Also standstill under load: held, or what is promised of a round rotor.")
     ] = False,
+    slow: Annotated[
+        bool, typer.Option("--slow", help="Also starts to a crawl, long after power-up: 0.2 to 10 % of rated speed.")
+    ] = False,
     json: Json = None,
 ) -> None:
     """Start drives from rest at an unknown angle, in either direction, under load: whether and how fast they lock.
@@ -32,9 +35,10 @@ def starts(
     standstill was not as promised.
     """
     from model.drives.load import shipped_drives
+    from runtime.faults.slow import SLOW
     from runtime.faults.standstill import STANDSTILL
     from runtime.faults.starts import FROM_REST, REVERSAL, TURNING, survey_starts, write_starts
-    from runtime.faults.tables import STANDSTILL_LEGEND, STARTS_LEGEND, starts_table
+    from runtime.faults.tables import SLOW_LEGEND, STANDSTILL_LEGEND, STARTS_LEGEND, starts_table
     from runtime.folders.resolve import drive_folder
 
     tasks = [
@@ -42,6 +46,7 @@ def starts(
         *([TURNING] if turning else []),
         *([REVERSAL] if reverse else []),
         *([STANDSTILL] if still else []),
+        *([SLOW] if slow else []),
     ]
     folders = [drive_folder(drive) for drive in drives or shipped_drives()]
     with working() as progress:
@@ -50,6 +55,8 @@ def starts(
     console.print(STARTS_LEGEND, highlight=False)
     if still:
         console.print(STANDSTILL_LEGEND, highlight=False)
+    if slow:
+        console.print(SLOW_LEGEND, highlight=False)
     if json is not None:
         write_starts(found, json)
     if not all_hold(item.locked for item in found):

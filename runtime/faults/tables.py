@@ -101,6 +101,12 @@ STANDSTILL_LEGEND = (
     "rival filter. ms: from when it was wanted to turn again. wrong way: speed either way while rest was wanted. "
     "ripple: amplitude of the injected current, % of what rated torque takes, or of the largest where none is stated."
 )
+#: What the words mean in a row of slow starts.
+SLOW_LEGEND = (
+    f"slow, locked: as from rest, and never in FAULT; a salient drive was within {ANGLE_BAND:g} degrees at the crawl, "
+    "too; one without a rival filter may have ended in FAULT. ms: from when the rated speed was wanted. deg: at the "
+    "crawl; of a round rotor it says nothing."
+)
 
 STARTS_COLUMNS = (
     "drive",

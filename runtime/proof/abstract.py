@@ -104,11 +104,14 @@ class Machine:
         By name; small ones in the place of large ones, where that changes no answer.
     kept : frozenset of str
         Integers that are known; any other is not, and a question about it is answered both ways.
+    above : mapping of Value to float
+        Quantities that are numbers beyond these, for questions about them.
     """
 
     machine: Supervisor
     limits: Mapping[str, float]
     kept: frozenset[str]
+    above: Mapping[Value, float] = field(default_factory=dict)
     live: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -193,7 +196,9 @@ class Interrupt:
         mode = machine.modes[self.mode]
         self.values |= {name: int(getattr(mode, name)) for name in TOLD}
         self.answers: dict[Any, Any] = {}
-        self.regions: dict[Value, tuple[Any, Any, bool]] = {}
+        self.regions: dict[Value, tuple[Any, Any, bool]] = {
+            quantity: ((least, 1), TOP, False) for quantity, least in machine.above.items()
+        }
         self.read: set[str] = set()
         self.written: set[str] = set(TOLD)
 

@@ -59,6 +59,8 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     s.quiet, s.content = np.int64(hand.samples(0.002) - 1), np.int64(hand.samples(0.003) - 1)
     s.failures = np.int64(rng.integers(0, 11))
     s.eased = (dtype(rng.random()),)
+    if hasattr(s, "asked"):
+        s.asked = (dtype(rng.uniform(-1, 1) * hand.speed),)
     d.control.integrator = tuple(dtype(v) for v in rng.uniform(-1, 1, 4))
     _set_angle(d.control.filter, module, rng, dtype)
     d.control.filter.x = tuple(

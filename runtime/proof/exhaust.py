@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from model.filters.conditions import Compare, Entry, Name
+from model.filters.conditions import Compare, Entry, Name, square
 from model.supervisor.words import Supervisor
 from runtime.proof.abstract import Machine, State, Taken, liveness, relevant
 from runtime.proof.mode_numbers import READINGS
@@ -29,6 +29,8 @@ ENOUGH = 2
 ENOUGH_READINGS = 3
 #: Where every count ends, beyond all limits.
 LAST = "MOST_SAMPLES"
+#: What the reference's square is beyond where it asks for motion.
+STILL = "STILL_SQUARED"
 #: States after which the search gives up: the machine has some thousands.
 MOST_STATES = 200_000
 #: Integers that tell how long a mode lasts; the longest stay is found with these as they are.
@@ -149,7 +151,7 @@ def longest_stay(machine: Supervisor, modes: tuple[str, ...]) -> float:
     """Interrupts after which the last of these modes is left, at most; infinite where it may never be.
 
     Of the time in a mode only the numbers at a limit differ in what may happen: all before take the same ways, and the
-    last of them leaves latest.
+    last of them leaves latest. Where nothing turns PROBING waits for a reference that asks for motion: here it does.
 
     Parameters
     ----------
@@ -159,7 +161,8 @@ def longest_stay(machine: Supervisor, modes: tuple[str, ...]) -> float:
     """
     limits = {limit.name: limit.value for limit in machine.limits}
     kept = frozenset(relevant(machine) & set(CLOCKS))
-    abstract = Machine(machine, limits, kept)
+    wanted = {square(Name("reference")): limits[STILL]} if STILL in limits else {}
+    abstract = Machine(machine, limits, kept, wanted)
     ends = sorted({int(limits[name]) for name in _compared(machine)["since"]})
     ends = sorted({end + more for end in ends for more in (-1, 0)} | {1})
     known: dict[State, float] = {}

@@ -151,10 +151,11 @@ def _interrupt(
         if mode == "STARTING":
             i = clarke(np.array(phase))
             step(s.rival, c.v_acting, (np.float64(i.real), np.float64(i.imag)), math)
+        speed = s.asked[0] if mode == "STARTING" else command[0]
         allowed = most / hand.most * hand.allowed_current(mode, s.eased[0])
-        allowed *= hand.allowed_by_link(command[1], command[0], c.filter.x[2])
+        allowed *= hand.allowed_by_link(command[1], speed, c.filter.x[2])
         c.gain = tuple(allowed if k == MOST else value for k, value in enumerate(c.gain))
-        duty, d.status = module.foc_step(c, step, phase, command, math)
+        duty, d.status = module.foc_step(c, step, phase, (speed, command[1]), math)
         c.gain = tuple(most if k == MOST else value for k, value in enumerate(c.gain))
         if mode in TORQUE:
             P = module.unpack(np.array(getattr(c.filter, module.COVARIANCE), dtype=float))

@@ -29,8 +29,12 @@ GAP, GAP_TURN, TELLS, READINGS = 0.5e-3, 1.2, 0.1, 8
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.
 SILENT_TURN, OPEN, RUNAWAY_SPEED = math.pi, 100e-3, 3.0
+#: Of a turn without any current: so much less silent is a phase.
+FORGOTTEN = 0.25
 #: A start: share of the largest current, s, rad, rad of motion enough; by so much better; the largest torque's cost.
 SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
+#: Of the speed that a start goes for at least: what is no more asks for no motion.
+STILL = 0.01
 #: rad^2: the angle's variance after two readings, and at a start. Of the box's speed: its spread after either, and
 #: of half a turn on. Of P_0: what slow states keep.
 READ_ANGLE, START_ANGLE, READ_SPEED, MIRROR_SPEED, HELD = 0.01, 0.09, 0.5, 0.25, 1e-3
@@ -115,10 +119,20 @@ class Numbers:
         return bool(math.degrees(sigma) <= UNSEEN and (m["inductance_d"] != m["inductance_q"] or back_emf >= unknown))
 
     @property
-    def window(self) -> int:
-        """Samples of a window of STARTING: a rotor without load, pushed from rest, turns by a radian electrical."""
+    def window_time(self) -> float:
+        """A window of STARTING, s: a rotor without load, pushed from rest, turns by a radian electrical."""
         angular = self.p * self.torque / self.motor["inertia"]  # rad/s^2 electrical
-        return self.samples(max(WINDOW, math.sqrt(2.0 / angular)))
+        return max(WINDOW, math.sqrt(2.0 / angular))
+
+    @property
+    def window(self) -> int:
+        """Samples of a window of STARTING."""
+        return self.samples(self.window_time)
+
+    @property
+    def slowest(self) -> float:
+        """What a start goes for at least, rad/s: a window turns by TURN."""
+        return TURN / self.window_time / self.p
 
     @property
     def ease(self) -> int:

@@ -117,7 +117,9 @@ class Walk:
         rng, speed = self.rng, self.known.speed
         status = np.sum([np.where(rng.random(self.lanes) < odds, bit, 0) for bit, odds in STATUS], axis=0)
         reference = rng.choice([-speed, speed, -1e-30, 0.0, -0.0, np.nan, np.inf, -np.inf], self.lanes)
-        return status, phase, self._real(reference)
+        slowest = self.known.slowest * rng.choice([-1.0, 1.0, -numbers.STILL, numbers.STILL], self.lanes)
+        near = slowest * (1 + rng.choice(NEAR, self.lanes))
+        return status, phase, self._real(np.where(rng.random(self.lanes) < 0.3, near, reference))
 
     def _phase(self) -> Array:
         """Currents, A: mostly none, else about a limit, to the last bit, and what is no current."""

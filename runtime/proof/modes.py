@@ -20,6 +20,7 @@ from runtime.proof.mode_numbers import (
     CATCH,
     CATCH_JOLT,
     EXCESS,
+    FORGOTTEN,
     GOOD,
     HELD,
     LOAD,
@@ -41,6 +42,7 @@ from runtime.proof.mode_numbers import (
     SILENT_TURN,
     START_ANGLE,
     STEADY,
+    STILL,
     TELLS,
     TRIP,
     TURN,
@@ -97,6 +99,7 @@ class Modes(Numbers):
         self._count(m, f, said, phase, reference)
         m.whole["fresh"] = m.whole["anew"] = 0
         where, branch = m.mode, getattr(self, f"_{m.mode.lower()}", None)
+        self._wanted = abs(reference) > STILL * self.slowest
         event = branch(m, f, said, phase) if branch else self._go(m, "RESTING")  # a mode that is none
         for name, modes in (("runs", RUNNING), ("torque", TORQUE), ("rivals", ("STARTING",))):
             if name in m.whole:
@@ -130,6 +133,9 @@ class Modes(Numbers):
         n["since"] += n["since"] < MOST
         zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
         m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
+        if m.rival is not None:  # a start turns fast enough to be judged; what is no number stays
+            least = math.copysign(self.slowest, m.arrays["probe"][0])
+            m.arrays["asked"] = [least if abs(reference) < self.slowest else reference]
         if m.mode == "WAITING":  # the rotor turns on
             omega, theta = m.arrays["guess"][2:]
             m.arrays["guess"][3] = math.remainder(theta + self.p * omega * self.T, 2 * math.pi)
@@ -148,15 +154,18 @@ class Modes(Numbers):
         self._row(m, "content", good, self.samples(LOCKED))
         turned, stated, before = m.arrays["turning"][:3]
         omega, theta = f.x[2], f.x[3]
-        turned += math.remainder(theta - before, 2 * math.pi)
+        now = math.remainder(theta - before, 2 * math.pi)
+        turned += now
         stated += self.p * omega * self.T
         off, half = turned - stated, stated / 2
-        now = self.p * omega * self.T
         m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half), now]
         i_a, i_b = phase
         if any(abs(i) > SHOWS * self.most for i in phase):
             turns = zip((i_a, i_b, -i_a - i_b), m.arrays["silent"], strict=True)
             m.arrays["silent"] = [0.0 if abs(i) > ZERO * self.most else turn + now for i, turn in turns]
+        else:  # no current anywhere tells the less, the farther the rotor turns
+            left = [turn - now * FORGOTTEN for turn in m.arrays["silent"]]
+            m.arrays["silent"] = [0.0 if turn * now < 0 else turn for turn in left]
         self._row(m, "open", any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]), self.samples(OPEN))
 
     @staticmethod
@@ -207,7 +216,7 @@ class Modes(Numbers):
         if not self._inside(phase, TRIP):
             return self._lost(m, "CURRENT")
         if self._inside(phase, SHOWS):
-            if m.whole["since"] < self.samples(PROBE):
+            if m.whole["since"] < self.samples(PROBE) or (m.rival is not None and not self._wanted):
                 return ""
             m.whole["fresh"] = 1
             self._stands(m, f)

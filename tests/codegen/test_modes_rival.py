@@ -24,6 +24,7 @@ from tests.codegen.modes import (
     DIVERGED,
     LOCKED,
     MAX_WINDOWS,
+    NAN,
     NOT_CONVERGED,
     PREFERENCE,
     PROBE,
@@ -100,6 +101,53 @@ def apart(one: float, other: float) -> float:
 def turn(board: Board, stated: float = 1.0, turned: float = 1.0, count: int = 4) -> None:
     """So many radians in ``count`` steps, and so many by the speed; the window ends if that is its end."""
     spin(board, count, rate(board, board.T, stated / count), ratio=(1 + 1e-4) * turned / stated)
+
+
+def slowest(drive: Drive) -> float:
+    """What a start goes for at least, rad/s: a radian in its longest window."""
+    return 1.0 / (drive.motor.pole_pairs * window(drive) * drive.model.sample_time)
+
+
+# --- whether it begins
+
+
+@pytest.mark.parametrize("reference", [0.0, -0.0, NAN, 0.0099, -0.0099])
+def test_no_start_while_no_motion_is_asked_for(board: Board, reference: float) -> None:
+    """Zero voltage, no attempt that fails, for as long as it takes; and then at once."""
+    board.now.reference = reference * slowest(board.drive)
+    probing(board)
+    assert not board.until("s", board.interrupts(1.0))
+    assert (board.mode, board.kept("failures"), board.gates) == ("PROBING", 0, 1)
+    assert list(board.now.duty) == [0.5, 0.5, 0.5]
+    board.now.reference = math.copysign(0.0101 * slowest(board.drive), reference)
+    board.interrupt(phase=(0.0, 0.0))
+    assert board.mode == "STARTING"
+
+
+def test_a_rotor_that_is_turned_meanwhile_is_noticed(board: Board) -> None:
+    board.now.reference = 0.0
+    probing(board)
+    board.interrupt(board.interrupts(0.3), phase=(0.0, 0.0))
+    board.interrupt(phase=(1.01 * ampere(board, SHOWS), 0.0))
+    assert (board.mode, board.gates) == ("WAITING", 0)
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.02, 1.0), (-0.02, -1.0), (0.99, 1.0), (-1.01, -1.01), (3.0, 3.0)])
+def test_a_start_turns_fast_enough_to_tell(board: Board, share: float, asked: float) -> None:
+    """However slow the reference is; and in RUNNING as it says. Seen where the controller is the drive's."""
+    if not board.variant:
+        return
+    board.now.reference = share * slowest(board.drive)
+    begun(board)
+    assert board.mode == "STARTING"
+    assert board.now.command[0] == pytest.approx(asked * slowest(board.drive), rel=1e-3)
+    for _ in range(20):
+        if board.mode == "RUNNING":
+            break
+        spin(board, 1, rate(board, board.T, 0.3))
+    spin(board, 1, 0.0)
+    assert board.mode == "RUNNING"
+    assert board.now.command[0] == pytest.approx(board.now.reference)
 
 
 # --- where both begin

@@ -28,7 +28,7 @@ _EXAMPLE: tuple[Row, ...] = (
     ("no duty is written", "    write_duty(duty);\n", "", WHOLE),
     ("filter runs in every mode", "    if (supervisor.runs != 0) {", "    if (supervisor.runs >= 0) {", ALONE),
     ("supervisor told of no status", "_supervise(&supervisor, &filter, status[0], phase", "_supervise(&supervisor, &filter, 0, phase", ALONE),
-    ("supervisor told of no reference", "status[0], phase, command[0]);", "status[0], phase, 0.0f);", ALONE),
+    ("supervisor told of no reference", "status[0], phase, reference);", "status[0], phase, 0.0f);", ALONE),
     ("queued voltage left", "    v_queued[0] = 0.0f;\n", "", ALONE),
     ("voltages never forgotten", "    if (supervisor.fresh != 0) {", "    if (supervisor.fresh > 1) {", ALONE),
     ("voltage of one interrupt ago", "    v_acting[0] = v_queued[0];", "    v_acting[0] = v[0];", ALONE),
