@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.alignment import align_time, aligns
 from model.rating import rating
 from model.schema import Drive
 from model.supervisor.limits import window_time
@@ -31,6 +32,8 @@ Progress = Callable[[str], None]
 
 #: s: a start goes on so long, and its reference takes at least so long to the rated speed.
 START_TIME, START_RAMP = 0.3, 0.05
+#: Of rated torque: the load that a rotor has which is aligned first, so that the current holds it near its axis.
+ALIGNED_LOAD_SHARE = 0.3
 #: So many windows of a start every drive has until it is judged: as the slowest shipped one has in START_TIME.
 START_WINDOWS = 11
 #: Shares: of rated torque that a load may have, of rated speed that a rotor may turn with, of turning rotors that are
@@ -194,14 +197,14 @@ def draw_factors(drive: Drive, rng: np.random.Generator) -> dict[str, float]:
 
 
 def start_time(drive: Drive) -> float:
-    """How long a start goes on, s: longer where the drive needs more time to turn its rotor by a radian.
+    """How long a start goes on, s: longer where the drive needs more time to turn its rotor by a radian, or aligns it.
 
     Parameters
     ----------
     drive : Drive
         Its torque and inertia say how long a window of a start may last.
     """
-    return max(START_TIME, START_WINDOWS * window_time(drive) + LATE)
+    return max(START_TIME, START_WINDOWS * window_time(drive) + LATE) + (align_time(drive) if aligns(drive) else 0.0)
 
 
 def _angle(rng: np.random.Generator) -> float:
@@ -221,7 +224,8 @@ def from_rest(drive: Drive, rng: np.random.Generator) -> Attempt:
     rng : numpy.random.Generator
     """
     task = rating(drive)
-    sign, load = _sign(rng), rng.uniform(0.0, LOAD_SHARE) * task.torque
+    share = ALIGNED_LOAD_SHARE if aligns(drive) else LOAD_SHARE
+    sign, load = _sign(rng), rng.uniform(0.0, share) * task.torque
     ramp, duration = task.start_ramp(drive.motor.inertia, START_RAMP), start_time(drive)
     scenario = Scenario("start", sign * task.speed * RPM, ramp, sign * load, load_at=0.0, duration=duration)
     return Attempt(scenario, FoundMotor(_angle(rng), 0.0, draw_factors(drive, rng)), least=0.0)
