@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def turn_axis(hand: Numbers, m: Memory, theta: float, phase: Sequence[float]) ->
     return progress >= 2.0 and all(abs(i) <= ZERO * hand.most for i in missing)
 
 
-def aligned(hand: Numbers, d: SimpleNamespace, phase: NDArray[np.float64], command: tuple[float, float]) -> list[float]:
+def aligned(hand: Numbers, d: Any, phase: NDArray[np.float64], command: tuple[float, float]) -> list[float]:
     """Duty cycles (3,) of a sample of ALIGNING; voltages, integrators and status of the drive go on with it.
 
     Parameters
