@@ -265,7 +265,8 @@ def align_block(drive: Drive, constants: Constants) -> Block:
     v_along, v_across = gain.current_d_p * error + z[1], -(soft * across + gain.current_d_p * beyond)
     v_link = ca.fmax(v_dc, LEAST_LINK)
     along_lim, across_lim = _on_circle(b, v_along, v_across, v_link)
-    z_along = z[1] + gain.current_i * error + _back(gain.current_i, gain.current_d_p) * (along_lim - v_along)
+    stiff = gain.current_d_p
+    z_along = z[1] + gain.current_i * error + _back(gain.current_i, stiff) * (along_lim - v_along)
     v = cosine * along_lim - sine * across_lim, sine * along_lim + cosine * across_lim
     named = {"error_along": error, "i_across": across, "i_beyond": beyond, "v_alpha": v[0], "v_beta": v[1]}
     record(b, "along the axis and across it", named)

@@ -186,13 +186,13 @@ def axis_block(drive: Drive, model: StateSpaceModel) -> Block:
     i_a, i_b = b.input("phase", ["i_a", "i_b"])
     progress = ca.fmin(before + _align_step(drive), 2.0)
     aside = ca.fmin(2.0 - progress, 1.0) * (math.pi / 2)
-    theta = ca.remainder(x_0[[s.name for s in model.states].index("theta")] + aside, 2 * math.pi)
-    axis = Rotor.at(theta)
+    theta_axis = ca.remainder(x_0[[s.name for s in model.states].index("theta")] + aside, 2 * math.pi)
+    axis = Rotor.at(theta_axis)
     wanted = align_current(drive) * ca.fmin(progress, 1.0)
     i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
     along, across = axis.to_rotor((i_a, i_beta))
     cosine, sine = axis.to_stator((1.0, 0.0))
-    named = {"progress": progress, "aside": aside, "theta_axis": theta, "wanted": wanted, "i_beta": i_beta}
+    named = {"progress": progress, "aside": aside, "theta_axis": theta_axis, "wanted": wanted, "i_beta": i_beta}
     b.stage("progress", "", "", list(named.values()), list(named), scale="none")
     b.output("aligning", [progress])
     b.output("axis", [cosine, sine, wanted])
