@@ -33,7 +33,8 @@ class Rating:
 
     ``speed`` mechanical rad/s, ``torque`` N m and the ``current`` (A, amplitude) that makes it; the limits of motor and
     inverter behind them: ``base_speed`` rad/s, at which ``torque`` takes the whole voltage; ``largest_torque`` N m, up
-    to the rated speed, within the largest torque and power that the file states.
+    to the rated speed, within the largest torque and power that the file states; ``slow_torque`` N m, the same of a
+    slow rotor, which no power limits.
     """
 
     speed: float
@@ -41,6 +42,7 @@ class Rating:
     current: float
     base_speed: float
     largest_torque: float
+    slow_torque: float
 
     def ramp(self, inertia: float, least: float) -> float:
         """Time in which half of the largest torque accelerates to the rated speed, s.
@@ -54,6 +56,21 @@ class Rating:
         """
         return max(least, inertia * self.speed / (ACCELERATION_SHARE * self.largest_torque))
 
+    def start_ramp(self, inertia: float, least: float) -> float:
+        """The time of a reference to the rated speed that half of a slow rotor's torque can follow from rest, s.
+
+        Where a power is stated the rotor falls behind later on: a reference that waited for it would ask for hardly any
+        torque at rest.
+
+        Parameters
+        ----------
+        inertia : float
+            kg m^2.
+        least : float
+            A shorter time is lengthened to this one, s.
+        """
+        return max(least, inertia * self.speed / (ACCELERATION_SHARE * self.slow_torque))
+
 
 def rating(drive: Drive) -> Rating:
     """The task of a drive: as its file states it, else the usual one as far as it suits the motor.
@@ -65,7 +82,7 @@ def rating(drive: Drive) -> Rating:
     """
     box, control, m = drive.operating_box, drive.control, drive.motor
     at_rest = DROP_SHARE * inverter_voltage(drive) / m.stator_resistance
-    largest = allowed_torque(drive, min(control.max_current, BOX_SHARE * box.current, at_rest))
+    slow = largest = allowed_torque(drive, min(control.max_current, BOX_SHARE * box.current, at_rest))
     torque = min(max(USUAL_TORQUE, TORQUE_SHARES[0] * largest), TORQUE_SHARES[1] * largest)
     torque = drive.rated.torque if drive.rated else min(torque, BOX_SHARE * box.load_torque)
     current = mtpa_current(drive, torque)
@@ -78,7 +95,7 @@ def rating(drive: Drive) -> Rating:
         largest = control.max_power / speed
         torque = drive.rated.torque if drive.rated else min(torque, TORQUE_SHARES[1] * largest)
         current = mtpa_current(drive, torque)
-    return Rating(speed, torque, current, base, largest)
+    return Rating(speed, torque, current, base, largest, slow)
 
 
 def allowed_torque(drive: Drive, current: float) -> float:

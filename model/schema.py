@@ -187,7 +187,8 @@ class Start(Stated):
     """What is known of the rotor that stands: its angle is the initial state's, within ``angle`` degrees, or unknown.
 
     Where it is unknown the supervisor lets a second filter run beside the first one until the rotor has turned;
-    ``filters = 1`` does without, where the sample time has no room for two.
+    ``filters = 1`` does without, where the sample time has no room for two. With ``method = "align"`` a direct current
+    turns a rotor that stands to the initial state's angle (:mod:`model.alignment`), and one filter begins there.
     """
 
     angle: Literal["unknown"] | Annotated[float, Field(ge=0.0, le=90.0), Unit("degrees")] = Field(
@@ -197,6 +198,18 @@ class Start(Stated):
         default=None,
         description="2: a rival until the rotor has turned; default: 2 where angle is unknown and T at least 50 us",
     )
+    method: Literal["align"] | None = Field(
+        default=None, description="align: a direct current turns the rotor to the angle of initial_state first"
+    )
+    align_current: FadingCurrent = Field(
+        default=None, description="that current; default: 0.8 of the largest, less where reluctance is large"
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """An alignment that is not stated does not show."""
+        hidden = {"method", "align_current"}
+        return {key: value for key, value in dump(self).items() if value is not None or key not in hidden}
 
 
 class Tolerance(Stated):
@@ -315,6 +328,25 @@ class Drive(_OnlyStated):
             raise ValueError(
                 f"motor.inductance_q = {motor.inductance_q:g} H differs from inductance_d = {motor.inductance_d:g} H; "
                 "machine 'surface' needs them equal. Did you mean machine = 'salient' or 'salient_flux'?"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _alignment_is_possible(self) -> Drive:
+        start, m, most = self.start, self.motor, self.control.max_current
+        if start is None or start.method is None:
+            if start is not None and start.align_current is not None:
+                raise ValueError('start.align_current is for an alignment. Add method = "align", or drop it.')
+            return self
+        if start.filters == 2:
+            raise ValueError('start.filters = 2 with method = "align": an aligned rotor has one filter. Drop filters.')
+        reluctance = m.inductance_q - m.inductance_d
+        if reluctance > 0.0:
+            most = min(most, 0.9 * m.magnet_flux / reluctance)
+        if start.align_current is not None and start.align_current > most:
+            raise ValueError(
+                f"start.align_current = {start.align_current:g} A is beyond {most:g} A, the largest current or, with "
+                "reluctance, 0.9 of the one beyond which a rotor turns away from its axis."
             )
         return self
 

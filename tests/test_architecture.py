@@ -139,7 +139,7 @@ def test_files_and_packages_import_in_no_circle_and_never_upwards() -> None:
     assert arrows_up(ROOT) == []
 
 
-SECOND = {"reference", "motors", "inverter", "control", "wrong_data", "modes", "mode_memory", "mode_numbers"}
+SECOND = {"reference", "motors", "inverter", "control", "wrong_data", "modes", "mode_memory", "mode_numbers", "align"}
 
 
 @pytest.mark.parametrize("alone", sorted(SECOND))

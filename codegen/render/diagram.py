@@ -13,10 +13,10 @@ from xml.sax.saxutils import escape
 
 from model.supervisor.words import Mode, Supervisor, Transition
 
-#: The column from above; STARTING, which not every drive has, is the last by its number.
-ORDER = ("RESTING", "PROBING", "WAITING", "CATCHING", "STARTING", "RUNNING", "FAULT")
+#: The column from above; STARTING and ALIGNING, of which no drive has both, are the last by their number.
+ORDER = ("RESTING", "PROBING", "WAITING", "CATCHING", "STARTING", "ALIGNING", "RUNNING", "FAULT")
 #: What a mode allows: a field of it, and the word in its box.
-ALLOWED = (("inverter", "inverter"), ("runs", "filter"), ("torque", "torque"), ("rivals", "rival"))
+ALLOWED = (("inverter", "inverter"), ("runs", "filter"), ("torque", "torque"), ("rivals", "rival"), ("aligns", "axis"))
 
 #: Pixels: a box and the space below it; between ends of arcs, lanes, numbers; about everything; of a corner, a number.
 WIDTH, LEAST_HEIGHT, SPACE = 330, 92, 30
@@ -178,7 +178,7 @@ def render_diagram(machine: Supervisor, drive: str, stays: dict[str, str]) -> st
     left = MARGIN + LANE * lanes[0] + RADIUS
     width = left + WIDTH + LANE * lanes[1] + RADIUS + MARGIN
     bottom = boxes[-1].top + boxes[-1].height
-    allowed = [item for item in ALLOWED if machine.rivals or item[0] != "rivals"]
+    allowed = [item for item in ALLOWED if getattr(machine, item[0], True)]
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(bottom + FOOT)}" '
         f'width="{_n(width)}" height="{_n(bottom + FOOT)}" font-family="Helvetica, Arial, sans-serif" '

@@ -202,6 +202,7 @@ def render_example(about: Description, step: FilterStep) -> str:
         omega=state_place(p, "omega"),
         theta=state_place(p, ANGLE),
         rivals=machine_of(about, step).rivals,
+        aligns=machine_of(about, step).aligns,
     )
     return with_sections(about.target.sections, source, cold={"motor_setup"})
 

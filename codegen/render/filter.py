@@ -118,7 +118,9 @@ def render_port(target: Target) -> str:
     ----------
     target : Target
     """
-    return render("port.h.j2", target=target, compiler=target.compiler, modes=MODES, reasons=REASONS)
+    modes = [mode for mode in MODES if not mode.aligns]  # who aligns names its own in its supervisor's header
+    reasons = [reason for reason in REASONS if reason.name != "NOT_ALIGNED"]
+    return render("port.h.j2", target=target, compiler=target.compiler, modes=modes, reasons=reasons)
 
 
 def covariance_comment(step: FilterStep) -> str:

@@ -16,14 +16,15 @@ from codegen.render.printers.modes import ModesC, ModesPython
 from codegen.render.printers.python import PythonPrinter
 from codegen.render.transitions import stay_texts
 from codegen.render.trig import sin_cos_text, trig_note
+from model.alignment import aligns
 from model.filters import FilterStep
 from model.filters.program import Restart
-from model.inverter import TRANSFORM
-from model.loop.controller import Gains, clarke_block
+from model.inverter import OF_LEGS, TRANSFORM, takes_voltage
+from model.loop.controller import Gains, align_block, clarke_block
 from model.loop.injection import faded, injected_voltage, injection_block
 from model.loop.link_limits import limit_block, limit_constants
 from model.loop.observability import angle_block, least_speed, most_variance
-from model.quantities import Constant
+from model.quantities import Constant, Constants
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
 from model.supervisor.limits import start_share
@@ -65,6 +66,11 @@ def drive_listings(about: Description, layout: CovarianceLayout) -> list[Listing
         Where the filter has its covariance.
     """
     allowed = [lay_out(limit_block(about.drive), limit_constants(about.drive)), _angle_listing(layout)]
+    if aligns(about.drive):
+        constants = Constants(named=True)
+        block = align_block(about.drive, constants)
+        transform = OF_LEGS if takes_voltage(about.drive) else TRANSFORM
+        allowed.append(lay_out(block, [*constants.items.values(), *transform]))
     if not injected_voltage(about.drive):
         return allowed
     named = (*TRANSFORM, Constant("PER_FADED_SPEED", faded(about.drive), "1 / (0.2 of rated speed), s/rad", None))
@@ -134,6 +140,7 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
         **_seen(about, printer),
         "rivals": machine.rivals,
         "asked": "asked" if machine.rivals else "command",
+        "aligns": machine.aligns,
         "filter_fields": filter_fields(about, step),
         "start_share": printer.format_literal(start_share(about.drive)),
         "limits": _limits(machine, printer),
@@ -168,6 +175,7 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "injected": printer.format_literal(amplitude) if amplitude else "",
         "machine": machine,
         "rivals": machine.rivals,
+        "aligns": machine.aligns,
         "start_share": printer.format_literal(start_share(about.drive)),
         "sin_cos": sin_cos_text(printer),
         "trig_note": trig_note(printer.numbers),
@@ -219,11 +227,12 @@ def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
 
 def _drive_text(about: Description, printer: ModesC, layout: CovarianceLayout) -> dict[str, Any]:
     """What the drive's source says of controller, rival, DC link, angle and square wave."""
+    machine = printer.machine
     clarke, around = lay_out(clarke_block(), TRANSFORM), drive_listings(about, layout)
     return {
         "max_current": Gains.names().index("max_current"),
         "clarke": printer.format_block(clarke),
-        "constants": _constants(about, [*([clarke] if printer.machine.rivals else []), *around], printer),
+        "constants": _constants(about, [*([clarke] if machine.rivals or machine.aligns else []), *around], printer),
         "around": [printer.format_block(listing) for listing in around],
         "covariance": layout.field,
         "asked": "asked" if printer.machine.rivals else "command",

@@ -30,6 +30,7 @@ STAYS: dict[str, Callable[[dict[str, int]], int]] = {
     "WAITING": lambda limits: limits["WAIT_SAMPLES"],
     "CATCHING": lambda limits: 2 * limits["CATCH_SAMPLES"],
     "STARTING": lambda limits: limits["MAX_WINDOWS"] * limits["WINDOW_SAMPLES"] + 1,
+    "ALIGNING": lambda limits: limits["ALIGN_SAMPLES"],
 }
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi as ca
 
+from model.alignment import ACROSS_SHARE, align_resistance
 from model.filters.program import BlockBuilder
 from model.inverter import SQRT_3, STATE, clarke, compensation_current, legs, lost_voltage, saturated, takes_voltage
 from model.loop.references import current_reference, record, within_reach
@@ -233,6 +234,47 @@ def control_block(drive: Drive, constants: Constants) -> Block:
     b.output("duty", duty)
     b.output("v", list(_commanded(b, duty, v_link) if takes_voltage(drive) else v))
     b.output("integrator", [z_speed, z_d, z_q, weakening["integral_weakening_next"]])
+    return b.build()
+
+
+def align_block(drive: Drive, constants: Constants) -> Block:
+    """A direct current along an axis, by which a rotor that stands is aligned (:mod:`model.alignment`).
+
+    Along the axis the current is regulated as the d current is; across it the inverter is a resistance, up to a current
+    beyond which it is stiff. Inputs: ``i`` alpha-beta currents (A); ``axis`` its cosine and sine, and the current that
+    is wanted (A); ``link`` (V); ``gain`` and ``integrator`` as in :func:`control_block`. Outputs: as there.
+
+    Parameters
+    ----------
+    drive : Drive
+    constants : Constants
+        Collects the numbers that keep a name in the generated code.
+    """
+    b = BlockBuilder("align_rotor", "A direct current along an axis, damped across it")
+    i = b.input("i", ["i_alpha", "i_beta"])
+    cosine, sine, wanted = b.input("axis", ["axis_cosine", "axis_sine", "i_wanted"])
+    (v_dc,) = b.input("link", ["v_dc"])
+    gain = Gains.of(drive, b.input("gain", [f"gain_{name}" for name in Gains.names(drive)]))
+    z = b.input("integrator", [f"integral_{of}" for of in ("speed", "d", "q", "weakening")])
+    soft = constants("ALIGN_RESISTANCE", ca.SX(align_resistance(drive)), "ohm, across the axis: damps a swing best")
+    hold = constants("ALIGN_ACROSS", ca.SX(ACROSS_SHARE), "of the largest current, across, is left to the rotor")
+    error = wanted - (cosine * i[0] + sine * i[1])
+    across = cosine * i[1] - sine * i[0]
+    most = hold * gain.max_current
+    beyond = across - ca.fmax(-most, ca.fmin(most, across))
+    v_along, v_across = gain.current_d_p * error + z[1], -(soft * across + gain.current_d_p * beyond)
+    v_link = ca.fmax(v_dc, LEAST_LINK)
+    along_lim, across_lim = _on_circle(b, v_along, v_across, v_link)
+    stiff = gain.current_d_p
+    z_along = z[1] + gain.current_i * error + _back(gain.current_i, stiff) * (along_lim - v_along)
+    v = cosine * along_lim - sine * across_lim, sine * along_lim + cosine * across_lim
+    named = {"error_along": error, "i_across": across, "i_beyond": beyond, "v_alpha": v[0], "v_beta": v[1]}
+    record(b, "along the axis and across it", named)
+    share = _lost_share(b, drive, constants, gain, [], v_link)
+    duty = _svpwm(b, v, v_link, _dead_time(b, gain, share, i))
+    b.output("duty", duty)
+    b.output("v", list(_commanded(b, duty, v_link)) if takes_voltage(drive) else list(v))
+    b.output("integrator", [z[0], z_along, z[2], z[3]])
     return b.build()
 
 

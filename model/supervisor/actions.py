@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from model.alignment import aligns
 from model.filters.conditions import (
     All,
     Compare,
@@ -21,7 +22,7 @@ from model.filters.conditions import (
 from model.filters.program import Call, Count, If, Node, Restart, Set, Wrap
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
-from model.supervisor.blocks import onward_block, place_block, probe_block, reading_block, turning_block
+from model.supervisor.blocks import axis_block, onward_block, place_block, probe_block, reading_block, turning_block
 from model.supervisor.limits import FORGOTTEN_TURN
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
@@ -50,6 +51,7 @@ def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...
         *(_asked(probe[0]) if rivals else ()),
         If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),
         _eased(),
+        *(_aligning(drive, model) if aligns(drive) else ()),
         If(
             is_label("mode", "RESTING"),
             (_in_a_row("quiet", within("phase", "ZERO_SQUARED"), "REST_SAMPLES"),),
@@ -94,6 +96,15 @@ def _eased() -> If:
             If(Not(Compare("<=", eased, Number(1.0))), (Set(eased, Number(1.0)),)),
         ),
     )
+
+
+def _aligning(drive: Drive, model: StateSpaceModel) -> tuple[Node, ...]:
+    """Calm is a current that points along the axis, once that has arrived: a rotor that swings makes one across it."""
+    progress, axis = Entry("aligning", 0), [Entry("axis", k) for k in range(3)]
+    arrived = Compare(">=", progress, Number(2.0))
+    calm = _in_a_row("calm", All((arrived, within("missing", "ZERO_SQUARED"))), "CALM_SAMPLES")
+    nothing = (*(Set(entry, Number(0.0)) for entry in (progress, *axis)), _clear("calm"))
+    return (If(is_label("mode", "ALIGNING"), (Call(axis_block(drive, model)), calm), nothing),)
 
 
 def _in_a_row(counter: str, where: Condition, most: str) -> If:
@@ -148,6 +159,7 @@ def actions(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Action,
         *_guesses(drive, model),
         *_filter_begins(model),
         *(_rival_begins(drive, model) if rivals else ()),
+        *(_aligned(model) if aligns(drive) else ()),
     )
 
 
@@ -280,6 +292,15 @@ def _filter_begins(model: StateSpaceModel) -> tuple[Action, ...]:
                 Set(Entry("turning", 2), x[theta]),
             ),
         ),
+    )
+
+
+def _aligned(model: StateSpaceModel) -> tuple[Action, ...]:
+    """The rotor stands along the axis, or as far from there as its load turns it."""
+    guess, (_, theta) = [Entry("guess", k) for k in range(4)], _rotor(model)
+    place = Set(guess[2], Number(0.0)), Set(guess[3], Entry("x_0", theta))
+    return (
+        Action("guess_aligned", "The rotor stands along the axis.", (*place, *_spread("REST_SPEED", "START_ANGLE"))),
     )
 
 

@@ -6,6 +6,7 @@ import math
 
 import casadi as ca
 
+from model.alignment import align_current, aligns, turn_time
 from model.filters.program import BlockBuilder
 from model.inverter import SQRT_3, TRANSFORM
 from model.machines import find_machine
@@ -41,8 +42,23 @@ def constants(drive: Drive) -> tuple[Constant, ...]:
         Constant("ARC_BEND", ARC, "of the arc tangent, within 0.004 rad", None),
         Constant("LEAST_SIZE", LEAST_SIZE, "A^2: no less is divided by", None),
         Constant("TURN_PER_SAMPLE", _turn_per_sample(drive), "p T, rad electrical per rad/s", None),
+        *_of_alignment(drive),
         Constant("PROBE_SPEED", _probe_speed(drive), "L_q / (psi_m p T), rad/s per A, of one interval", None),
     )
+
+
+def _of_alignment(drive: Drive) -> tuple[Constant, ...]:
+    if not aligns(drive):
+        return ()
+    return (
+        Constant("ALIGN_STEP", _align_step(drive), "of the current's rise and of its turn, a sample", None),
+        Constant("ALIGN_CURRENT", align_current(drive), "A", None),
+        Constant("QUARTER_TURN", math.pi / 2, "pi / 2", None),
+    )
+
+
+def _align_step(drive: Drive) -> float:
+    return drive.model.sample_time / turn_time(drive)
 
 
 def _turn_per_sample(drive: Drive) -> float:
@@ -150,4 +166,36 @@ def place_block(drive: Drive) -> Block:
     if named:
         b.stage(next(iter(named)), "", "", list(named.values()), list(named), scale="none")
     b.output("guess", [z[0], z[1], omega, theta])
+    return b.build()
+
+
+def axis_block(drive: Drive, model: StateSpaceModel) -> Block:
+    """Where the current of an alignment points, how large it is wanted, and what is missing of it and across it.
+
+    ``progress`` goes to 1 while the current rises, a quarter of a turn beside the initial state's angle, and to 2 while
+    it is turned there.
+
+    Parameters
+    ----------
+    drive : Drive
+    model : StateSpaceModel
+        Tells the place of the angle.
+    """
+    b = BlockBuilder("turn_axis", "Where the current of an alignment points, and how far the measured one is from it")
+    (before,) = b.input("aligning", ["progress_before"])
+    x_0 = b.input("x_0", [f"{state.name}_0" for state in model.states])
+    i_a, i_b = b.input("phase", ["i_a", "i_b"])
+    progress = ca.fmin(before + _align_step(drive), 2.0)
+    aside = ca.fmin(2.0 - progress, 1.0) * (math.pi / 2)
+    theta_axis = ca.remainder(x_0[[s.name for s in model.states].index("theta")] + aside, 2 * math.pi)
+    axis = Rotor.at(theta_axis)
+    wanted = align_current(drive) * ca.fmin(progress, 1.0)
+    i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b
+    along, across = axis.to_rotor((i_a, i_beta))
+    cosine, sine = axis.to_stator((1.0, 0.0))
+    named = {"progress": progress, "aside": aside, "theta_axis": theta_axis, "wanted": wanted, "i_beta": i_beta}
+    b.stage("progress", "", "", list(named.values()), list(named), scale="none")
+    b.output("aligning", [progress])
+    b.output("axis", [cosine, sine, wanted])
+    b.output("missing", [wanted - along, across])
     return b.build()

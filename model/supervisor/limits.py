@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+from model.alignment import align_time, aligns, calm_time
 from model.machines.state_space import StateSpaceModel
 from model.rating import allowed_torque
-from model.schema import Drive
+from model.schema import Drive, DriveError
 from model.supervisor.words import Limit
 
 #: s. Lost is who is blind for so long, or diverged: a fault of some 50 ms is ridden through, and torque is cut where
@@ -69,6 +70,8 @@ def has_rival(drive: Drive) -> bool:
     drive : Drive
         Its ``[start]`` says so, or its sample time.
     """
+    if aligns(drive):
+        return False
     if drive.start is None or drive.start.filters is None:
         known = drive.start is not None and drive.start.angle != "unknown"
         return not known and drive.model.sample_time >= ROOM_FOR_TWO
@@ -151,6 +154,7 @@ def limits(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Limit, .
         *_times(drive, rivals),
         *_currents(drive),
         *(_starts(drive, "load_torque" in names) if rivals else ()),
+        *(_alignment(drive) if aligns(drive) else ()),
         *((flux,) if model.states[0].unit == "Wb" else ()),
         *((held,) if model.adaptive.states else ()),
         Limit("PI", math.pi, "half a turn"),
@@ -171,7 +175,9 @@ def _times(drive: Drive, rivals: bool) -> tuple[Limit, ...]:
         samples("MAX_OPEN", OPEN_TIME, "steps in a row with a phase that is silent: a stuck sensor is ridden through"),
         Limit("MAX_EXCESS", MAX_EXCESS, "samples in a row beyond the trip current"),
         Limit(
-            "MAX_FAILURES", MAX_FAILURES if rivals else MAX_FAILURES_ALONE, "attempts in a row that fail end in FAULT"
+            "MAX_FAILURES",
+            MAX_FAILURES if rivals or aligns(drive) else MAX_FAILURES_ALONE,
+            "attempts in a row that fail end in FAULT",
         ),
         samples("REST_SAMPLES", REST_TIME, "so long both currents must read zero before the inverter is enabled"),
         samples("RESTLESS_SAMPLES", RESTLESS_TIME, "and if they do not for so long, something is wrong"),
@@ -229,4 +235,19 @@ def _starts(drive: Drive, load: bool) -> tuple[Limit, ...]:
         Limit("START_SPEED", speed, "rad/s: STARTING goes for no less: WINDOW_TURN in the longest window"),
         Limit("START_SPEED_SQUARED", speed**2, "(rad/s)^2"),
         Limit("STILL_SQUARED", (STILL_SHARE * speed) ** 2, "(rad/s)^2: a reference within this asks for no motion"),
+    )
+
+
+def _alignment(drive: Drive) -> tuple[Limit, ...]:
+    longest = align_time(drive)
+    if longest > MOST_SAMPLES * drive.model.sample_time:
+        raise DriveError(
+            f"drive '{drive.name}': an alignment may take {longest:.3g} s, {longest / drive.model.sample_time:.3g} "
+            f"samples, and an int of 16 bits counts to {MOST_SAMPLES}. A larger start.align_current is faster."
+        )
+    return (
+        _samples(drive, "CALM_SAMPLES", calm_time(drive), "of a current along the axis alone: half a swing"),
+        _samples(drive, "ALIGN_SAMPLES", longest, "so long an alignment may take"),
+        Limit("REST_SPEED", unseen_speed(drive) ** 2, "(rad/s)^2: of a rotor that made no current"),
+        Limit("START_ANGLE", START_ANGLE, "rad^2: about the axis, from which a load turns the rotor"),
     )

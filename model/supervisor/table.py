@@ -23,6 +23,7 @@ there.
 
 from __future__ import annotations
 
+from model.alignment import aligns
 from model.filters.conditions import (
     All,
     Compare,
@@ -41,9 +42,9 @@ from model.filters.conditions import (
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.actions import actions, watch
+from model.supervisor.fields import ALIGN_FIELDS, FIELDS, RIVAL_FIELDS
 from model.supervisor.limits import has_rival, limits
 from model.supervisor.words import (
-    Field,
     Mode,
     OnRival,
     Reason,
@@ -71,6 +72,12 @@ MODES = (
         torque=True,
         rivals=True,
     ),
+    Mode(
+        "ALIGNING",
+        "a rotor that stood: a direct current, until it stands along a known axis",
+        inverter=True,
+        aligns=True,
+    ),
 )
 
 REASONS = (
@@ -85,46 +92,7 @@ REASONS = (
     Reason("NOT_CAUGHT", "the filter did not find the turning rotor in time"),
     Reason("NOT_STARTED", "the rotor did not turn as either filter says"),
     Reason("SELF_TEST", "the self-test failed: no acknowledgement helps"),
-)
-
-FIELDS = (
-    Field("mode", "PMSM_RESTING, ..."),
-    Field("reason", "why the drive last gave up its rotor: PMSM_REASON_NONE, ..."),
-    Field("inverter", "1: gates may be enabled"),
-    Field("runs", "1: filter and controller take their step at the next interrupt"),
-    Field("torque", "1: the controller may ask for current"),
-    Field("rivals", "1: the rival takes its step too, and START_SHARE of the largest current is allowed"),
-    Field("fresh", "1: no voltage is under way"),
-    Field("anew", "1: the regulators begin anew"),
-    Field("acknowledged", "set it to 1 to leave FAULT"),
-    Field("since", "interrupts in this mode, or in a window of it"),
-    Field("quiet", "samples in a row, RESTING: both currents read zero"),
-    Field("readings", "currents from zero voltage that were read; MAX_READINGS: it is known which way the rotor turns"),
-    Field("rejected", "inputs rejected in a row"),
-    Field("diverged", "steps in a row"),
-    Field("excess", "samples in a row beyond the trip current"),
-    Field("open", "steps in a row in which a phase had been silent for half a turn"),
-    Field("content", "steps in a row of which the status is good"),
-    Field("mirrored", "1: the guess is not turned round: it was already, or the current told which way"),
-    Field("failures", "attempts in a row that did not end in steady running"),
-    Field("steady", "windows of RUNNING in a row"),
-    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now", 5),
-    Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
-    Field("eased", "share of the largest current that RUNNING allows", 1),
-    Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),
-    Field("reading", "cosine and sine of the current's angle; its size, A; sine of the angle since the first one", 4),
-    Field("first", "cosine and sine of the first current's angle", 2),
-    Field("guess", "the filter's first two states, speed and angle to begin with", 4),
-    Field("spread", "variances of that speed and angle", 2),
-)
-
-#: What a start from an unknown angle needs besides.
-RIVAL_FIELDS = (
-    Field("side", "on which side of the filter the rival was last"),
-    Field("windows", "of STARTING, so far"),
-    Field("good", "of them in a row in which the angle turned as stated"),
-    Field("asked", "rad/s: the speed that STARTING goes for: the reference, or START_SPEED where that is less", 1),
-    Field("rival", "the second filter of STARTING", filter=True),
+    Reason("NOT_ALIGNED", "the rotor did not come to rest along the axis of its alignment"),
 )
 
 
@@ -140,12 +108,14 @@ def supervisor(drive: Drive, model: StateSpaceModel, scored: bool = True) -> Sup
         The filter tells how well it expects the currents; one that does not has no rival.
     """
     rivals = scored and has_rival(drive)
-    table = transitions([state.name for state in model.states], rivals)
+    aligned = aligns(drive)
+    table = transitions([state.name for state in model.states], rivals, aligned)
+    fields = tuple(field for field in FIELDS if rivals or field.name != "rivals")
     named = {action if isinstance(action, str) else action.name for row in table for action in row.actions}
     return Supervisor(
-        modes=tuple(mode for mode in MODES if rivals or not mode.rivals),
-        reasons=REASONS,
-        fields=tuple(field for field in FIELDS if rivals or field.name != "rivals") + (RIVAL_FIELDS if rivals else ()),
+        modes=tuple(mode for mode in MODES if (rivals or not mode.rivals) and (aligned or not mode.aligns)),
+        reasons=tuple(reason for reason in REASONS if aligned or reason.name != "NOT_ALIGNED"),
+        fields=fields + (ALIGN_FIELDS if aligned else ()) + (RIVAL_FIELDS if rivals else ()),
         limits=limits(drive, model, rivals),
         watch=watch(drive, model, rivals),
         actions=tuple(action for action in actions(drive, model, rivals) if action.name in named),
@@ -153,7 +123,7 @@ def supervisor(drive: Drive, model: StateSpaceModel, scored: bool = True) -> Sup
     )
 
 
-def transitions(states: list[str], rivals: bool) -> tuple[Transition, ...]:
+def transitions(states: list[str], rivals: bool, aligned: bool = False) -> tuple[Transition, ...]:
     """The table, in the order in which the transitions of a mode are tried.
 
     Parameters
@@ -162,10 +132,13 @@ def transitions(states: list[str], rivals: bool) -> tuple[Transition, ...]:
         Names of the filter's.
     rivals : bool
         There is a second filter, and STARTING.
+    aligned : bool, optional
+        A start begins with ALIGNING.
     """
     return (
-        *_from_rest(rivals),
+        *_from_rest(rivals, aligned),
         *_catching(),
+        *(_aligning() if aligned else ()),
         *(_starting(states) if rivals else ()),
         *_running(states.index("omega")),
         Transition(
@@ -182,12 +155,15 @@ def _lost(source: str, guard: Condition, why: str, reason: str) -> Transition:
     return Transition(source, "RESTING", guard, why, ("fail",), reason)
 
 
-def _from_rest(rivals: bool) -> tuple[Transition, ...]:
+def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
     """RESTING, PROBING and WAITING tell whether the rotor turns."""
     seen = Not(within("phase", "PROBE_SQUARED"))
     known, none = at_least("readings", "MAX_READINGS"), within("phase", "ZERO_SQUARED")
     both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
-    stands = (*both, "void_voltages") if rivals else ("start_at_rest", "void_voltages")
+    stands: tuple[str | OnRival, ...] = (*(both if rivals else ("start_at_rest",)), "void_voltages")
+    follows, how = ("STARTING", ", and the reference asks for motion") if rivals else ("RUNNING", ", and starts as the drive file says")
+    if aligned:
+        follows, how, stands = "ALIGNING", ", and a current turns it to where it is known", ("void_voltages",)
     tried = at_least("since", "PROBE_SAMPLES")
     wanted = All((tried, Compare(">", square(Name("reference")), Name("STILL_SQUARED"))))
     return (
@@ -220,10 +196,9 @@ def _from_rest(rivals: bool) -> tuple[Transition, ...]:
         ),
         Transition(
             "PROBING",
-            "STARTING" if rivals else "RUNNING",
+            follows,
             wanted if rivals else tried,
-            "no current came: the rotor stands, "
-            + ("and the reference asks for motion" if rivals else "and starts as the drive file says"),
+            "no current came: the rotor stands" + how,
             (*stands, "begin_anew", "begin_window"),
         ),
         Transition(
@@ -274,6 +249,20 @@ def _catching() -> tuple[Transition, ...]:
             ("learn", "begin_window"),
         ),
         _lost("CATCHING", at_least("since", "CATCH_SAMPLES"), "the filter has not found the rotor", "NOT_CAUGHT"),
+    )
+
+
+def _aligning() -> tuple[Transition, ...]:
+    return (
+        _lost("ALIGNING", Not(within("phase", "TRIP_SQUARED")), "a current is too large, or no number", "CURRENT"),
+        Transition(
+            "ALIGNING",
+            "RUNNING",
+            at_least("calm", "CALM_SAMPLES"),
+            "for half a swing the rotor made no current across the axis: it stands there",
+            ("guess_aligned", "place", "start_filter", "learn", "begin_anew", "begin_window"),
+        ),
+        _lost("ALIGNING", at_least("since", "ALIGN_SAMPLES"), "the rotor does not come to rest", "NOT_ALIGNED"),
     )
 
 

@@ -20,7 +20,8 @@ class Mode:
     """What the drive is doing, and what is allowed meanwhile.
 
     ``inverter``: gates are enabled; ``runs``: filter and controller take their step; ``torque``: the controller may ask
-    for current; ``rivals``: the rival filter takes its step too. ``lasting``: the drive may stay here for ever; else a
+    for current; ``rivals``: the rival filter takes its step too; ``aligns``: a direct current turns the rotor,
+    without the filter. ``lasting``: the drive may stay here for ever; else a
     transition ends it after a stated time.
     """
 
@@ -30,6 +31,7 @@ class Mode:
     runs: bool = False
     torque: bool = False
     rivals: bool = False
+    aligns: bool = False
     lasting: bool = False
 
 
@@ -152,6 +154,11 @@ class Supervisor:
     def rivals(self) -> bool:
         """It has a second filter, for a start from an unknown angle."""
         return any(field.filter for field in self.fields)
+
+    @property
+    def aligns(self) -> bool:
+        """A start begins with an alignment."""
+        return any(mode.aligns for mode in self.modes)
 
     @property
     def blocks(self) -> list[Block]:

@@ -137,6 +137,12 @@ _GAIN_UNITS = {
 }
 
 
+def _modes(folder: GeneratedFolder) -> str:
+    """The numbers of the modes; the last is the start's, of drives that have one for it."""
+    last = "ALIGNING" if "ALIGNING" in folder.module.MODES else "STARTING"
+    return f"0 RESTING .. 4 RUNNING, 5 FAULT, 6 {last}"
+
+
 def _drive(folder: GeneratedFolder) -> list[Variable]:
     control, modes = "drive.control", "drive.supervisor"
     return [
@@ -151,7 +157,7 @@ def _drive(folder: GeneratedFolder) -> list[Variable]:
         ),
         Variable("gates", OUTPUT, "gates", "", "1: enabled, 0: all six off", "gates", INTEGER),
         *_estimates(folder, f"{control}.filter"),
-        Variable("mode", OUTPUT, f"{modes}.mode", "", "0 RESTING .. 4 RUNNING, 5 FAULT, 6 STARTING", "mode", INTEGER),
+        Variable("mode", OUTPUT, f"{modes}.mode", "", _modes(folder), "mode", INTEGER),
         Variable("reason", OUTPUT, f"{modes}.reason", "", "why it last gave up its rotor", "reason", INTEGER),
         Variable("status", OUTPUT, "drive.status", "", "status bits of the last step", "status", INTEGER),
         *_health(f"{control}.filter"),

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.alignment import align_time, aligns
 from model.rating import rating
 from model.schema import Drive
+from model.supervisor.limits import window_time
 from runtime.drive.scenario import LATE, REACHED, Scenario
 from runtime.estimator.folder import GeneratedFolder
 from runtime.faults.loop import FAULT, FaultyLoop, FaultyRun, FoundMotor
@@ -30,6 +32,10 @@ Progress = Callable[[str], None]
 
 #: s: a start goes on so long, and its reference takes at least so long to the rated speed.
 START_TIME, START_RAMP = 0.3, 0.05
+#: Of rated torque: the load that a rotor has which is aligned first, so that the current holds it near its axis.
+ALIGNED_LOAD_SHARE = 0.3
+#: So many windows of a start every drive has until it is judged: as the slowest shipped one has in START_TIME.
+START_WINDOWS = 11
 #: Shares: of rated torque that a load may have, of rated speed that a rotor may turn with, of turning rotors that are
 #: wanted to go on in their own direction, of the magnet flux that it may be off.
 LOAD_SHARE, TURNING_SHARE, ONWARD_SHARE, MAGNET_SHARE = 0.5, 1.5, 0.7, 0.05
@@ -190,6 +196,17 @@ def draw_factors(drive: Drive, rng: np.random.Generator) -> dict[str, float]:
     return {"R": resistance, "L_d": d, "L_q": q, "psi_m": magnet}
 
 
+def start_time(drive: Drive) -> float:
+    """How long a start goes on, s: longer where the drive needs more time to turn its rotor by a radian, or aligns it.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its torque and inertia say how long a window of a start may last.
+    """
+    return max(START_TIME, START_WINDOWS * window_time(drive) + LATE) + (align_time(drive) if aligns(drive) else 0.0)
+
+
 def _angle(rng: np.random.Generator) -> float:
     return float(rng.uniform(-np.pi, np.pi))
 
@@ -207,9 +224,10 @@ def from_rest(drive: Drive, rng: np.random.Generator) -> Attempt:
     rng : numpy.random.Generator
     """
     task = rating(drive)
-    sign, load = _sign(rng), rng.uniform(0.0, LOAD_SHARE) * task.torque
-    ramp = task.ramp(drive.motor.inertia, START_RAMP)
-    scenario = Scenario("start", sign * task.speed * RPM, ramp, sign * load, load_at=0.0, duration=START_TIME)
+    share = ALIGNED_LOAD_SHARE if aligns(drive) else LOAD_SHARE
+    sign, load = _sign(rng), rng.uniform(0.0, share) * task.torque
+    ramp, duration = task.start_ramp(drive.motor.inertia, START_RAMP), start_time(drive)
+    scenario = Scenario("start", sign * task.speed * RPM, ramp, sign * load, load_at=0.0, duration=duration)
     return Attempt(scenario, FoundMotor(_angle(rng), 0.0, draw_factors(drive, rng)), least=0.0)
 
 
@@ -224,7 +242,7 @@ def turning(drive: Drive, rng: np.random.Generator) -> Attempt:
     task = rating(drive)
     speed = rng.uniform(-TURNING_SHARE, TURNING_SHARE) * task.speed
     wanted = np.copysign(task.speed, speed if rng.random() < ONWARD_SHARE else -speed)
-    scenario = Scenario("turning", wanted * RPM, ramp=drive.model.sample_time, duration=START_TIME)
+    scenario = Scenario("turning", wanted * RPM, ramp=drive.model.sample_time, duration=start_time(drive))
     return Attempt(scenario, FoundMotor(_angle(rng), speed, draw_factors(drive, rng)), least=-np.inf)
 
 

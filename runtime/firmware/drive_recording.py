@@ -102,6 +102,10 @@ CASES = (
     Case("CATCHING", ends={"since": "TWICE_SETTLE_SAMPLES"}, given=_turned(DIFFER)),
     Case("CATCHING", ends={"since": "TWICE_SETTLE_SAMPLES", "content": "LOCKED_SAMPLES"}, given=_turned(AGREE)),
     Case("CATCHING", ends={"since": "CATCH_SAMPLES"}, given={"mirrored": 1}),
+    Case("ALIGNING", TRIPS),
+    Case("ALIGNING", 0.8, {"calm": "CALM_SAMPLES"}, given={"aligning": 2.0}),
+    Case("ALIGNING", 0.5, given={"aligning": 0.5, "axis[0]": 0.6, "axis[1]": -0.8, "axis[2]": 2.0}),
+    Case("ALIGNING", ends={"since": "ALIGN_SAMPLES"}),
     *_lost("STARTING"),
     Case("STARTING", ends={"windows": "MAX_WINDOWS"}),
     Case("STARTING", ends={"since": "LOCKED_SAMPLES"}, given={"rival.nis": -1e3}),
@@ -160,7 +164,7 @@ def _fields(case: Case, module: ModuleType) -> dict[str, float]:
     place = case.mode if isinstance(case.mode, int) else module.MODES.index(case.mode)
     words: dict[str, float] = {"mode": place, "turning[2]": module.DEFAULTS["x_0"][3]}
     if named is not None:
-        words |= {name: int(getattr(named, name)) for name in ("inverter", "runs", "torque", "rivals")}
+        words |= {name: int(getattr(named, name)) for name in ("inverter", "runs", "torque", "rivals", "aligns")}
     words |= {name: getattr(module, limit) - (name in COUNTED) for name, limit in case.ends.items()}
     words |= case.given
     supervisor, own = module.new_supervisor(np.float32), module.new_filter(np.float32)

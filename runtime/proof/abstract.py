@@ -40,7 +40,7 @@ SIGNS: Mapping[str, Callable[[Any, Any], bool]] = {
 #: Set from outside before any interrupt.
 GIVEN = ("acknowledged",)
 #: Integers that follow from the mode.
-TOLD = ("inverter", "runs", "torque", "rivals")
+TOLD = ("inverter", "runs", "torque", "rivals", "aligns")
 #: Below and above all numbers.
 BOTTOM, TOP = (-float("inf"), 0), (float("inf"), 1)
 #: Any reason that no guard asks for.

@@ -47,12 +47,19 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     """
     if rng.random() < 0.7:
         return False
-    s, name = d.supervisor, str(rng.choice(module.MODES))
+    s = d.supervisor
+    more = ("RUNNING",) * 2 if hasattr(s, "aligns") else ()  # the one mode of such a drive with torque
+    name = str(rng.choice([*module.MODES, *more]))
     s.mode = np.int64(module.MODES.index(name))
     s.runs = np.int64(name in ("CATCHING", "STARTING", "RUNNING"))
     s.torque = np.int64(name in ("STARTING", "RUNNING"))
     if hasattr(s, "rivals"):
         s.rivals = np.int64(name == "STARTING")
+    if hasattr(s, "aligns"):
+        s.aligns, s.calm = np.int64(name == "ALIGNING"), np.int64(hand.calm - rng.integers(0, 3))
+        way, size = rng.uniform(-np.pi, np.pi), rng.uniform(0, 1) * hand.align_current
+        s.axis = tuple(dtype(v) for v in (np.cos(way), np.sin(way), size))
+        s.aligning = (dtype(rng.choice([0.0, 0.7, 1.0, 1.6, 2.0])),)
     for field in ("fresh", "anew", "acknowledged"):
         setattr(s, field, np.int64(rng.integers(2)))
     s.since = np.int64(rng.integers(0, hand.samples(0.01)))

@@ -236,7 +236,10 @@ def _off(found: Explored) -> Iterator[Row]:
     yield _row("inverter off in RESTING, WAITING and FAULT", "modes in which it is not", on, len(OFF))
     yield _row("inverter on elsewhere", "modes in which it is not", held, len(modes) - len(OFF))
     odd = sum(
-        (mode.torque and not mode.runs) or (mode.runs and not mode.inverter) or (mode.rivals and not mode.torque)
+        (mode.aligns and (mode.runs or mode.torque or not mode.inverter))
+        or (mode.torque and not mode.runs)
+        or (mode.runs and not mode.inverter)
+        or (mode.rivals and not mode.torque)
         for mode in modes
     )
     yield _row("torque only where the filter runs, and that only with the inverter", "modes", odd, len(modes))

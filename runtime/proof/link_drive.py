@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from runtime.estimator.c_backend import c_sources, declarations
 from runtime.estimator.compiler import build_library, compiler_name, open_library
 from runtime.estimator.folder import GeneratedFolder
+from runtime.proof.align import aligned
 from runtime.proof.control import clarke
 from runtime.proof.drive_draws import inputs, set_drive
 from runtime.proof.link_injection import injected
@@ -167,10 +168,12 @@ def _interrupt(
             duty, v = injected(rotor, np.array(duty), v, c.command_held[1], amplitude, sign, faded)
             d.injection = amplitude, -sign
             setattr(c, told, (v.real, v.imag))
+    elif mode == "ALIGNING":
+        duty = aligned(hand, d, np.array(phase), command)
     else:
         duty, d.status = (0.5, 0.5, 0.5), 0
     module.supervise(s, c.filter, d.status, phase, command[0], math)
-    return duty, int(module.MODES[s.mode] in ("PROBING", "CATCHING", "STARTING", "RUNNING"))
+    return duty, int(module.MODES[s.mode] in ("PROBING", "CATCHING", "STARTING", "ALIGNING", "RUNNING"))
 
 
 def _numbers(value: Any) -> list[float]:

@@ -8,6 +8,23 @@ from typing import Any
 
 #: In the place of the first two states: whatever carries the measured currents where the rotor is placed.
 CARRIES = None
+#: What may happen in each mode.
+EVENTS = {
+    "RESTING": ("gave up", "no current", "restless"),
+    "PROBING": ("lost, CURRENT", "turns", "turned", "stands"),
+    "WAITING": ("begins there", "died out", "lost, CURRENT"),
+    "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
+    "STARTING": (
+        *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
+        *("rival is better", "found", "as stated", "not as stated", "nothing turned"),
+    ),
+    "ALIGNING": ("lost, CURRENT", "aligned", "lost, NOT_ALIGNED"),
+    "RUNNING": (
+        *("lost, CURRENT", "open", "lost, BLIND", "lost, RUNAWAY", "lost, DIVERGED", "lost, RESTARTED"),
+        *("lost, SLIPPED", "steady"),
+    ),
+    "FAULT": ("acknowledged",),
+}
 
 
 @dataclass

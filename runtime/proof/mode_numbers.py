@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from runtime.proof.control import best_currents, of_current, torque_of
 
 #: s: currents must read zero; zero voltage is tried; a first current dies out; the filter locks; its angle settles; it
@@ -35,6 +37,9 @@ FORGOTTEN = 0.25
 SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
 #: Of the speed that a start goes for at least: what is no more asks for no motion.
 STILL = 0.01
+#: An alignment: of the largest current; s, in which the current rises at least; of the swing's decay, what it may take
+#: after it rose and turned; of the current regulator, the resistance across the axis.
+ALIGN_SHARE, ALIGN_TURN, ALIGN_DECAYS, SOFT = 0.8, 20e-3, 7.0, 0.5
 #: rad^2: the angle's variance after two readings, and at a start. Of the box's speed: its spread after either, and
 #: of half a turn on. Of P_0: what slow states keep.
 READ_ANGLE, START_ANGLE, READ_SPEED, MIRROR_SPEED, HELD = 0.01, 0.09, 0.5, 0.25, 1e-3
@@ -69,12 +74,16 @@ class Numbers:
         first = 4 + self.loaded
         self.slow = range(first, first + len(model.get("adaptive") or ()))
         self.two = _two_filters(parameters)
-        self.attempts = ATTEMPTS if self.two else ATTEMPTS_ALONE
+        start = parameters.get("start") or {}
+        self.aligns = start.get("method") == "align"
+        self.attempts = ATTEMPTS if self.two or self.aligns else ATTEMPTS_ALONE
         ratio = abs(self.motor["inductance_q"] - self.motor["inductance_d"])
         #: Share of the largest current: where reluctance could take all of the magnet's torque it may take half.
         self.share = min(SHARE, self.motor["magnet_flux"] / ratio / self.most) if ratio else SHARE
         by_current = torque_of(self.motor, best_currents(self.motor, self.share * self.most, of_current))
         stated = parameters["control"].get("max_torque")
+        self.parameters = parameters
+        self.align_current = self._align_current(start.get("align_current"))
         self.torque = by_current if stated is None or stated > by_current else stated
 
     def samples(self, seconds: float, times: int = 1) -> int:
@@ -86,6 +95,57 @@ class Numbers:
         times : int, optional
         """
         return times * min(max(int(seconds / self.T + 0.5), 1), MOST // times)
+
+    def _align_current(self, stated: float | None) -> float:
+        """The current of an alignment, A: less where R takes half the voltage by it, or reluctance half the magnet."""
+        m, voltage = self.motor, min(self.link / math.sqrt(3), self.parameters["operating_box"]["voltage"])
+        saliency = abs(m["inductance_q"] - m["inductance_d"])
+        limits = [ALIGN_SHARE * self.most, voltage / 2 / m["stator_resistance"]]
+        return stated or min([*limits, m["magnet_flux"] / 2 / saliency] if saliency else limits)
+
+    @property
+    def pull(self) -> float:
+        """rad/s^2 electrical per rad: what the aligning current makes of a small angle from its axis."""
+        m, i = self.motor, self.align_current
+        flux = m["magnet_flux"] + (m["inductance_d"] - m["inductance_q"]) * i
+        return float(1.5 * self.p * flux * i / m["inertia"] * self.p)
+
+    @property
+    def across(self) -> float:
+        """What the inverter is across the axis of an alignment beside R, ohm."""
+        m, swing = self.motor, math.sqrt(self.pull)
+        flux = (m["magnet_flux"] + m["inductance_d"] * self.align_current) / self.align_current  # H
+        best = (flux + m["inductance_q"]) * swing / 2
+        stiff = self.parameters["control"]["current_bandwidth"] * min(m["inductance_d"], m["inductance_q"])
+        return float(min(max(0.0, best - m["stator_resistance"]), SOFT * stiff))
+
+    @property
+    def decay(self) -> float:
+        """s, in which a swing dies down: of the angle, its speed and the current across, as they move each other."""
+        m, i = self.motor, self.align_current
+        R, L = m["stator_resistance"] + self.across, m["inductance_q"]
+        moves = [
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, self.pull / i],
+            [-R * i / L, -(m["magnet_flux"] + m["inductance_d"] * i) / L, -R / L],
+        ]
+        return float(-1.0 / np.linalg.eigvals(np.array(moves)).real.max())
+
+    @property
+    def align_turn(self) -> float:
+        """s, in which the current of an alignment rises, and is turned to its axis."""
+        return max(ALIGN_TURN, self.decay)
+
+    @property
+    def align(self) -> int:
+        """Samples that an alignment may take."""
+        half_a_swing = math.pi / math.sqrt(self.pull)
+        return self.samples(2 * self.align_turn + ALIGN_DECAYS * self.decay + half_a_swing)
+
+    @property
+    def calm(self) -> int:
+        """Samples of half a swing."""
+        return self.samples(math.pi / math.sqrt(self.pull))
 
     def allowed_by_link(self, link: float, reference: float, omega: float) -> float:
         """The share of the largest current that the DC link leaves.
@@ -152,7 +212,8 @@ class Numbers:
         """
         rest = {"RESTING": self.samples(RESTLESS)}
         twice = {"PROBING": self.samples(PROBE), "WAITING": self.samples(WAIT), "CATCHING": 2 * self.samples(CATCH)}
-        return rest | twice | ({"STARTING": WINDOWS * self.window + 1} if self.two else {})
+        starts = {"STARTING": WINDOWS * self.window + 1} if self.two else {}
+        return rest | twice | starts | ({"ALIGNING": self.align} if self.aligns else {})
 
     @property
     def unseen(self) -> float:
@@ -173,6 +234,8 @@ def _between(value: float, first: float, last: float) -> float:
 def _two_filters(parameters: Mapping[str, Any]) -> bool:
     """A drive says how many filters its start has, or how well its angle is known; else its sample time has room."""
     start = parameters.get("start") or {}
+    if start.get("method"):
+        return False
     if start.get("filters"):
         return bool(start["filters"] == 2)
     return bool(start.get("angle", "unknown") == "unknown" and parameters["model"]["sample_time"] >= ROOM)

@@ -22,7 +22,7 @@ Array = NDArray[Any]
 #: Share of lanes in which memory is set before an interrupt, and of its numbers that are, each.
 SET_LANES, SET_FIELDS = 0.4, 0.35
 #: How often a mode is set, where not once.
-WEIGHTS = {"RESTING": 0.5, "FAULT": 0.5, "CATCHING": 2.0, "RUNNING": 3.0, "STARTING": 4.0}
+WEIGHTS = {"ALIGNING": 3.0, "RESTING": 0.5, "FAULT": 0.5, "CATCHING": 2.0, "RUNNING": 3.0, "STARTING": 4.0}
 #: How far from a limit: to either side by relative parts.
 NEAR = (1e-9, -1e-9, 1e-3, -1e-3, 0.02, -0.02, 0.3, -0.3)
 #: Status bits of a step and how likely each is: rejected, not converged, command, repaired, diverged, restarted.
@@ -114,6 +114,8 @@ class Walk:
         self._set_silent()
         phase = self._phase(), self._phase()
         self._set_readings(phase)
+        if self.known.aligns:
+            phase = self._set_alignment(phase)
         rng, speed = self.rng, self.known.speed
         status = np.sum([np.where(rng.random(self.lanes) < odds, bit, 0) for bit, odds in STATUS], axis=0)
         reference = rng.choice([-speed, speed, -1e-30, 0.0, -0.0, np.nan, np.inf, -np.inf], self.lanes)
@@ -178,6 +180,7 @@ class Walk:
             "PROBING": [n.samples(numbers.PROBE)],
             "WAITING": [n.samples(numbers.WAIT), n.gap],
             "CATCHING": [n.samples(numbers.CATCH), n.samples(numbers.SETTLE), n.samples(numbers.SETTLE, 2)],
+            "ALIGNING": [n.align] if n.aligns else [],
             "STARTING": [n.window, n.window, n.samples(numbers.LOCKED)],
             "RUNNING": [n.samples(numbers.LOCKED)],
         }
@@ -196,6 +199,7 @@ class Walk:
             "steady": round(numbers.STEADY / numbers.LOCKED),
             "windows": numbers.WINDOWS,
             "readings": numbers.READINGS,
+            **({"calm": n.calm} if n.aligns else {}),
             **dict.fromkeys(("good", "side", "mirrored", "fresh", "anew"), 1),
         }
         return {name: limit for name, limit in ends.items() if hasattr(self.s, name)}
@@ -250,6 +254,21 @@ class Walk:
         self._set(self.s, "probe", np.array([np.sign(sine), rng.integers(0, 60, lanes)]))
         last = 1.0 - 1.0 / self.known.ease
         self._set(self.s, "eased", rng.choice([0.0, 0.5, last, 0.999 * last, 1.0], (1, lanes)))
+
+    def _set_alignment(self, phase: tuple[Array, Array]) -> tuple[Array, Array]:
+        """How far an alignment is, about where that ends; and currents that point along its axis, or nearly."""
+        rng, n, lanes = self.rng, self.known, self.lanes
+        step = n.T / n.align_turn
+        ends = rng.choice([0.5, 1.0, 2.0], lanes) - step * rng.choice([0.0, 1.0, 2.5], lanes)
+        self._set(self.s, "aligning", np.maximum(ends, 0.0)[None], share=0.9)
+        progress = np.minimum(self.s.aligning[0] + step, 2.0)
+        way = np.exp(1j * (np.asarray(self.f.x_0[3], float) + np.pi / 2 * np.minimum(2.0 - progress, 1.0)))
+        near = numbers.ZERO * n.most * rng.choice([0.0, 0.5, 1.0], (2, lanes)) * (1 + rng.choice(NEAR, (2, lanes)))
+        near = near * rng.choice([-1.0, 1.0], (2, lanes))
+        i = (n.align_current * np.minimum(progress, 1.0) + near[0] + 1j * near[1]) * way
+        along = (self.s.mode == self.module.MODES.index("ALIGNING")) & (rng.random(lanes) < 0.8)
+        pair = i.real, -0.5 * i.real + np.sqrt(3) / 2 * i.imag
+        return self._real(np.where(along, pair[0], phase[0])), self._real(np.where(along, pair[1], phase[1]))
 
     def _set_estimates(self) -> None:
         """State, covariance and score of either filter; the rival's score about the one that makes it better."""

@@ -11,8 +11,9 @@ import math
 from collections.abc import Sequence
 from copy import deepcopy
 
+from runtime.proof.align import turn_axis
 from runtime.proof.control import clarke
-from runtime.proof.mode_memory import CARRIES, Filter, Memory, Said
+from runtime.proof.mode_memory import CARRIES, EVENTS, Filter, Memory, Said
 from runtime.proof.mode_numbers import (
     ADRIFT,
     BETTER,
@@ -55,22 +56,6 @@ from runtime.proof.mode_numbers import (
 #: What is off, what lets the filter run, what lets it make torque.
 OFF = ("RESTING", "WAITING", "FAULT")
 RUNNING, TORQUE = ("CATCHING", "STARTING", "RUNNING"), ("STARTING", "RUNNING")
-#: What may happen in each mode.
-EVENTS = {
-    "RESTING": ("gave up", "no current", "restless"),
-    "PROBING": ("lost, CURRENT", "turns", "turned", "stands"),
-    "WAITING": ("begins there", "died out", "lost, CURRENT"),
-    "CATCHING": ("lost, CURRENT", "settled", "turned round", "found", "lost, NOT_CAUGHT"),
-    "STARTING": (
-        *("lost, CURRENT", "lost, BLIND", "lost, RESTARTED", "lost, NOT_STARTED"),
-        *("rival is better", "found", "as stated", "not as stated", "nothing turned"),
-    ),
-    "RUNNING": (
-        *("lost, CURRENT", "open", "lost, BLIND", "lost, RUNAWAY", "lost, DIVERGED", "lost, RESTARTED"),
-        *("lost, SLIPPED", "steady"),
-    ),
-    "FAULT": ("acknowledged",),
-}
 
 
 class Modes(Numbers):
@@ -79,7 +64,8 @@ class Modes(Numbers):
     @property
     def events(self) -> list[str]:
         """All that may happen, with the mode in which it does."""
-        modes = (mode for mode in EVENTS if self.two or mode != "STARTING")
+        absent = {"STARTING": not self.two, "ALIGNING": not self.aligns}
+        modes = (mode for mode in EVENTS if not absent.get(mode))
         return [f"{mode}: {event}" for mode in modes for event in EVENTS[mode]]
 
     def interrupt(self, m: Memory, f: Filter, said: Said, phase: Sequence[float], reference: float) -> str:
@@ -101,7 +87,12 @@ class Modes(Numbers):
         where, branch = m.mode, getattr(self, f"_{m.mode.lower()}", None)
         self._wanted = abs(reference) > STILL * self.slowest
         event = branch(m, f, said, phase) if branch else self._go(m, "RESTING")  # a mode that is none
-        for name, modes in (("runs", RUNNING), ("torque", TORQUE), ("rivals", ("STARTING",))):
+        for name, modes in (
+            ("runs", RUNNING),
+            ("torque", TORQUE),
+            ("rivals", ("STARTING",)),
+            ("aligns", ("ALIGNING",)),
+        ):
             if name in m.whole:
                 m.whole[name] = int(m.mode in modes)
         m.whole["inverter"] = int(m.mode not in OFF)
@@ -142,6 +133,8 @@ class Modes(Numbers):
         share = 1.0 / self.ease
         eased = {"CATCHING": share, "RUNNING": m.arrays["eased"][0] + share}.get(m.mode, 1.0)
         m.arrays["eased"] = [eased if eased <= 1.0 else 1.0]
+        if self.aligns:
+            self._row(m, "calm", turn_axis(self, m, f.x_0[3], phase), self.calm)
         self._row(m, "quiet", m.mode == "RESTING" and self._inside(phase, ZERO), self.samples(REST))
         if m.mode != "FAULT":
             n["acknowledged"] = 0
@@ -247,6 +240,9 @@ class Modes(Numbers):
 
     def _stands(self, m: Memory, f: Filter) -> None:
         """Torque for a rotor that stands: with a rival where the angle is unknown, else as the drive file says."""
+        if self.aligns:
+            self._go(m, "ALIGNING")
+            return
         if m.rival is None:
             f.begin()
             m.whole["steady"] = 0
@@ -312,6 +308,16 @@ class Modes(Numbers):
             if as_stated and n["content"] >= self.samples(LOCKED):
                 return self._torque(m, f)
         return self._lost(m, "NOT_CAUGHT") if n["since"] >= self.samples(CATCH) else ""
+
+    def _aligning(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
+        if not self._inside(phase, TRIP):
+            return self._lost(m, "CURRENT")
+        if m.whole["calm"] < self.calm:
+            return self._lost(m, "NOT_ALIGNED") if m.whole["since"] >= self.align else ""
+        self._begin(m, f, (0.0, f.x_0[3]), (self.unseen**2, START_ANGLE))
+        self._torque(m, f)
+        self._regulators_anew(m)
+        return "aligned"
 
     def _score(self, f: Filter) -> float:
         return f.nis + (LOAD * (f.x[4] / self.torque) ** 2 if self.loaded else 0.0)

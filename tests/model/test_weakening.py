@@ -87,6 +87,77 @@ def test_without_a_need_it_is_as_it_was_to_the_last_digit(drawn: Any) -> None:
         }
 
 
+def best_within(m: Any, omega_e: float, volts: float) -> float:
+    """The largest torque, N m, of all that current and voltage allow: a grid, then finer ones about the best."""
+    centre, size, best = np.zeros(2), m.max_current, 0.0
+    for _ in range(10):
+        i_d, i_q = np.meshgrid(*(np.linspace(at - size, at + size, 121) for at in centre), indexing="ij")
+        drop = m.stator_resistance * (i_d + 1j * i_q)
+        v = drop + 1j * omega_e * (m.magnet_flux + m.inductance_d * i_d + 1j * m.inductance_q * i_q)
+        allowed = (np.hypot(i_d, i_q) <= m.max_current) & (np.abs(v) <= volts)
+        reluctance = (m.inductance_d - m.inductance_q) * i_d
+        torque = np.where(allowed, 1.5 * m.pole_pairs * (m.magnet_flux + reluctance) * i_q, -np.inf)
+        at = np.unravel_index(np.argmax(torque), torque.shape)
+        best, centre, size = float(torque[at]), np.array([i_d[at], i_q[at]]), 0.3 * size
+    return best
+
+
+def left_by_weakening(m: Any, omega_e: float, volts: float) -> tuple[float, float]:
+    """Torque, N m, and d current, A, where the weakening settles: the regulators ask for the voltage that is there."""
+    z, asked = [ca.SX.sym(name) for name in ("z", "asked")]
+    b, constants = BlockBuilder("b", ""), Constants(named=False)
+    drive: Any = SimpleNamespace(motor=m)
+    reach = within_reach(b, drive, constants, ca.SX(m.max_current), z, ca.SX(omega_e))
+    makes = ca.Function("makes", [z, asked], current_reference(b, drive, constants, asked * reach.torque, reach))
+    tried = np.linspace(0.0, -1.95 * m.max_current, 4001)
+    i_d, i_q = (np.array(values).ravel() for values in makes.map(len(tried))(tried, np.ones(len(tried))))
+    v = m.stator_resistance * (i_d + 1j * i_q) + 1j * omega_e * (
+        m.magnet_flux + m.inductance_d * i_d + 1j * m.inductance_q * i_q
+    )
+    k = int(np.argmax(np.abs(v) <= volts))
+    assert abs(v[k]) <= volts, "with z at its limit the voltage suffices"
+    return 1.5 * m.pole_pairs * (m.magnet_flux + (m.inductance_d - m.inductance_q) * i_d[k]) * i_q[k], i_d[k]
+
+
+def beyond_the_circle(rng: np.random.Generator, ratio: float, fastest: float) -> tuple[Any, float, float]:
+    """A motor whose field can be cancelled, psi_m / L_d < I, its speed beyond base speed (rad/s), and its voltage."""
+    most, L_d = float(10 ** rng.uniform(0, 2.5)), float(10 ** rng.uniform(-4.5, -2))
+    volts, psi = float(10 ** rng.uniform(1, 2.8)), float(rng.uniform(0.2, 0.9)) * most * L_d
+    m = SimpleNamespace(
+        pole_pairs=int(rng.integers(1, 12)),
+        inductance_d=L_d,
+        inductance_q=ratio * L_d,
+        magnet_flux=psi,
+        stator_resistance=float(rng.uniform(0, 0.1)) * volts / most,
+        max_current=most,
+    )
+    return m, float(rng.uniform(1.2, fastest)) * volts / math.hypot(psi, m.inductance_q * most), volts
+
+
+def test_a_round_rotor_makes_all_torque_that_voltage_and_current_allow() -> None:
+    """Maximum torque per volt: where psi_m / L_d < I, speed has no end, and no other currents make more torque."""
+    rng, bound, shares = np.random.default_rng(11), 0, []
+    for _ in range(60):
+        m, omega_e, volts = beyond_the_circle(rng, 1.0, 10.0)
+        made, i_d = left_by_weakening(m, omega_e, volts)
+        shares.append(made / best_within(m, omega_e, volts))
+        corner = (m.stator_resistance / m.inductance_d) ** 2
+        bound += i_d == pytest.approx(-m.magnet_flux / m.inductance_d * omega_e**2 / (omega_e**2 + corner))
+    assert bound > 30, "it is the bound that holds i_d there, not the current"
+    assert 0.995 < min(shares) <= max(shares) < 1.001
+
+
+@pytest.mark.parametrize(("ratio", "least"), [(1.5, 0.94), (2.5, 0.95), (0.7, 0.72)])
+def test_reluctance_leaves_most_of_it_up_to_twice_base_speed(ratio: float, least: float) -> None:
+    """i_d on the curve of maximum torque per ampere, and as much more as the magnet takes: near the best, not it."""
+    rng, shares = np.random.default_rng(12), []
+    for _ in range(40):
+        m, omega_e, volts = beyond_the_circle(rng, ratio, 2.0)
+        shares.append(left_by_weakening(m, omega_e, volts)[0] / best_within(m, omega_e, volts))
+    assert least < min(shares) <= max(shares) < 1.006, "the curve may take 1.003 of the current"
+    assert np.median(shares) > 0.945
+
+
 @pytest.mark.parametrize(
     ("v", "z", "falls"), [(0.0, -1.0, False), (0.9, -1.0, False), (1.0, 0.0, True), (50.0, -3.45, True)]
 )

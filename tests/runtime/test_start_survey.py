@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from codegen.output.folder import digest
+from codegen.generate import generate
+from codegen.output.folder import digest, write_folder
 from model.drives.load import load_drive
 from model.rating import rating
 from runtime.cli import app
-from runtime.estimator.folder import GENERATED, find_folder
+from runtime.estimator.folder import GENERATED, GeneratedFolder, find_folder
 from runtime.faults.loop import FaultyLoop
 from runtime.faults.slow import SLOW, slow
 from runtime.faults.starts import (
@@ -28,7 +30,8 @@ from runtime.faults.starts import (
     run_attempt,
     survey_starts,
 )
-from tests.conftest import EVERY_DRIVE, thoroughly
+from runtime.recorded.units import RPM
+from tests.conftest import EVERY_DRIVE, thoroughly, variant
 
 #: Share of runs that need a second attempt, and crawl too late for their judge: of 200 at most 3 of traction_70kw and 2
 #: of ipmsm_adaptive.
@@ -133,6 +136,39 @@ def test_what_is_drawn() -> None:
         (-1, -1),
     }
     assert max(abs(a.scenario.load_torque(t)).max() for a in reversals) == pytest.approx(0.5 * task.torque)
+
+
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+def test_a_shipped_drive_starts_within_the_same_time(name: str) -> None:
+    drive = load_drive(name)
+    attempt = FROM_REST.attempt(drive, np.random.default_rng(1))
+    assert attempt.scenario.duration == 0.3
+    assert TURNING.attempt(drive, np.random.default_rng(1)).scenario.duration == 0.3
+    assert attempt.scenario.ramp == rating(drive).ramp(drive.motor.inertia, 0.05), "torque is all that limits it"
+
+
+def test_a_drive_of_little_torque_has_the_time_that_its_rotor_takes() -> None:
+    """Eleven times the one in which the torque turns it by a radian from rest, and the 50 ms that are judged."""
+    usual = load_drive("ipmsm")
+    weak = variant(usual, control={"max_torque": 0.4, "max_power": 2.0})
+    radian = math.sqrt(2 * usual.motor.inertia / (usual.motor.pole_pairs * 0.4))
+    for task in (FROM_REST, TURNING):
+        assert task.attempt(weak, np.random.default_rng(1)).scenario.duration == pytest.approx(11 * radian + 0.05)
+    scenario = FROM_REST.attempt(weak, np.random.default_rng(1)).scenario
+    wanted = scenario.speed / RPM / scenario.ramp * usual.motor.inertia  # N m, to follow the reference at rest
+    assert abs(wanted) == pytest.approx(0.5 * 0.4), "a power limits no rotor that stands"
+    task = rating(weak)
+    assert task.slow_torque == 0.4
+    assert task.largest_torque == pytest.approx(2.0 / task.speed)
+
+
+@pytest.mark.slow
+def test_a_drive_that_is_slow_is_not_lost(tmp_path: Path) -> None:
+    weak = variant(load_drive("ipmsm"), control={"max_torque": 4.0, "max_power": 100.0}, filter={"kinds": ["ckf"]})
+    write_folder(tmp_path / weak.name, generate(weak, samples=200).files)
+    (found,) = survey_starts([GeneratedFolder(tmp_path / weak.name, checked=False)], None, [FROM_REST], 8)
+    assert found.locked
+    assert max(run.time for run in found.runs) > 0.25, "by which a shipped drive has"
 
 
 def test_motors_are_drawn_within_the_tolerance_and_a_round_rotor_stays_round() -> None:

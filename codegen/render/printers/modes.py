@@ -18,7 +18,7 @@ from model.quantities import Block
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, OnRival, Supervisor, Transition
 
 #: Columns of the table of modes that the machine tells whoever drives the inverter.
-TOLD = ("inverter", "runs", "torque", "rivals")
+TOLD = ("inverter", "runs", "torque", "rivals", "aligns")
 #: Entries of the rival filter begin so.
 RIVAL = "rival_"
 

@@ -33,6 +33,9 @@ REALS: Mapping[str, tuple[Interval, ...]] = {
     "first": (Interval.within(1.1),) * 2,
     "guess": (*[Interval.within(1e6)] * 3, Interval.within(10.0)),
     "spread": (Interval(0.0, 1e10),) * 2,
+    "aligning": (Interval(0.0, 2.0),),
+    "axis": (*[Interval.within(1.1)] * 2, Interval(0.0, 1e6)),
+    "missing": (Interval.within(1e7),) * 2,
 }
 #: What a part of a vector is at most of its length: 1 but for a few roundings, those of the chip's root included.
 MOST_OF_LENGTH = 1.001

@@ -180,6 +180,10 @@ _ROWS: dict[str, tuple[str, tuple[tuple[str, str, str, str], ...]]] = {
     "codegen/evidence/box.py": ("units", (
         ("a sample beyond what is accepted", "nearest if float(nearest) <= limit else", "nearest if True else", "tests/runtime/test_trajectory.py"),
     )),
+    "runtime/faults/starts.py": ("units", (
+        ("a slow drive is lost", "max(START_TIME, START_WINDOWS * window_time(drive) + LATE)", "START_TIME", "tests/runtime/test_start_survey.py::test_a_drive_of_little_torque_has_the_time_that_its_rotor_takes"),
+        ("a reference that waits for the power", "task.start_ramp(drive.motor.inertia", "task.ramp(drive.motor.inertia", "tests/runtime/test_start_survey.py::test_a_drive_of_little_torque_has_the_time_that_its_rotor_takes"),
+    )),
     "runtime/study/map.py": ("units", (
         ("another cell's motor", "R=float(resistance[at])", "R=float(resistance[0])", "tests/runtime/test_map.py"),
         ("locked is good", "success=float(np.mean(found.good[part]))", "success=float(np.mean(found.locked[part]))", "tests/runtime/test_map.py"),

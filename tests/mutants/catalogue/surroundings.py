@@ -335,7 +335,7 @@ _GATES = {
     ),
     "runtime/firmware/drive_recording.py": (
         ("counts that do not end", "getattr(module, limit) - (name in COUNTED)", "getattr(module, limit) - 9", (REPLAYED,)),
-        ("modes without their filter", '("inverter", "runs", "torque", "rivals")', '("inverter", "torque", "rivals")', (REPLAYED,)),
+        ("modes without their filter", '("inverter", "runs", "torque", "rivals", "aligns")', '("inverter", "torque", "rivals")', (REPLAYED,)),
         ("no current trips", "NONE, TELLS, TRIPS = 0.01, 0.5, 2.0", "NONE, TELLS, TRIPS = 0.01, 0.5, 1.4", (REPLAYED,)),
         ("the filter is not tuned", "for name, value in case.tuned.items()", "for name, value in case.ends.items()", (REPLAYED,)),
     ),
