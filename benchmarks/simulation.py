@@ -32,11 +32,16 @@ def rate(simulator: Simulator, conditions: Conditions, repeats: int = 5) -> floa
 
 
 def fleet_rate(fleet: Fleet, threads: int, runs: int = 640, repeats: int = 7) -> float:
-    """Best of some fleets: runs of 0.4 s per wall second, averaged inverter."""
+    """Best of some fleets: runs of 0.4 s per wall second, averaged inverter; of whole drives from any angle."""
+    theta = np.linspace(-np.pi, np.pi, runs) if fleet.supervised else 0.0
     best = float("inf")
     for _ in range(repeats):
         begin = time.perf_counter()
-        fleet.run(find_scenario("load_step", load_drive(fleet.folder.drive)), Cases(seed=np.arange(runs)), threads)
+        fleet.run(
+            find_scenario("load_step", load_drive(fleet.folder.drive)),
+            Cases(seed=np.arange(runs), theta=theta),
+            threads,
+        )
         best = min(best, time.perf_counter() - begin)
     return runs / best
 
@@ -54,6 +59,22 @@ def fleets() -> None:
             print(f"{drive:<20}{kind:<8}{T:>6.0f}{rates[0]:>10.0f}{rates[1]:>11.0f}")
 
 
+def supervised() -> None:
+    """Whole drives in lanes and one by one, from power-up, on one thread."""
+    print(
+        f"\n{'drive':<20}{'filter':<8}{'in lanes':>10}{'scalar':>8}{'ratio':>7}   supervised runs of 0.4 s per wall s"
+    )
+    for drive in ("spmsm_load_torque", "ipmsm_flux", "paper_spmsm"):
+        fleet, simulator = Fleet(find_folder(drive), "ckf", supervised=True), Simulator(find_folder(drive), "ckf")
+        scenario, best = find_scenario("load_step", load_drive(drive)), float("inf")
+        for theta in np.linspace(-np.pi, np.pi, 16):
+            begin = time.perf_counter()
+            simulator.run(scenario, Conditions(theta=float(theta), supervised=True))
+            best = min(best, time.perf_counter() - begin)
+        rate_in_lanes = fleet_rate(fleet, 1, runs=160)
+        print(f"{drive:<20}{'ckf':<8}{rate_in_lanes:>10.0f}{1 / best:>8.0f}{rate_in_lanes * best:>7.1f}")
+
+
 def main() -> None:
     print(f"{'drive':<20}{'filter':<8}{'T, us':>6}{'averaged':>10}{'PWM':>8}   simulated s per wall s, one core")
     for drive in ("spmsm_load_torque", "ipmsm_flux", "paper_spmsm"):
@@ -63,6 +84,7 @@ def main() -> None:
             rates = [rate(simulator, conditions) for conditions in (Conditions(), HARD)]
             print(f"{drive:<20}{kind:<8}{T:>6.0f}{rates[0]:>10.0f}{rates[1]:>8.0f}")
     fleets()
+    supervised()
 
 
 if __name__ == "__main__":
