@@ -38,7 +38,7 @@ def fleet_rate(fleet: Fleet, threads: int, runs: int = 640, repeats: int = 7) ->
         begin = time.perf_counter()
         fleet.run(
             find_scenario("load_step", load_drive(fleet.folder.drive)),
-            Cases(seed=np.arange(runs), theta=theta),
+            Cases(seed=np.arange(runs)),
             threads,
         )
         best = min(best, time.perf_counter() - begin)
