@@ -36,11 +36,7 @@ def fleet_rate(fleet: Fleet, threads: int, runs: int = 640, repeats: int = 7) ->
     best = float("inf")
     for _ in range(repeats):
         begin = time.perf_counter()
-        fleet.run(
-            find_scenario("load_step", load_drive(fleet.folder.drive)),
-            Cases(seed=np.arange(runs)),
-            threads,
-        )
+        fleet.run(find_scenario("load_step", load_drive(fleet.folder.drive)), Cases(seed=np.arange(runs)), threads)
         best = min(best, time.perf_counter() - begin)
     return runs / best
 
