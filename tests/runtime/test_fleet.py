@@ -106,7 +106,8 @@ def test_a_supervised_lane_is_the_scalar_simulators_run_from_power_up(name: str)
     assert set(modes) >= {"RUNNING"}
     assert modes[-1] != "RUNNING"
     assert module.REASONS[outcomes.reason[-1]] == "RESTARTED"
-    for index in (0, 1, 7, 12, 19):
+    gave_up = np.flatnonzero(outcomes.reason)  # their gates went off while a current flowed
+    for index in {0, 7, *gave_up.tolist()[:4], 19}:
         run = fleet.trace(SHORT, cases, index)
         own = {"mode": outcomes.mode[index], "reason": outcomes.reason[index]}  # a record does not have them
         _agree(_row(outcomes, index), _expected(run) | own)
