@@ -54,6 +54,23 @@ def fleets() -> None:
             print(f"{drive:<20}{kind:<8}{T:>6.0f}{rates[0]:>10.0f}{rates[1]:>11.0f}")
 
 
+def supervised() -> None:
+    """Whole drives in lanes and one by one, from power-up at the same angles: processor time, one thread."""
+    print(f"\n{'drive':<20}{'filter':<8}{'in lanes':>10}{'scalar':>8}{'ratio':>7}   runs of 0.4 s per CPU s")
+    theta = np.linspace(-np.pi, np.pi, 32)
+    for drive in ("spmsm_load_torque", "ipmsm_flux", "paper_spmsm"):
+        fleet, simulator = Fleet(find_folder(drive), "ckf", supervised=True), Simulator(find_folder(drive), "ckf")
+        scenario, cases = find_scenario("load_step", load_drive(drive)), Cases(seed=1, theta=theta)
+        begin = time.process_time()
+        for _ in range(5):
+            fleet.run(scenario, cases, threads=1)
+        middle = time.process_time()
+        for angle in theta:
+            simulator.run(scenario, Conditions(theta=float(angle), supervised=True))
+        lanes, scalar = 5 * len(theta) / (middle - begin), len(theta) / (time.process_time() - middle)
+        print(f"{drive:<20}{'ckf':<8}{lanes:>10.0f}{scalar:>8.0f}{lanes / scalar:>7.1f}")
+
+
 def main() -> None:
     print(f"{'drive':<20}{'filter':<8}{'T, us':>6}{'averaged':>10}{'PWM':>8}   simulated s per wall s, one core")
     for drive in ("spmsm_load_torque", "ipmsm_flux", "paper_spmsm"):
@@ -63,6 +80,7 @@ def main() -> None:
             rates = [rate(simulator, conditions) for conditions in (Conditions(), HARD)]
             print(f"{drive:<20}{kind:<8}{T:>6.0f}{rates[0]:>10.0f}{rates[1]:>8.0f}")
     fleets()
+    supervised()
 
 
 if __name__ == "__main__":

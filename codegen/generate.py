@@ -33,6 +33,7 @@ from codegen.output.folder import with_manifest
 from codegen.passes import optimise
 from codegen.render.board import render_board
 from codegen.render.drive import controller_context, default_kind, plant_data, render_example, render_foc, render_plant
+from codegen.render.drive_lanes import render_drive_lanes
 from codegen.render.filter import Description, render_filter, render_port
 from codegen.render.lanes import render_foc_lanes, render_lanes, render_plant_lanes
 from codegen.render.module import render_module
@@ -305,6 +306,9 @@ def print_c(about: Description, steps: dict[str, FilterStep], listings: dict[str
         own = render_supervisor(about, step, [OPEN_HEAD]).items()
         files |= {f"{name}_{kind}_{end}": text for end, text in own}
         files[f"host/{foc}_lanes.h"], files[f"host/{foc}_lanes.c"] = render_foc_lanes(about, step)
+        if not aligns(about.drive):  # lanes have no alignment
+            whole = f"host/{name}_{kind}_drive_lanes"
+            files[f"{whole}.h"], files[f"{whole}.c"] = render_drive_lanes(about, step)
     kind = default_kind(steps)
     files["example_isr.c"] = render_example(about, steps[kind])
     plant = f"host/{name}_plant"

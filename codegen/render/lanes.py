@@ -65,12 +65,12 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         inside=printer.format_literal(INSIDE),
         pair=any(count["sincos"] for count in operations),
         trig_note=trig_note(numbers),
-        sin_cos=_inlined(sin_cos_text(printer)),
+        sin_cos=inlined(sin_cos_text(printer)),
         turns=spread is not None,
         skips=printer.skips,
         **(turn_context(printer, spread) if spread is not None else {}),
         zero=printer.format_literal(0.0),
-        wrap_angle=_inlined(printer.format_helper(wrap_listing(numbers.precision))),
+        wrap_angle=inlined(printer.format_helper(wrap_listing(numbers.precision))),
         looped=step.has(Repeat),
         blocks=[printer.format_block(listings[block.name]) for block in step.blocks],
         locals=[f"lanes {name}[{size}];" for name, size in lane_arrays(step.body).items()],
@@ -91,7 +91,7 @@ def render_foc_lanes(about: Description, step: FilterStep) -> tuple[str, str]:
     """
     n = len(about.model.states)
     context = foc_context(about, step.kind, LanesPrinter(FLOAT32, n))
-    context |= {"sin_cos": _inlined(context["sin_cos"]), "wrap_angle": _inlined(context["wrap_angle"]), "lanes": LANES}
+    context |= {"sin_cos": inlined(context["sin_cos"]), "wrap_angle": inlined(context["wrap_angle"]), "lanes": LANES}
     context |= {"n": n, "packed": n * (n + 1) // 2, "covariance": step.covariance, "guarded": step.has(Restart)}
     return render("foc_lanes.h.j2", **context), render("foc_lanes.c.j2", **context)
 
@@ -104,9 +104,16 @@ def render_plant_lanes(about: Description) -> tuple[str, str]:
     about : Description
     """
     context = plant_context(about, LanesPrinter(FLOAT64, len(about.model.states)))
-    context |= {"sin_cos": _inlined(context["sin_cos"]), "lanes": LANES}
+    context |= {"sin_cos": inlined(context["sin_cos"]), "lanes": LANES}
     return render("plant_lanes.h.j2", **context), render("plant_lanes.c.j2", **context)
 
 
-def _inlined(helper: str) -> str:
+def inlined(helper: str) -> str:
+    """A function that becomes a part of the loop that calls it.
+
+    Parameters
+    ----------
+    helper : str
+        Its text.
+    """
     return helper.replace("static ", "INLINE ", 1)

@@ -90,7 +90,14 @@ def _angle_listing(layout: CovarianceLayout) -> Listing:
     return lay_out(angle_block(words, row, pivots), ())
 
 
-def _listings(about: Description, machine: Supervisor) -> list[Listing]:
+def supervisor_listings(about: Description, machine: Supervisor) -> list[Listing]:
+    """The blocks of the machine, laid out.
+
+    Parameters
+    ----------
+    about : Description
+    machine : Supervisor
+    """
     return [lay_out(block, constants(about.drive)) for block in machine.blocks]
 
 
@@ -108,7 +115,15 @@ def filter_fields(about: Description, step: FilterStep) -> list[str]:
     return [*tuning(about, guarded), "x", step.covariance, "u_held", "iterations", *monitored]
 
 
-def _limits(machine: Supervisor, printer: CPrinter | PythonPrinter) -> list[dict[str, str]]:
+def limit_texts(machine: Supervisor, printer: CPrinter | PythonPrinter) -> list[dict[str, str]]:
+    """The machine's limits as they are spelled.
+
+    Parameters
+    ----------
+    machine : Supervisor
+    printer : CPrinter or PythonPrinter
+        Of the language.
+    """
     return [
         {
             "name": limit.name,
@@ -131,19 +146,19 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     machine = machine_of(about, step)
     layout = CovarianceLayout.of(step)
     printer = ModesPython(machine, layout)
-    listings, around = _listings(about, machine), drive_listings(about, layout)
+    listings, around = supervisor_listings(about, machine), drive_listings(about, layout)
     return {
         "machine": machine,
         "injected": repr(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
         "around": [printer.format_block(listing) for listing in around],
         "drive_listings": around,
-        **_seen(about, printer),
+        **seen_context(about, printer),
         "rivals": machine.rivals,
         "asked": "asked" if machine.rivals else "command",
         "aligns": machine.aligns,
         "filter_fields": filter_fields(about, step),
         "start_share": printer.format_literal(start_share(about.drive)),
-        "limits": _limits(machine, printer),
+        "limits": limit_texts(machine, printer),
         "supervisor_listings": listings,
         "supervisor_blocks": [printer.format_block(listing) for listing in listings],
         "actions": [printer.format_action(action) for action in machine.actions],
@@ -196,8 +211,15 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
     }
 
 
-def _seen(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, str]:
-    """From where on the angle is seen; of a salient machine at any speed."""
+def seen_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, str]:
+    """From where on the angle is seen; of a salient machine at any speed.
+
+    Parameters
+    ----------
+    about : Description
+    printer : CPrinter or PythonPrinter
+        Of the language.
+    """
     slowest = least_speed(about.drive)
     return {
         "most_variance": printer.format_literal(most_variance()),
@@ -212,9 +234,9 @@ def _constants(about: Description, listings: list[Listing], printer: ModesC) -> 
 
 def _machine_text(about: Description, printer: ModesC) -> dict[str, Any]:
     """What the supervisor's source says of its machine."""
-    machine, listings = printer.machine, _listings(about, printer.machine)
+    machine, listings = printer.machine, supervisor_listings(about, printer.machine)
     return {
-        "limits": _limits(machine, printer),
+        "limits": limit_texts(machine, printer),
         "constants": _constants(about, listings, printer),
         "pair": any(listing.operations()["sincos"] for listing in listings),
         "blocks": [printer.format_block(listing) for listing in listings],
@@ -236,7 +258,7 @@ def _drive_text(about: Description, printer: ModesC, layout: CovarianceLayout) -
         "around": [printer.format_block(listing) for listing in around],
         "covariance": layout.field,
         "asked": "asked" if printer.machine.rivals else "command",
-        **_seen(about, printer),
+        **seen_context(about, printer),
         "omega": state_place(printer.prefix, "omega"),
         "theta": state_place(printer.prefix, ANGLE),
     }

@@ -15,7 +15,7 @@ from model.drives.load import shipped_drives
 from runtime.commands.paths import writes_folder
 from runtime.commands.terminal import console, counting, say
 from runtime.commands.words import DRIVE, Drives, Json
-from runtime.study.statement import USUAL, VARIABLES
+from runtime.study.statement import ANYWHERE, USUAL, VARIABLES
 from runtime.system.errors import UserError
 from runtime.system.files import write_facts
 from runtime.system.values import nearest
@@ -50,6 +50,13 @@ VARY_HELP = (
 )
 Seed = Annotated[int, typer.Option(min=0, max=2**63, help="Of everything drawn: same seed, same runs, anywhere.")]
 
+Supervised = Annotated[
+    bool,
+    typer.Option(
+        "--supervised/--alone", help="From power-up, with the supervisor, theta from anywhere; or the controller alone."
+    ),
+]
+
 
 @app.command("run")
 def run(
@@ -60,6 +67,7 @@ def run(
         list[str] | None, typer.Option(metavar="RANGE", help=f"{VARY_HELP} Default: {' '.join(USUAL)}.")
     ] = None,
     scenario: Annotated[str, typer.Option(metavar="NAME", help="no_load or load_step.")] = "load_step",
+    supervised: Supervised = False,
     seed: Seed = 1,
     out: Annotated[
         Path | None,
@@ -84,8 +92,8 @@ def run(
     from runtime.style.figures import pyplot
 
     pyplot()  # what is missing is said now, not after the runs
-    names = drives or shipped_drives()
-    statement, packages = state_study(names, filters.split(","), scenario, vary or USUAL, seed)
+    names, usual = drives or shipped_drives(), ANYWHERE if supervised else USUAL
+    statement, packages = state_study(names, filters.split(","), scenario, vary or usual, seed, supervised)
     out = out or Path("build") / "study" / statement.digest[:12]
     with bar("runs") as tell:
         study = run_study(statement, packages, runs, out, scheduler, tell)
@@ -171,6 +179,7 @@ def draw_map(
         str | None, typer.Option("--filter", metavar="KIND", help="Default: the drive file's first.")
     ] = None,
     runs: Annotated[int, typer.Option(min=1, max=10**6, help="Of each cell.")] = 8,
+    supervised: Supervised = False,
     seed: Seed = 1,
     out: Annotated[Path | None, writes_folder("Page and figure. Default: build/map/<drive>.")] = None,
     json: Json = None,
@@ -183,7 +192,7 @@ def draw_map(
 
     pyplot()
     with bar("runs") as tell:
-        found = draw(drive, kind, runs, seed, tell)
+        found = draw(drive, kind, runs, seed, supervised, tell)
     console.print(speed_table(found))
     worst = found.corners[0]
     console.print(

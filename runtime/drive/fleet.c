@@ -1,17 +1,31 @@
 /* fleet.c: closed loops side by side, LANES at a time. Hand-written; compiled beside the generated lane forms.
  *
  * FILTER, FOC and PLANT name the generated filter, controller and motor; HEADER_FOC_LANES and HEADER_PLANT_LANES their
- * headers. The loop is that of simulator.c with the averaged inverter: sense, control, then the motor until the next
- * sample. A run leaves figures, not a record. */
+ * headers. Where the drive is supervised, WHOLE names it with its modes and HEADER_WHOLE_LANES its header; HEADER_PLANT is
+ * the scalar motor's. The loop is that of simulator.c with the averaged inverter: sense, control, then the motor until the
+ * next sample. A run leaves figures, not a record. */
 #include HEADER_FOC_LANES
 #include HEADER_PLANT_LANES
 #include "sensor_noise.h"
 #include <math.h>
+#ifdef WHOLE
+#include HEADER_WHOLE_LANES
+#include "powered_motor.h"
+#else
+static const double ROOT_3 = 1.7320508075688772;
+#endif
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
+#ifdef WHOLE
+#define DRIVE JOIN(WHOLE, _t)
+#define GROUP(name) JOIN(WHOLE, JOIN(_lanes_, name))
+#define FILTER_OF(d) (d)->control.filter
+#else
 #define DRIVE JOIN(FOC, _t)
-#define CONTROL JOIN(FOC, _lanes_t)
+#define GROUP(name) JOIN(FOC, JOIN(_lanes_, name))
+#define FILTER_OF(d) (d)->filter
+#endif
 #define PLANT_(name) JOIN(PLANT, JOIN(_lanes_, name))
 
 /* The data that all runs share. Samples are counted from 0; `share` is the speed reference of each sample over its end value. */
@@ -20,6 +34,8 @@ typedef struct {
     int substeps;       /* Runge-Kutta steps a sample */
     double h;           /* s, their width */
     double v_dc;        /* V */
+    double T;           /* s, a sample */
+    double pole_pairs;
     double lost;        /* share of the DC link that a leg loses against its current */
     const double *share;
     int load_from;      /* the load acts from this sample on */
@@ -46,15 +62,17 @@ typedef struct {
 } fleet_runs;
 
 enum { START, AFTER, LATE_SQUARE, ANGLE, ANGLE_END, LATE_ANGLE, LATE_SPEED, FIGURES };
-enum { STATUS, LOCKED_FROM, FINITE, FLAGS };
+enum { STATUS, LOCKED_FROM, FINITE, MODE, REASON, FLAGS };
 
-static const double ROOT_3 = 1.7320508075688772;
 static const double TWO_PI = 6.283185307179586;
 #define ROUND_64 6755399441055744.0
 
 /* One group of lanes: its state and what its figures are made of. */
 typedef struct {
-    CONTROL control;
+    GROUP(t) drive;
+#ifdef WHOLE
+    int open[LANES]; /* gates off, and the currents have died out */
+#endif
     lanes_f64 s[6];
     lanes_f64 motor[6];
     lanes_f64 sigma, load, speed;
@@ -70,7 +88,7 @@ static void begin(group *g, const fleet_runs *r, int first, int count)
     int lane, k;
     for (lane = 0; lane < LANES; lane++) {
         const int b = first + ((lane < count) ? lane : count - 1); /* lanes beyond repeat the last run */
-        JOIN(FOC, _lanes_load)(&g->control, lane, &r->drives[b]);
+        GROUP(load)(&g->drive, lane, &r->drives[b]);
         for (k = 0; k < 6; k++) {
             g->motor[k].of[lane] = r->motor[(size_t)k * r->runs + b];
         }
@@ -86,13 +104,25 @@ static void begin(group *g, const fleet_runs *r, int first, int count)
         g->flags[STATUS][lane] = 0;
         g->flags[LOCKED_FROM][lane] = 0;
         g->flags[FINITE][lane] = 1;
+#ifdef WHOLE
+        g->open[lane] = 1;
+#endif
     }
     PLANT_(rest)(g->motor, &theta, g->s);
 }
 
-static void end(const group *g, const fleet_runs *r, int first, int count)
+static void end(group *g, const fleet_runs *r, int first, int count)
 {
     int lane, k;
+    for (lane = 0; lane < LANES; lane++) {
+#ifdef WHOLE
+        g->flags[MODE][lane] = g->drive.supervisor.mode[lane];
+        g->flags[REASON][lane] = g->drive.supervisor.reason[lane];
+#else
+        g->flags[MODE][lane] = -1;
+        g->flags[REASON][lane] = 0;
+#endif
+    }
     for (lane = 0; lane < count; lane++) {
         for (k = 0; k < FIGURES; k++) {
             r->figures[(size_t)k * r->runs + first + lane] = g->figures[k].of[lane];
@@ -190,87 +220,55 @@ static void actuate(group *g, const fleet_task *t, const lanes *duty, const lane
     }
 }
 
-/* Errors of the estimate at sample k; keeps when the lock was last broken, status and finiteness. */
-static void judge(group *__restrict g, const fleet_task *__restrict t, int k, lanes_f64 *__restrict speed_error,
-                  lanes_f64 *__restrict angle_error)
+#ifdef WHOLE
+/* One motor with its gates off: simulator.c's own. */
+static void freewheel(const lanes_f64 *s, group *g, const fleet_task *t, double load, int lane)
 {
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const double omega = (double)g->control.filter.x[2].of[lane];
-        const double theta = (double)g->control.filter.x[3].of[lane];
-        const double wanted = g->speed.of[lane];
-        const double off = theta - g->s[3].of[lane];
-        const double turned = off - TWO_PI * (off / TWO_PI + ROUND_64 - ROUND_64);
-        const double angle = (turned < 0.0) ? -turned : turned;
-        const double along = (wanted < 0.0) ? -g->s[2].of[lane] : g->s[2].of[lane];
-        const double size = (wanted < 0.0) ? -wanted : wanted;
-        const int bad = ((angle <= t->locked_angle) ? 0 : 1) | ((along >= -t->wrong_way * size) ? 0 : 1);
-        const double error = omega - g->s[2].of[lane];
-        const int from = g->flags[LOCKED_FROM][lane];
-        speed_error->of[lane] = (error < 0.0) ? -error : error;
-        angle_error->of[lane] = angle;
-        g->flags[LOCKED_FROM][lane] = (bad != 0) ? k + 1 : from;
-        g->flags[STATUS][lane] |= g->control.status[lane];
-        g->flags[FINITE][lane] &= ((error - error == 0.0) ? 1 : 0) & ((off - off == 0.0) ? 1 : 0);
+    simulator m;
+    int k;
+    for (k = 0; k < 6; k++) {
+        m.s[k] = s[k].of[lane];
+        m.motor[k] = g->motor[k].of[lane];
+    }
+    m.T = t->T;
+    m.v_dc = t->v_dc;
+    m.pole_pairs = t->pole_pairs;
+    m.open = g->open[lane];
+    simulator_freewheel(&m, load);
+    g->open[lane] = m.open;
+    for (k = 0; k < 6; k++) {
+        g->s[k].of[lane] = m.s[k];
     }
 }
 
-static void keep_largest(lanes_f64 *__restrict largest, const lanes_f64 *__restrict value)
+/* Until the next sample: lanes whose gates are on by their duty cycles, the others through their diodes. */
+static void advance_group(group *g, const fleet_task *t, const lanes *duty, const lanes_f64 *load)
 {
-    int lane;
+    lanes_f64 before[6];
+    const int *inverter = g->drive.supervisor.inverter;
+    int on = 0, lane, k;
     for (lane = 0; lane < LANES; lane++) {
-        const double old = largest->of[lane];
-        largest->of[lane] = (value->of[lane] > old) ? value->of[lane] : old;
+        on += (inverter[lane] != 0) ? 1 : 0;
     }
-}
-
-static void keep_largest_loaded(lanes_f64 *__restrict largest, const lanes_f64 *__restrict value,
-                                const lanes_f64 *__restrict load)
-{
-    int lane;
+    for (k = 0; k < 6; k++) {
+        before[k] = g->s[k];
+    }
+    if (on > 0) {
+        actuate(g, t, duty, load);
+    }
     for (lane = 0; lane < LANES; lane++) {
-        const double old = largest->of[lane];
-        const int more = ((value->of[lane] > old) ? 1 : 0) & ((load->of[lane] != 0.0) ? 1 : 0);
-        largest->of[lane] = (more != 0) ? value->of[lane] : old;
+        if (inverter[lane] != 0) {
+            g->open[lane] = 0;
+        } else {
+            freewheel(before, g, t, load->of[lane], lane);
+        }
     }
 }
+#else
+#define advance_group actuate
+#endif
 
-/* The last 50 ms: squares for the rms, and whether speed and angle stay where they should be. */
-static void keep_late(group *__restrict g, const lanes_f64 *__restrict speed_error,
-                      const lanes_f64 *__restrict angle_error)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const double error = speed_error->of[lane];
-        const double off = g->s[2].of[lane] - g->speed.of[lane];
-        const double size = (off < 0.0) ? -off : off;
-        const double largest = g->figures[LATE_SPEED].of[lane];
-        const double widest = g->figures[LATE_ANGLE].of[lane];
-        g->figures[LATE_SQUARE].of[lane] += error * error;
-        g->figures[LATE_SPEED].of[lane] = (size > largest) ? size : largest;
-        g->figures[LATE_ANGLE].of[lane] = (angle_error->of[lane] > widest) ? angle_error->of[lane] : widest;
-    }
-}
-
-static void judge_sample(group *g, const fleet_task *t, int k)
-{
-    lanes_f64 speed_error, angle_error;
-    judge(g, t, k, &speed_error, &angle_error);
-    if (k < t->start_until) {
-        keep_largest(&g->figures[START], &speed_error);
-    }
-    if (k >= t->after_from) {
-        keep_largest_loaded(&g->figures[AFTER], &speed_error, &g->load);
-    }
-    if (k >= t->moving_from) {
-        keep_largest(&g->figures[ANGLE], &angle_error);
-    }
-    if (k >= t->late_from) {
-        keep_largest(&g->figures[AFTER], &speed_error);
-        keep_late(g, &speed_error, &angle_error);
-    }
-    g->figures[ANGLE_END] = angle_error;
-}
+#include "fleet_figures.h"
 
 /* Runs first .. first + count - 1, from rest to the end. */
 void fleet_run(const fleet_task *t, const fleet_runs *r, int first, int count)
@@ -288,9 +286,9 @@ void fleet_run(const fleet_task *t, const fleet_runs *r, int first, int count)
             PLANT_(outputs)(g.s, g.motor, i, torque);
             sense(i, &g.sigma, draw(&g, k), phase);
             order(&g.speed, t->share[k], t->v_dc, command);
-            JOIN(FOC, _lanes_step)(&g.control, phase, command, duty);
+            GROUP(step)(&g.drive, phase, command, duty);
             judge_sample(&g, t, k);
-            actuate(&g, t, duty, (k >= t->load_from) ? &g.load : &NO_LOAD);
+            advance_group(&g, t, duty, (k >= t->load_from) ? &g.load : &NO_LOAD);
         }
         end(&g, r, from, here);
     }
@@ -336,7 +334,11 @@ void fleet_init(DRIVE *drives, int count)
 {
     int b;
     for (b = 0; b < count; b++) {
+#ifdef WHOLE
+        JOIN(WHOLE, _init)(&drives[b], 0);
+#else
         JOIN(FOC, _init)(&drives[b], 0);
+#endif
     }
 }
 
@@ -345,7 +347,7 @@ void fleet_reset(DRIVE *drives, int count)
 {
     int b;
     for (b = 0; b < count; b++) {
-        JOIN(FILTER, _reset)(&drives[b].filter);
+        JOIN(FILTER, _reset)(&FILTER_OF(&drives[b]));
     }
 }
 

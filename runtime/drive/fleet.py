@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.rating import sensor_noise
-from runtime.drive.interface import controller_declarations
+from runtime.drive.interface import controller_declarations, drive_declarations
 from runtime.drive.motor import FACTORS, inverter_of, longest_step, true_motor
 from runtime.drive.scenario import LATE, Scenario
 from runtime.drive.simulation import LOCKED_ANGLE, Conditions, Run, Simulator
@@ -36,7 +36,7 @@ Array = NDArray[Any]
 Progress = Callable[[int, int], None]
 
 HERE = Path(__file__).parent
-HANDWRITTEN = ("fleet.c", "sensor_noise.h")
+HANDWRITTEN = ("fleet.c", "fleet_figures.h", "sensor_noise.h", "powered_motor.h")
 
 #: Share of the speed wanted at which a rotor counts as turning the wrong way.
 WRONG_WAY = 0.01
@@ -111,7 +111,8 @@ class Outcomes:
     ``angle_end``: the last one; ``lock_time``: from when on the angle stays within 30 degrees and the rotor does not
     turn the wrong way, s, NaN for never; ``locked``, ``reached``: as :class:`runtime.drive.simulation.Run` has them;
     ``status``: bits of all steps together; ``finite``: every estimate was a number. Figures of a run that is not finite
-    are NaN.
+    are NaN. ``mode``: the supervisor's at the end, by its place in the module's ``MODES``, -1 without one; ``reason``:
+    why it last gave up its rotor, by its place in ``REASONS``.
     """
 
     start: Array
@@ -124,6 +125,8 @@ class Outcomes:
     reached: Array
     status: Array
     finite: Array
+    mode: Array
+    reason: Array
 
     @property
     def good(self) -> Array:
@@ -135,7 +138,7 @@ class Outcomes:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
-def fleet_files(folder: GeneratedFolder, kind: str) -> list[str]:
+def fleet_files(folder: GeneratedFolder, kind: str, supervised: bool = False) -> list[str]:
     """The generated C that a fleet is compiled from, by name in the folder.
 
     Parameters
@@ -144,31 +147,41 @@ def fleet_files(folder: GeneratedFolder, kind: str) -> list[str]:
         The generated folder.
     kind : str
         Filter kind, such as "ickf".
+    supervised : bool, optional
+        With the modes around the controller.
     """
     folder.require(kind)
-    prefix = f"{folder.drive}_{kind}"
-    stems = [prefix, f"{prefix}_foc"]
-    stems += [f"host/{stem}_lanes" for stem in (*stems, f"{folder.drive}_plant")]
+    prefix, plant = f"{folder.drive}_{kind}", f"{folder.drive}_plant"
+    stems = [prefix, f"{prefix}_foc", *(f"host/{stem}_lanes" for stem in (prefix, f"{prefix}_foc", plant))]
+    if supervised:
+        stems += [f"{prefix}_supervisor", f"{prefix}_drive", f"host/{prefix}_drive_lanes", f"host/{plant}"]
     return ["pmsm_port.h", *(f"{stem}{end}" for stem in stems for end in (".h", ".c"))]
 
 
 class Fleet:
     """One drive's closed loop with one filter, compiled in lanes; make it once, run it often.
 
-    The inverter is the averaged one, without delay, offset or quantisation.
+    The inverter is the averaged one, without delay, offset or quantisation. ``supervised``: the whole drive from
+    power-up, which may start at any angle; else the controller alone, from the angle that the drive file says.
     """
 
-    def __init__(self, folder: GeneratedFolder, kind: str) -> None:
-        self.folder, self.kind = folder, kind
-        sources = {Path(name).name: folder.text(name) for name in fleet_files(folder, kind)}
+    def __init__(self, folder: GeneratedFolder, kind: str, supervised: bool = False) -> None:
+        self.folder, self.kind, self.supervised = folder, kind, supervised
+        sources = {Path(name).name: folder.text(name) for name in fleet_files(folder, kind, supervised)}
         prefix, plant = f"{folder.drive}_{kind}", f"{folder.drive}_plant"
         foc = f"{prefix}_foc"
         texts = {name: (HERE / name).read_text(encoding="utf-8") for name in HANDWRITTEN}
         defines = {"FILTER": prefix, "FOC": foc, "PLANT": plant}
         defines |= {"HEADER_FOC_LANES": f'"{foc}_lanes.h"', "HEADER_PLANT_LANES": f'"{plant}_lanes.h"'}
+        declared = controller_declarations(sources, prefix, foc)
+        if supervised:
+            whole = f"{prefix}_drive"
+            defines |= {"WHOLE": whole, "HEADER_WHOLE_LANES": f'"{whole}_lanes.h"', "HEADER_PLANT": f'"{plant}.h"'}
+            declared += drive_declarations(sources, prefix)
+        self._place = ("control", "filter") if supervised else ("filter",)
+        self._drive = f"{prefix}_drive_t" if supervised else f"{foc}_t"
         library = build_library({**sources, **texts}, defines, OPTIMISATION)
-        self._ffi, self._library = _open(library, controller_declarations(sources, prefix, foc), texts["fleet.c"], foc)
-        self._foc = foc
+        self._ffi, self._library = _open(library, declared, texts["fleet.c"], self._drive)
         self._group = int(self._library.fleet_lanes())
         self._simulator: Simulator | None = None
 
@@ -207,7 +220,7 @@ class Fleet:
             **{name: columns[name] for name in ("theta", "noise", "load", "seed")},
             "speed": columns["speed"] / RPM,
             "figures": np.zeros((7, runs)),
-            "flags": np.zeros((3, runs), dtype=np.int32),
+            "flags": np.zeros((5, runs), dtype=np.int32),
         }
         arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
         batch = self._ffi.new("fleet_runs *", {"runs": runs, "drives": drives})
@@ -253,7 +266,7 @@ class Fleet:
         tuning = {name: tuple(v[:, index] if v.ndim == 2 else v) for name, v in tuned.items()}
         factors = {name: float(case[name]) for name in FACTORS}
         conditions = Conditions(
-            theta=float(case["theta"]), factors=factors, noise=float(case["noise"]), supervised=False
+            theta=float(case["theta"]), factors=factors, noise=float(case["noise"]), supervised=self.supervised
         )
         own = replace(scenario, speed=float(case["speed"]), load=float(case["load"]))
         return self._simulator.run(own, conditions, tuning=tuning, noise=noise)
@@ -276,7 +289,8 @@ class Fleet:
         task = self._ffi.new("fleet_task *")
         task.steps, task.substeps, task.h = steps, substeps, T / substeps
         parameters = self.folder.manifest["parameters"]
-        task.v_dc = parameters["control"]["dc_link"]
+        task.v_dc, task.T = parameters["control"]["dc_link"], T
+        task.pole_pairs = parameters["motor"]["pole_pairs"]
         dead_time, drop = inverter_of(parameters)
         task.lost = dead_time / self.folder.module.SAMPLE_TIME + drop / task.v_dc
         task.share = self._ffi.cast("double *", share.ctypes.data)
@@ -289,7 +303,7 @@ class Fleet:
 
     def _drives(self, runs: int, tuning: Mapping[str, ArrayLike]) -> Any:
         """A controller for each run, tuned, its filter at x_0 and P_0."""
-        drives = self._ffi.new(f"{self._foc}_t[]", runs)
+        drives = self._ffi.new(f"{self._drive}[]", runs)
         self._library.fleet_init(drives, runs)
         raw = np.frombuffer(self._ffi.buffer(drives), dtype=np.uint8).reshape(runs, -1)
         defaults = self.folder.module.DEFAULTS
@@ -303,7 +317,7 @@ class Fleet:
                 raise UserError(
                     f"tuning {name} has shape {np.shape(values)}; ({entries},) or ({entries}, {runs}) is right."
                 )
-            start = self._ffi.offsetof(f"{self._foc}_t", "filter", name)
+            start = self._ffi.offsetof(self._drive, *self._place, name)
             raw[:, start : start + 4 * entries].view(np.float32)[:] = wanted.T
         self._library.fleet_reset(drives, runs)
         return drives
@@ -335,7 +349,7 @@ def _first(mask: Array) -> int:
 def _outcomes(figures: Array, flags: Array, band: Array, task: Any, T: float) -> Outcomes:
     """From C's sums and maxima to figures in r/min and degrees; ``band`` r/min of each run."""
     start, after, square, angle, angle_end, late_angle, late_speed = figures
-    status, locked_from, finite = flags
+    status, locked_from, finite, mode, reason = flags
     good = finite.astype(bool)
     late = max(1, task.steps - task.late_from)
     blank = np.where(good, 1.0, np.nan)
@@ -350,10 +364,12 @@ def _outcomes(figures: Array, flags: Array, band: Array, task: Any, T: float) ->
         reached=good & (late_speed * RPM <= band),
         status=status.copy(),
         finite=good,
+        mode=mode.copy(),
+        reason=reason.copy(),
     )
 
 
-def _open(library: Path, controller: str, source: str, foc: str) -> tuple[Any, Any]:
+def _open(library: Path, declared: str, source: str, drive: str) -> tuple[Any, Any]:
     """cffi's view of the fleet; its structs are read from its own source."""
     import cffi
 
@@ -361,14 +377,14 @@ def _open(library: Path, controller: str, source: str, foc: str) -> tuple[Any, A
     text = source[source.index("/* The data that all runs share") : source.index("enum {")]
     text = "\n".join(line.partition("/*")[0] for line in text.splitlines() if not line.startswith(" *"))
     ffi.cdef(
-        controller
-        + text.replace("DRIVE", f"{foc}_t")
+        declared
+        + text.replace("DRIVE", drive)
         + f"""
         void fleet_run(const fleet_task *t, const fleet_runs *r, int first, int count);
         void fleet_noise(const uint64_t *seed, int count, int steps, float *normal);
         void fleet_philox(uint64_t key, uint32_t pair, uint32_t words[4]);
-        void fleet_init({foc}_t *drives, int count);
-        void fleet_reset({foc}_t *drives, int count);
+        void fleet_init({drive} *drives, int count);
+        void fleet_reset({drive} *drives, int count);
         int fleet_lanes(void);
         """
     )

@@ -29,6 +29,21 @@ def controller_declarations(sources: Mapping[str, str], prefix: str, foc: str) -
     return filter_part + foc_part.split(";", 1)[1]
 
 
+def drive_declarations(sources: Mapping[str, str], prefix: str) -> str:
+    """Supervisor and drive as cffi wants them, after filter and controller.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        Texts by file name.
+    prefix : str
+        Beginning of the names.
+    """
+    names = (f"{prefix}_supervisor", f"{prefix}_drive")
+    parts = (declarations(sources[f"{name}.h"], name, "float32").partition("void runner_run")[0] for name in names)
+    return "".join(part.split(";", 1)[1] for part in parts)
+
+
 def simulator_sources(name: str = "simulator.c") -> dict[str, str]:
     """The simulator's texts by file name.
 

@@ -208,7 +208,7 @@ class Compiled:
         self.stem, sources = c_sources(folder, kind, "float32")
         names = [f"{self.stem}_{part}" for part in ("foc", "supervisor", "drive")]
         sources |= {f"{name}{end}": folder.text(f"{name}{end}") for name in names for end in (".h", ".c")}
-        self.ffi = cffi.FFI()
+        self.ffi, self.sources = cffi.FFI(), sources
         parts = [declarations(sources[f"{name}.h"], name, "float32") for name in (self.stem, *names)]
         parts = [part.partition("void runner_run")[0] for part in parts]
         self.ffi.cdef("".join([parts[0], *(part.split(";", 1)[1] for part in parts[1:])]))
@@ -256,12 +256,19 @@ def _dtype(ffi: Any, kind: Any) -> Any:
     )
 
 
-def _store(view: Array, struct: SimpleNamespace) -> None:
-    """NumPy's numbers into C's memory."""
+def store_struct(view: Array, struct: SimpleNamespace) -> None:
+    """NumPy's numbers into C's memory.
+
+    Parameters
+    ----------
+    view : ndarray
+        Structs side by side, changed.
+    struct : SimpleNamespace
+    """
     for name in view.dtype.names or ():
         value = getattr(struct, name)
         if isinstance(value, SimpleNamespace):
-            _store(view[name], value)
+            store_struct(view[name], value)
         else:
             view[name] = np.stack(value, axis=-1) if isinstance(value, tuple) else value
 
@@ -304,8 +311,8 @@ def _supervisor_bits(compiled: Compiled, module: ModuleType, hand: Modes, interr
     for number in range(interrupts):
         status, phase, reference = walk.draw()
         alone = [(lane, lane_of(walk.s, lane), lane_of(walk.f, lane)) for lane in range(number % 10, LANES, 10)]
-        _store(s_view, walk.s)
-        _store(f_view, walk.f)
+        store_struct(s_view, walk.s)
+        store_struct(f_view, walk.f)
         taken = walk.step(status, phase, reference)
         for lane in range(LANES):
             i = float(phase[0][lane]), float(phase[1][lane])
@@ -366,7 +373,7 @@ def _drive_bits(compiled: Compiled, module: ModuleType, kind: str, hand: Modes, 
         different += int(_differ(view[0:1], twin).sum())
         for _ in range(samples):
             if set_drive(twin, module, hand, rng, np.float32):
-                _store(view, twin)
+                store_struct(view, twin)
             phase, command = inputs(hand, rng, np.float32)
             inverter = compiled.function("drive_step")(made, phase, command, duty)
             with np.errstate(all="ignore"):

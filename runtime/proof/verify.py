@@ -34,6 +34,7 @@ from runtime.proof.link_cd import Envelope, link_cd
 from runtime.proof.link_chip import link_chip
 from runtime.proof.link_de import OPTIMISATIONS, Bits
 from runtime.proof.link_drive import link_drive
+from runtime.proof.link_drive_lanes import link_drive_lanes
 from runtime.proof.link_foc import link_control
 from runtime.proof.link_guard import link_data, link_guard
 from runtime.proof.link_injection import link_injection
@@ -244,6 +245,8 @@ class Prover:
         self.progress(f"{label}: the modes, and the drive around them")
         found.append(replace(self._modes, kind=kind, gain=step.gain))
         found += link_drive(self.folder, kind, step.gain, self._parameters)
+        if not aligns(self.package.drive):  # lanes of whole drives have no alignment
+            found.append(link_drive_lanes(self.folder, kind, step.gain, self._parameters))
         self.progress(f"{label}: C-D, float32 at speed")
         long, settled = self.long
         drift_link, drift = link_cd(self.folder, kind, step.gain, long.u, long.y, settled)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.supervisor.table import MODES, REASONS
 from runtime.study.run import Group, Study
 
 Array = NDArray[Any]
@@ -178,6 +180,26 @@ def success_over(group: Group, variable: str, edges: Array) -> list[Rate]:
     return [wilson(int(locked[slot == k].sum()), int(np.count_nonzero(slot == k))) for k in range(len(edges) - 1)]
 
 
+def ended(group: Group) -> tuple[dict[str, int], dict[str, int]]:
+    """Count the modes in which supervisors ended, and the reasons why they last gave up a rotor.
+
+    Parameters
+    ----------
+    group : Group
+        Of a study whose drives have their supervisors.
+
+    Returns
+    -------
+    tuple of dict
+        By the names in the generated code; without those of which there is none.
+    """
+    modes, reasons = (Counter(column.tolist()) for column in (group.outcomes.mode, group.outcomes.reason))
+    return (
+        {mode.name: modes[k] for k, mode in enumerate(MODES) if modes[k]},
+        {reason.name: reasons[k] for k, reason in enumerate(REASONS) if k and reasons[k]},
+    )
+
+
 def study_facts(study: Study) -> dict[str, Any]:
     """Return everything that is printed as plain data.
 
@@ -195,6 +217,7 @@ def study_facts(study: Study) -> dict[str, Any]:
                 "filter": group.kind,
                 "success": asdict(success(group)),
                 f"locked_within_{QUICK:g}_s": asdict(quick(group)),
+                **(dict(zip(("modes", "reasons"), ended(group), strict=True)) if study.statement.supervised else {}),
                 "not_finite": int(np.count_nonzero(~group.outcomes.finite)),
                 "quantiles": {
                     name: dict(zip((f"{q:g}" for q in QUANTILES), _plain(values), strict=True))

@@ -80,9 +80,10 @@ def draw_map(
     kind: str | None = None,
     runs: int = RUNS,
     seed: int = 1,
+    supervised: bool = False,
     progress: Progress = lambda done, of, what: None,
 ) -> Map:
-    """Run a drive's load step in every cell, from a known angle.
+    """Run a drive's load step in every cell, from angle 0.
 
     Parameters
     ----------
@@ -94,6 +95,8 @@ def draw_map(
         Of each cell.
     seed : int, optional
         Of the first run's noise; the others follow.
+    supervised : bool, optional
+        From power-up, with the supervisor, to which the angle is unknown; else the controller alone.
     progress : callable
         Told runs done, of how many, of what.
     """
@@ -112,7 +115,7 @@ def draw_map(
         speed=speed * scenario.speed,
     )
     with ExitStack() as stack:
-        fleet = Fleet(folder_with(named, kind, stack), kind)
+        fleet = Fleet(folder_with(named, kind, stack), kind, supervised)
         found = fleet.run(scenario, cases, progress=lambda done, of: progress(done, of, f"{named.drive.name}, {kind}"))
     angle = np.where(found.locked, found.angle, 180.0)
 

@@ -21,6 +21,7 @@ class Package:
     drive: str
     kind: str
     files: tuple[tuple[str, str], ...]
+    supervised: bool = False
 
     @property
     def digest(self) -> str:
@@ -28,10 +29,10 @@ class Package:
         own = [(name, (HERE / name).read_text(encoding="utf-8")) for name in HANDWRITTEN]
         facts = json.loads(dict(self.files)["manifest.json"])
         texts = [(name, text) for name, text in self.files if name != "manifest.json"]
-        return hashlib.sha256(repr((texts, own, facts["parameters"])).encode()).hexdigest()
+        return hashlib.sha256(repr((texts, own, facts["parameters"], self.supervised)).encode()).hexdigest()
 
 
-def pack(folder: GeneratedFolder, kind: str) -> Package:
+def pack(folder: GeneratedFolder, kind: str, supervised: bool = False) -> Package:
     """Read what a fleet needs.
 
     Parameters
@@ -39,15 +40,18 @@ def pack(folder: GeneratedFolder, kind: str) -> Package:
     folder : GeneratedFolder
     kind : str
         Filter kind.
+    supervised : bool, optional
+        With the modes around the controller.
 
     Raises
     ------
     UserError
         The folder lacks the filter or was edited.
     """
-    names = [*fleet_files(folder, kind), f"{folder.drive}.py"]
+    names = [*fleet_files(folder, kind, supervised), f"{folder.drive}.py"]
     texts = [("manifest.json", (folder.path / "manifest.json").read_text(encoding="utf-8"))]
-    return Package(folder.drive, kind, tuple(texts + [(name, folder.text(name)) for name in names]))
+    files = tuple(texts + [(name, folder.text(name)) for name in names])
+    return Package(folder.drive, kind, files, supervised)
 
 
 _LOCK = threading.Lock()
@@ -69,7 +73,7 @@ def open_fleet(package: Package) -> Fleet:
             for name, text in package.files:
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_text(text, encoding="utf-8")
-            _OPEN[key] = (Fleet(GeneratedFolder(root), package.kind), scratch)
+            _OPEN[key] = (Fleet(GeneratedFolder(root), package.kind, package.supervised), scratch)
         return _OPEN[key][0]
 
 

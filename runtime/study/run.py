@@ -53,7 +53,12 @@ class Study:
 
 
 def state_study(
-    drives: Sequence[str], kinds: Sequence[str], scenario: str, vary: Sequence[str], seed: int
+    drives: Sequence[str],
+    kinds: Sequence[str],
+    scenario: str,
+    vary: Sequence[str],
+    seed: int,
+    supervised: bool = False,
 ) -> tuple[Statement, list[Package]]:
     """State a study and gather its code. A filter that a drive does not ship is generated for the occasion.
 
@@ -66,6 +71,8 @@ def state_study(
     vary : sequence of str
         Ranges, see :func:`runtime.study.statement.parse_range`.
     seed : int
+    supervised : bool, optional
+        From power-up, with the supervisor; else the controller alone.
 
     Raises
     ------
@@ -83,12 +90,12 @@ def state_study(
             tasks.append(find_scenario(scenario, named.drive))
             rated.append(_rated(named.drive))
             with ExitStack() as stack:
-                packages.append(pack(folder_with(named, kind, stack), kind))
+                packages.append(pack(folder_with(named, kind, stack), kind, supervised))
     subjects = tuple((package.drive, package.kind) for package in packages)
     if len(set(subjects)) < len(subjects):
         raise UserError("two of the drives have the same name; each needs a name of its own.")
     digests = tuple(package.digest for package in packages)
-    return Statement(subjects, digests, tuple(tasks), tuple(rated), ranges, seed), packages
+    return Statement(subjects, digests, tuple(tasks), tuple(rated), ranges, seed, supervised), packages
 
 
 def _rated(drive: Drive) -> dict[str, float]:

@@ -47,6 +47,9 @@ USUAL = (
     "load=0:1:rated",
 )
 
+#: The same of a drive with its supervisor, which starts from any angle.
+ANYWHERE = tuple("theta=-180:180" if item.startswith("theta=") else item for item in USUAL)
+
 
 @dataclass(frozen=True)
 class Range:
@@ -157,7 +160,8 @@ class Statement:
     """One study but for its number of runs: more runs only add to those that were made.
 
     ``subjects`` are the (drive, filter) pairs, ``digests`` what their generated code is known by, ``scenarios`` each
-    one's task and ``rated`` the noise (A), load (N m) and speed (r/min) that suit it.
+    one's task and ``rated`` the noise (A), load (N m) and speed (r/min) that suit it. ``supervised``: from power-up,
+    with the modes around the controller.
     """
 
     subjects: tuple[tuple[str, str], ...]
@@ -166,6 +170,7 @@ class Statement:
     rated: tuple[Mapping[str, float], ...]
     ranges: tuple[Range, ...]
     seed: int
+    supervised: bool = False
 
     def draw(self, first: int, count: int) -> dict[str, Array]:
         """Draw values by variable, and each run's noise seed; angles in degrees, shares of the rated as such.
@@ -209,6 +214,7 @@ class Statement:
             "rated": [dict(rated) for rated in self.rated],
             "vary": [str(item) for item in self.ranges],
             "seed": self.seed,
+            "supervised": self.supervised,
         }
 
     @property

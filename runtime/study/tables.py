@@ -8,7 +8,18 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from runtime.study.analysis import FIGURES, QUANTILES, QUICK, Difference, Rate, comparisons, quantiles, quick, success
+from runtime.study.analysis import (
+    FIGURES,
+    QUANTILES,
+    QUICK,
+    Difference,
+    Rate,
+    comparisons,
+    ended,
+    quantiles,
+    quick,
+    success,
+)
 from runtime.study.run import Study
 from runtime.study.tune import Point, Tuned
 from runtime.style.tables import columns_table
@@ -23,12 +34,16 @@ ERRORS = ("start, r/min", "steady rms, r/min", "load step, r/min")
 def groups_table(study: Study) -> Table:
     """One row a drive and filter: success with its interval, then median, 95 % and worst of each figure."""
     names = [f"{name.replace('_', ' ')}, {unit}" for name, unit in FIGURES.items()]
-    table = columns_table("drive", "filter", "runs", "success, % (95 %)", f"within {QUICK:g} s", *names, left=(0, 1))
+    supervised = ("in FAULT", "gave up once") if study.statement.supervised else ()
+    heads = ("drive", "filter", "runs", "success, % (95 %)", f"within {QUICK:g} s", *supervised, *names)
+    table = columns_table(*heads, left=(0, 1))
     for group in study.groups:
         rate = success(group)
         found = quantiles(group)
         cells = [_cell(dict(zip(QUANTILES, found[name], strict=True))) for name in FIGURES]
-        table.add_row(group.drive, group.kind, str(rate.runs), _share(rate), _share(quick(group)), *cells)
+        modes, reasons = ended(group) if supervised else ({}, {})
+        faults = [str(modes.get("FAULT", 0)), str(sum(reasons.values()))] if supervised else []
+        table.add_row(group.drive, group.kind, str(rate.runs), _share(rate), _share(quick(group)), *faults, *cells)
     table.caption = "median / 95 % / worst, of the runs that locked"
     table.caption_justify = "left"
     return table

@@ -163,7 +163,9 @@ def group(kind: str, locked: Any, index: Any = None, drive: str = "d", drawn: An
     columns = {name: np.asarray(figures.get(name, usual), dtype=float) for name in names}
     finite = np.asarray(figures.get("finite", np.ones(len(locked))), dtype=bool)
     reached = np.asarray(figures.get("reached", np.ones(len(locked))), dtype=bool)
-    outcomes = Outcomes(**columns, locked=locked, reached=reached, finite=finite)
+    verdicts = {"locked": locked, "reached": reached, "finite": finite}
+    modes = {name: np.asarray(figures.get(name, 0 * usual), dtype=int) for name in ("mode", "reason")}
+    outcomes = Outcomes(**columns, **verdicts, **modes)
     index = np.arange(len(locked)) if index is None else np.asarray(index)
     return Group(drive, kind, index, drawn or {"theta": np.linspace(-90, 90, len(locked))}, outcomes)
 

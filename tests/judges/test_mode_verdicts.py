@@ -15,6 +15,7 @@ from model.supervisor import Supervisor, supervisor
 from runtime.estimator.folder import GENERATED, GeneratedFolder
 from runtime.proof.exhaust import link_exhaust
 from runtime.proof.link_drive import link_drive
+from runtime.proof.link_drive_lanes import link_drive_lanes
 from runtime.proof.link_modes import link_modes
 from runtime.proof.modes import Modes
 from runtime.proof.result import Link
@@ -257,3 +258,31 @@ def test_a_drive_that_does_otherwise_in_both_languages_is_told(wrong: str, monke
     hand = drives(GeneratedFolder(GENERATED / ALONE))[0]
     assert not hand.passed
     assert failed(hand) == "drive"
+
+
+WALKED, DRIVEN = "supervisor in lanes, every field", "drive in lanes, every field"
+LANES = {
+    "a count of another lane": ("s->failures[lane] += (", "s->failures[0] += (", WALKED),
+    "a guard of no mode": ("next = (s->mode[lane] == PMSM_FAULT) ?", "next = (s->mode[lane] == -9) ?", WALKED),
+    "a mask that is forgotten": (
+        " hit_12 = hit_11 & ((status[lane] & PMSM_INPUT",
+        " hit_12 = ((status[lane] & PMSM_INPUT",
+        WALKED,
+    ),
+    "idle lanes go on": ("copy_lane(&d->control, &kept, sizeof(kept), lane);", ";", DRIVEN),
+    "the gain of before": ("    d->control.gain[MAX_CURRENT] = max_current;\n", "", DRIVEN),
+    "a field that is not read": ("    own->steady = all->steady[lane];\n", "", f"lanes filled and read; {WALKED}"),
+}
+
+
+@pytest.mark.parametrize("wrong", LANES)
+def test_a_wrong_lane_form_is_told(wrong: str) -> None:
+    old, new, where = LANES[wrong]
+    folder, file = GeneratedFolder(GENERATED / ALONE), f"host/{ALONE}_ckf_drive_lanes.c"
+    text = folder.text(file)
+    assert text.count(old) == 1
+    link = link_drive_lanes(
+        overlaid(folder, file, text.replace(old, new)), "ckf", "as shipped", load_drive(ALONE).model_dump()
+    )
+    assert not link.passed
+    assert failed(link).startswith(where), failed(link)

@@ -55,7 +55,8 @@ def test_wilsons_interval_solves_its_equation(successes: int, runs: int) -> None
 
 
 def _study(*groups: Any, **more: Any) -> Study:
-    statement: Any = SimpleNamespace(facts=lambda: {"seed": 1}, ranges=more.pop("ranges", ()))
+    ranges, supervised = more.pop("ranges", ()), more.pop("supervised", False)
+    statement: Any = SimpleNamespace(facts=lambda: {"seed": 1}, ranges=ranges, supervised=supervised)
     return Study(
         statement, more.pop("runs", 40), tuple(groups), more.pop("folder", Path(".")), more.pop("interrupted", False)
     )
@@ -168,6 +169,20 @@ def test_json_of_a_study() -> None:
     assert first["quantiles"]["start"] == pytest.approx({"0.05": 1.75, "0.5": 17.5, "0.95": 33.25, "1": 35.0})
     assert study_facts(_study(group("ckf", [0])))["groups"][0]["quantiles"]["start"]["0.5"] is None
     assert len(facts["paired"]) == 6
+
+
+def test_a_study_of_whole_drives_says_how_they_ended() -> None:
+    """Of forty runs two end in FAULT and one is being caught; five gave a rotor up."""
+    mode, reason = np.full(40, 4), np.zeros(40, int)
+    mode[:3], reason[:5] = (5, 5, 3), (9, 9, 1, 4, 4)
+    study = _study(group("ckf", LOCKED, mode=mode, reason=reason), supervised=True)
+    table = groups_table(study)
+    assert [str(column.header) for column in table.columns][5:7] == ["in FAULT", "gave up once"]
+    assert cells_of(table)[0][5:7] == ["2", "5"]
+    facts = study_facts(study)["groups"][0]
+    assert facts["modes"] == {"CATCHING": 1, "RUNNING": 37, "FAULT": 2}
+    assert facts["reasons"] == {"CURRENT": 1, "RESTARTED": 2, "NOT_STARTED": 2}
+    assert not {"modes", "reasons"} & set(study_facts(_study(group("ckf", LOCKED)))["groups"][0])
 
 
 def test_success_over_slices_of_an_angle() -> None:
@@ -313,12 +328,12 @@ def test_a_study_that_was_interrupted_ends_with_130(
     monkeypatch.setattr(runtime.study.run, "run_study", lambda *rest: asked.append(rest) or made)
     monkeypatch.setattr(runtime.study.figures, "write_figures", lambda study: [])
     arguments = "study run ipmsm --runs 40 --seed 5 --filters ckf,ickf --out o --json s.json"
-    code, said = command(*arguments.split())
+    code, said = command(*arguments.split(), *["--supervised"] * interrupted)
     assert code == (130 if interrupted else 0), said
     assert ("80 of 80 runs are kept" in said) is interrupted
     assert read_json("s.json")["interrupted"] is interrupted
-    (names, kinds, _, _, seed), (_, packages, runs, out, *_) = asked
-    assert (list(names), list(kinds), seed) == (["ipmsm"], ["ckf", "ickf"], 5)
+    (names, kinds, _, _, seed, supervised), (_, packages, runs, out, *_) = asked
+    assert (list(names), list(kinds), seed, supervised) == (["ipmsm"], ["ckf", "ickf"], 5, interrupted)
     assert (packages, runs, out) == ([1, 2], 40, Path("o"))
 
 

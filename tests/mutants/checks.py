@@ -15,55 +15,16 @@ import shlex
 import tempfile
 from collections.abc import Callable, Iterator
 from copy import copy
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+from tests.mutants.fresh import Fresh
 from tests.mutants.mutant import ROOT
 
 #: Kinds beside those that are shipped.
 PEERS = ("ekf", "ukf")
 STEPS, DRAWS, GUARDED = 60, 20, 1
 BIT_STEPS, BIT_DRAWS = 420, 200
-
-
-class Fresh:
-    """The generator's output for a drive now: a folder in memory, as :class:`GeneratedFolder` would show it."""
-
-    def __init__(self, drive: Any, form: str) -> None:
-        from codegen.generate import draft
-
-        made = draft(drive, form)
-        self.drive, self.about, self.model = drive.name, made.about, made.about.model
-        self.steps, self.listings, self.module = made.steps, made.listings, made.load(drive.name)
-        self.manifest = {"states": [{"name": state.name, "unit": state.unit} for state in self.model.states]}
-
-    def text(self, name: str) -> str:
-        return self._files[Path(name).name]
-
-    @property
-    def _files(self) -> dict[str, str]:
-        return _printed(self)
-
-
-@cache
-def _printed(fresh: Fresh) -> dict[str, str]:
-    from codegen.render.drive import render_foc
-    from codegen.render.filter import render_filter, render_port
-    from codegen.render.lanes import render_lanes
-    from codegen.render.supervisor import render_supervisor
-    from codegen.targets.find import default_target
-
-    files = {"pmsm_port.h": render_port(default_target())}
-    for kind, step in fresh.steps.items():
-        stem = f"{fresh.drive}_{kind}"
-        files[f"{stem}.h"], files[f"{stem}.c"] = render_filter(
-            fresh.about, step, fresh.listings, default_target().numbers, []
-        )
-        files[f"{stem}_foc.h"], files[f"{stem}_foc.c"] = render_foc(fresh.about, kind, [])
-        files |= {f"{stem}_{end}": text for end, text in render_supervisor(fresh.about, step, []).items()}
-        files[f"{stem}_lanes.h"], files[f"{stem}_lanes.c"] = render_lanes(fresh.about, step, fresh.listings)
-    return files
 
 
 class Bench:
@@ -232,6 +193,14 @@ def supervisor(bench: Bench, name: str) -> Iterator[Any]:
     yield from link_drive(fresh, kind, truth.filter.gain, data)  # type: ignore[arg-type]
 
 
+def drive_lanes(bench: Bench, name: str) -> Iterator[Any]:
+    """Supervisor and drive in lanes, by their scalar C."""
+    from runtime.proof.link_drive_lanes import link_drive_lanes
+
+    truth, fresh = bench.truth(name), bench.fresh("fast", name)
+    yield link_drive_lanes(fresh, next(iter(fresh.steps)), truth.filter.gain, truth.model_dump())  # type: ignore[arg-type]
+
+
 def bits_of(folder: Any, truth: Any, kind: str, step: Any, steps: int = BIT_STEPS, draws: int = BIT_DRAWS) -> Any:
     """Link D-E with the first divergence's place left out: that takes another compilation."""
     from codegen.evidence.box import sample_box
@@ -253,6 +222,7 @@ LINKS: dict[str, Callable[..., Iterator[Any]]] = {
     "D-E": bits,
     "controller": controller,
     "supervisor": supervisor,
+    "drive-lanes": drive_lanes,
 }
 
 

@@ -45,6 +45,8 @@ def _expected(run: Run) -> dict[str, Any]:
         "reached": run.reached,
         "status": np.bitwise_or.reduce(run.status),
         "finite": True,
+        "mode": -1,
+        "reason": 0,
     }
 
 
@@ -84,6 +86,31 @@ def test_every_lane_is_the_scalar_simulators_run(name: str) -> None:
         _agree(_row(outcomes, index), _expected(fleet.trace(SHORT, cases, index)))
     assert np.isfinite(outcomes.lock_time).any()  # some starts held the angle to the end of so short a run
     assert not outcomes.locked.all()
+
+
+@pytest.mark.parametrize("name", ["spmsm_load_torque", *thoroughly("ipmsm_flux", "paper_spmsm", "traction_70kw")])
+def test_a_supervised_lane_is_the_scalar_simulators_run_from_power_up(name: str) -> None:
+    """From anywhere; some rotors turn the wrong way, some attempts fail, and one ends in FAULT with its gates off."""
+    rng = np.random.default_rng(8)
+    fleet, runs = Fleet(find_folder(name), "ckf", supervised=True), 20
+    speed = fleet.folder.manifest["parameters"]["operating_box"]["speed"]
+    Q = np.tile(np.array(fleet.folder.module.DEFAULTS["Q"])[:, None], runs)
+    Q[0, -1] = 3e38  # it never finds its rotor
+    cases = Cases(
+        seed=rng.integers(0, 2**63, runs), noise=rng.uniform(0, 0.1, runs), theta=np.linspace(-np.pi, np.pi, runs),
+        R=rng.uniform(0.8, 1.2, runs), J=rng.uniform(0.5, 2, runs), speed=rng.choice([-2.0, 3.0], runs) * speed,
+        load=rng.uniform(0, 0.3, runs), tuning={"Q": Q},
+    )  # fmt: skip
+    outcomes, module = fleet.run(SHORT, cases), fleet.folder.module
+    modes = [module.MODES[mode] for mode in outcomes.mode]
+    assert set(modes) >= {"RUNNING"}
+    assert modes[-1] != "RUNNING"
+    assert module.REASONS[outcomes.reason[-1]] == "RESTARTED"
+    gave_up = np.flatnonzero(outcomes.reason)  # their gates went off while a current flowed
+    for index in {0, 7, *gave_up.tolist()[:4], 19}:
+        run = fleet.trace(SHORT, cases, index)
+        own = {"mode": outcomes.mode[index], "reason": outcomes.reason[index]}  # a record does not have them
+        _agree(_row(outcomes, index), _expected(run) | own)
 
 
 def test_a_runs_outcome_is_its_own(fleet: Fleet) -> None:

@@ -58,6 +58,15 @@ def test_a_cell_is_the_runs_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     assert outcomes == {(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)}, "R 20 % off: lost at 20 r/min, a wrong speed at 200"
 
 
+def test_a_map_of_whole_drives_is_the_supervised_fleets(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, values in (("SPEEDS", (0.2,)), ("LOADS", (1.0,)), ("RESISTANCES", (1.0,)), ("FLUXES", (1.0,))):
+        monkeypatch.setattr(mapping, name, values)
+    (cell,) = draw_map(DRIVE, runs=4, seed=5, supervised=True).cells
+    fleet = Fleet(find_folder(DRIVE), "ckf", supervised=True)
+    whole = fleet.run(TASK, Cases(seed=[5, 6, 7, 8], load=cell.load, speed=cell.speed))
+    assert (cell.locked, cell.success) == (np.mean(whole.locked), np.mean(whole.good))
+
+
 def test_the_grid_has_the_order_of_its_axes() -> None:
     found = made()
     for name, axis, values in (

@@ -17,6 +17,7 @@ from runtime.proof import exhaust
 from runtime.proof.abstract import Interrupt, Machine, Ways, relevant
 from runtime.proof.exhaust import explore, link_exhaust, longest_stay, small_limits
 from runtime.proof.link_drive import Compiled, any_memory, link_drive
+from runtime.proof.link_drive_lanes import link_drive_lanes
 from runtime.proof.link_modes import link_modes
 from runtime.proof.modes import Modes
 from runtime.proof.result import Link
@@ -72,13 +73,25 @@ def test_supervisor_and_drive_in_c_have_the_bits_of_the_module(name: str) -> Non
         assert {row.stage for row in bits.rows} >= {"supervisor, every field", "lanes = scalars", "drive, every field"}
 
 
+@pytest.mark.parametrize("name", EVERY_DRIVE)
+def test_supervisor_and_drive_in_lanes_have_the_bits_of_the_scalar_c(name: str) -> None:
+    folder = GeneratedFolder(GENERATED / name)
+    link = link_drive_lanes(folder, folder.kinds[0], "as shipped", load_drive(name).model_dump())
+    assert link.passed, [str(row) for row in link.rows]
+    counts = {row.stage: row.compared for row in link.rows}
+    assert counts["transitions, in lanes"] == len(declared(name).transitions)
+    assert counts["modes of the drive, in lanes"] == len(declared(name).modes)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [WITH, WITHOUT])
 def test_longer_walks_find_no_more(name: str) -> None:
     assert linked(name, effort=(120, 300)).passed
     folder = GeneratedFolder(GENERATED / name)
     for kind in folder.kinds:
-        for link in link_drive(folder, kind, "as shipped", load_drive(name).model_dump(), effort=(200, 600)):
+        data = load_drive(name).model_dump()
+        links = link_drive(folder, kind, "as shipped", data, effort=(200, 600))
+        for link in (*links, link_drive_lanes(folder, kind, "as shipped", data, effort=(200, 600))):
             assert link.passed, [str(row) for row in link.rows]
 
 

@@ -16,13 +16,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from runtime.drive.fleet import Outcomes
+from runtime.drive.fleet import Fleet, Outcomes
+from runtime.estimator.folder import find_folder
 from runtime.study import run as running
 from runtime.study import store as storing
 from runtime.study.analysis import comparisons, paired, quantiles, study_facts, success, success_over, wilson
 from runtime.study.figures import write_figures
 from runtime.study.run import Group, run_study, state_study
-from runtime.study.statement import VARIABLES, Statement, parse_range, parse_ranges
+from runtime.study.statement import ANYWHERE, VARIABLES, Statement, parse_range, parse_ranges
+from runtime.study.store import Store
 from runtime.system.errors import UserError
 from tests import forked
 from tests.runtime.processes import ROOT, finish, start
@@ -125,6 +127,22 @@ def test_unknown_words_of_a_study() -> None:
     cases = statement.cases(0, 0, 1)
     with pytest.raises(UserError, match="has one inductance"):
         running.run_package(packages[0], statement.scenarios[0], cases)
+
+
+def test_a_study_of_whole_drives_is_the_fleets_and_another_study(tmp_path: Path) -> None:
+    """Supervised, from anywhere: what the packages run is the supervised fleet; the two kinds of study keep apart."""
+    statement, packages = state_study([DRIVE], ["ckf"], "load_step", ANYWHERE, 1, supervised=True)
+    alone, _ = state_study([DRIVE], ["ckf"], "load_step", ANYWHERE, 1)
+    assert statement.digest != alone.digest
+    study = run_study(statement, packages, 20, tmp_path / "whole")
+    fleet = Fleet(find_folder(DRIVE), "ckf", supervised=True)
+    expected = fleet.run(statement.scenarios[0], statement.cases(0, 0, 20))
+    for name, column in study.groups[0].outcomes.columns().items():
+        np.testing.assert_array_equal(column, getattr(expected, name), name)
+    assert np.ptp(study.groups[0].drawn["theta"]) > 270
+    assert sum(study_facts(study)["groups"][0]["modes"].values()) == 20
+    with pytest.raises(UserError, match="holds another study"):
+        Store(tmp_path / "whole", alone)
 
 
 # --- what is done stays done
@@ -235,7 +253,15 @@ def _group(kind: str, locked: Any, start: Any, index: Any = None) -> Group:
     columns = {name: np.asarray(start, dtype=float) for name in ("start", "load_step", "steady_rms", "angle")}
     zeros = np.zeros(len(locked))
     outcomes = Outcomes(
-        **columns, angle_end=zeros, lock_time=zeros, locked=locked, reached=locked, status=zeros, finite=locked
+        **columns,
+        angle_end=zeros,
+        lock_time=zeros,
+        locked=locked,
+        reached=locked,
+        status=zeros,
+        finite=locked,
+        mode=zeros,
+        reason=zeros,
     )
     index = np.arange(len(locked)) if index is None else np.asarray(index)
     return Group("d", kind, index, {"theta": np.linspace(-90, 90, len(locked))}, outcomes)
