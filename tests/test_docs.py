@@ -74,13 +74,6 @@ def test_what_is_written_there_works(document: str, desk: Path) -> None:
         assert output.splitlines()[-1] == "0 0"
 
 
-def test_python_of_the_explorers_page_runs(desk: Path) -> None:
-    for block in _blocks("explore.md", "python"):
-        command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{block}"]
-        done = subprocess.run(command, cwd=desk, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-
-
 @pytest.mark.thorough
 def test_own_machine_goes_through_the_whole_chain(desk: Path) -> None:
     """docs/own_machine.md: its shell lines, its figures, and a drive file that says what is in the page."""

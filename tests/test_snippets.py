@@ -1,4 +1,4 @@
-"""Every command and snippet of the documents: what test_docs.py and test_worked_example.py do not run is read here.
+"""Every command and snippet of the documents is read, those within a sentence, too; test_pages_run.py runs the lines.
 
 A command line is parsed as the program would: names, options, ranges, numbers of arguments. A drive file's sections go
 through the schema, Python is compiled with its imports made, C is compiled, and whatever else is called must exist.
@@ -25,26 +25,6 @@ from tests.codegen.strict import STRICT
 from tests.test_docs import ROOT
 
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), *(ROOT / name for name in ("README.md", "CONTRIBUTING.md"))]
-#: Pages whose shell lines are run as they stand, and the test that does.
-RUN = {
-    **dict.fromkeys(("ccs.md", "firmware.md", "regenerate.md", "own_machine.md"), "tests/test_docs.py"),
-    "worked_example.md": "tests/test_worked_example.py",
-}
-#: Pages whose shell lines are parsed here and not run: why, and the test that runs the same command otherwise.
-PARSED = {
-    "board.md": ("a board on a serial line", "tests/target/test_pil.py"),
-    "browser.md": ("clang for WebAssembly, which few have", "tests/runtime/test_browser.py"),
-    "design.md": ("files of the reader's own, and questions to answer", "tests/runtime/test_design.py"),
-    "explore.md": ("surveys of minutes to hours", "tests/runtime/test_start_survey.py"),
-    "exports.md": ("drives of the reader's own", "tests/exports/test_command.py"),
-    "identify.md": ("recordings of the reader's own", "tests/runtime/test_identify_command.py"),
-    "index.md": ("sets up an environment, and asks questions", "tests/runtime/test_new.py"),
-    "packages.md": ("the same for every build system", "tests/packages/test_packages.py"),
-    "prove.md": ("proofs of every drive, emulators, a board", "tests/runtime/test_proof.py"),
-    "recordings.md": ("recordings of the reader's own", "tests/runtime/test_replay.py"),
-    "README.md": ("the same commands as on the pages it leads to", "tests/runtime/test_cli.py"),
-    "CONTRIBUTING.md": ("installs packages of the system", ".ci/run"),
-}
 #: Whole words of a line after which another command begins.
 ENDS = {"&&", "||", ";", "|"}
 #: Programs of a system that need no look.
@@ -128,13 +108,6 @@ def installable(name: str, rest: list[str]) -> str:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     asked = {extra for word in rest for inside in re.findall(r"\[(.*)\]", word) for extra in inside.split(",")}
     return "" if asked and asked <= set(extras) else f"unknown extras {asked - set(extras)}"
-
-
-def test_every_page_with_commands_is_run_or_says_why_not() -> None:
-    assert {page.name for page in PAGES if blocks(page, "sh")} == {*RUN, *PARSED}
-    assert not {*RUN} & {*PARSED}
-    for test in {*RUN.values(), *(test for _, test in PARSED.values())}:
-        assert (ROOT / test).is_file(), test
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

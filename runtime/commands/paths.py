@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,7 +12,7 @@ import typer
 from typer.models import ArgumentInfo, ParameterInfo
 
 from runtime.system.errors import UserError
-from runtime.system.values import output_file, output_folder
+from runtime.system.values import output_file, output_folder, read_path
 
 
 def writes_file(help: str, *names: str, metavar: str = "F", endings: tuple[str, ...] = (), **more: Any) -> Any:
@@ -51,6 +52,31 @@ def writes_folder(help: str, *names: str, **more: Any) -> Any:
         return None if path is None else output_folder(path, param.opts[0])
 
     return typer.Option(*names, metavar="DIR", callback=check, help=help, **more)
+
+
+def read_paths(command: inspect.Signature) -> None:
+    """Have every path of a command read by :func:`runtime.system.values.read_path`, whoever declared it.
+
+    Parameters
+    ----------
+    command : inspect.Signature
+        What Typer knows of its parameters is changed.
+    """
+    for parameter in command.parameters.values():
+        info = _info(parameter)
+        if info is not None and Path in {*_kinds(parameter.annotation)}:
+            info.parser = partial(read_path, what=_shown(parameter))
+
+
+def _kinds(annotation: Any) -> Iterable[Any]:
+    """The types within an annotation: of ``list[Path] | None`` they are Path and None."""
+    within = get_args(annotation)
+    yield from [kind for part in within for kind in _kinds(part)] if within else [annotation]
+
+
+def _info(parameter: inspect.Parameter) -> ParameterInfo | None:
+    """What Typer knows of a parameter; None where nothing but its type is stated."""
+    return next((item for item in get_args(parameter.annotation) if isinstance(item, ParameterInfo)), None)
 
 
 #: Parameters of the commands that name what is written anew.
@@ -106,7 +132,7 @@ def check_stated(words: dict[str, Any], command: inspect.Signature) -> None:
 
 def _shown(parameter: inspect.Parameter) -> str:
     """What the user calls a parameter: --filter, DRIVE."""
-    info = next((item for item in get_args(parameter.annotation) if isinstance(item, ParameterInfo)), None)
+    info = _info(parameter)
     if isinstance(info, ArgumentInfo):
         return info.metavar or parameter.name.upper()
     declared = [info.default, *(info.param_decls or ())] if info else []  # within Annotated the first one is a name

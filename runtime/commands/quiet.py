@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.commands.paths import check_apart, check_stated
+from runtime.commands.paths import check_apart, check_stated, read_paths
 from runtime.commands.terminal import be_quiet
 
 _Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress: results and errors alone.")]
@@ -24,6 +24,7 @@ def with_quiet(command: Callable[..., Any]) -> Callable[..., Any]:
         As Typer takes it.
     """
     own = inspect.signature(command, eval_str=True)
+    read_paths(own)
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_Quiet)
 
     @functools.wraps(command)

@@ -131,6 +131,32 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return f" Did you mean '{close[0]}'?" if close else ""
 
 
+def read_path(word: str | Path, what: str) -> Path:
+    """A path that somebody wrote; an empty word would be the current folder.
+
+    Parameters
+    ----------
+    word : str or Path
+        A Path, which is a default of the command's own, is handed back.
+    what : str
+        What the user calls it, such as "--out"; errors begin with it.
+
+    Raises
+    ------
+    UserError
+        The word is empty.
+
+    Examples
+    --------
+    >>> read_path("", "--out")
+    Traceback (most recent call last):
+    runtime.system.errors.UserError: --out is empty: a word is missing.
+    """
+    if word == "":
+        raise UserError(f"{what} is empty: a word is missing.")
+    return Path(word)
+
+
 def output_file(path: Path, what: str, endings: Iterable[str] = ()) -> Path:
     """A file to be written after the work, looked at before it.
 

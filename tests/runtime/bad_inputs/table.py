@@ -50,7 +50,7 @@ NO_DRIVES = [
 
 #: Files that are no recording.
 NO_DATA = [
-    ("nothing.csv", "nothing.csv"), ("''", "."), ("a_folder", "a_folder"), ("a_folder.npz", "a_folder.npz"),
+    ("nothing.csv", "nothing.csv"), ("''", "is empty"), ("a_folder", "a_folder"), ("a_folder.npz", "a_folder.npz"),
     ("a_folder.csv", "a_folder.csv"), ("a_folder.mat", "a_folder.mat"), ("a_folder.mf4", "a_folder.mf4"),
     ("cut.npz", "cut.npz"), ("empty.npz", "empty.npz"), ("text.npz", "text.npz"), ("lacks.npz", "lacks"),
     ("none.npz", "none.npz"), ("rowless.npz", "holds no samples"), ("backwards.npz", "t"), ("still.npz", "t"),

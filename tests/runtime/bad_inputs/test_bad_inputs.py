@@ -7,7 +7,7 @@ import os
 import shlex
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -147,6 +147,22 @@ VALUES = [
 @pytest.mark.parametrize("cases", a_part_of(VALUES, 5))
 def test_a_number_that_is_none(place: dict[str, str], cases: list[Case]) -> None:
     check(place, cases)
+
+
+#: What a script leaves where a variable was never set, to every path that is read or written, behind what comes before.
+EMPTY = [
+    ([*name.split(), *([param.opts[0]] if param.param_type_name == "option" else ["paper_spmsm"] * place), ""], said)
+    for name, command in COMMANDS.items()
+    for place, param in enumerate(command.params)
+    if Path in {param.type_descriptor.annotation, *get_args(param.type_descriptor.annotation)}
+    for said in [f"{param.opts[0] if param.param_type_name == 'option' else param.metavar} is empty"]
+]
+
+
+def test_an_empty_path_is_not_the_current_folder(place: dict[str, str]) -> None:
+    assert len(EMPTY) >= 50
+    assert {words[0] for words, said in EMPTY if not said.startswith("--")} == {"design", "replay", "identify"}
+    check(place, EMPTY)
 
 
 WRITTEN = {*OUTPUTS, "corpus", "write"}
